@@ -1,0 +1,83 @@
+"""Reading a mesh of any supported format into triangles in metres with z up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.mesh import Mesh, check_mesh
+from puckbench.meshfiles.polygons import Polygons, select_triangles, triangulate
+
+_READERS = {
+    ".glb": "glb:read_glb",
+    ".obj": "obj:read_obj",
+    ".off": "off:read_off",
+    ".ply": "ply:read_ply",
+    ".stl": "stl:read_stl",
+}
+SUFFIXES = tuple(_READERS)
+
+
+def read_mesh(path: Path, up: str = "z") -> Mesh:
+    """Read a mesh file, turned to z up; `up` is the file's axis where the format does not say.
+
+    Raises InputError, one line that names the file, when it is missing, damaged, empty, has no
+    faces, no face with an area, or a face without finite vertices.
+    """
+    return read_mesh_report(path, up)[0]
+
+
+def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
+    """Like `read_mesh`, with counts of what the file held and of what was left out.
+
+    The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
+    ``triangles``, ``zero_area`` (triangles without area, left out of unlabelled meshes) and
+    ``skipped``, which names what else the reader left out.
+    """
+    if up not in ("y", "z"):
+        raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
+    polygons = _reader(path)(path)
+    turned = _turned(polygons, polygons.up or up)
+    mesh, _ = triangulate(turned, str(path))
+    check_mesh(mesh, str(path))
+    with_area = mesh.areas() > 0
+    kept = mesh if mesh.labels or with_area.all() else select_triangles(mesh, with_area)
+    return kept, {
+        "format": path.suffix[1:].lower(),
+        "faces": len(polygons.sizes),
+        "polygons": int(np.count_nonzero(polygons.sizes > 3)),
+        "triangles": len(kept.triangles),
+        "zero_area": int(np.count_nonzero(~with_area)),
+        "skipped": {name: count for name, count in polygons.skipped.items() if count},
+    }
+
+
+def y_up_to_z_up(points: Floats) -> Floats:
+    """Turn points (n, 3) by 90 degrees about x, so that the y axis becomes the z axis."""
+    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
+
+
+def _reader(path: Path) -> Callable[[Path], Polygons]:
+    entry = _READERS.get(path.suffix.lower())
+    if entry is None:
+        raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    module, function = entry.split(":")
+    reader: Callable[[Path], Polygons] = getattr(
+        import_module(f"puckbench.meshfiles.{module}"), function
+    )
+    return reader
+
+
+def _turned(polygons: Polygons, up: str) -> Polygons:
+    if up == "z":
+        return polygons
+    return replace(polygons, vertices=y_up_to_z_up(polygons.vertices))
