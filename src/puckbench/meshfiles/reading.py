@@ -38,8 +38,8 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """Like `read_mesh`, with counts of what the file held and of what was left out.
 
     The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
-    ``triangles``, ``zero_area`` (triangles without area, left out of unlabelled meshes) and
-    ``skipped``, which names what else the reader left out.
+    ``triangles`` (of the mesh returned), ``zero_area`` (triangles without area, left out of
+    unlabelled meshes) and ``skipped``, which names what else the reader left out.
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
@@ -49,13 +49,19 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     check_mesh(mesh, str(path))
     with_area = mesh.areas() > 0
     kept = mesh if mesh.labels or with_area.all() else select_triangles(mesh, with_area)
-    return kept, {
+    return kept, _report(path, polygons, kept, int(np.count_nonzero(~with_area)))
+
+
+def _report(path: Path, polygons: Polygons, mesh: Mesh, zero_area: int) -> dict[str, Any]:
+    short = int(np.count_nonzero(polygons.sizes < 3))
+    skipped = {**polygons.skipped, "faces_of_one_or_two_corners": short}
+    return {
         "format": path.suffix[1:].lower(),
         "faces": len(polygons.sizes),
         "polygons": int(np.count_nonzero(polygons.sizes > 3)),
-        "triangles": len(kept.triangles),
-        "zero_area": int(np.count_nonzero(~with_area)),
-        "skipped": {name: count for name, count in polygons.skipped.items() if count},
+        "triangles": len(mesh.triangles),
+        "zero_area": zero_area,
+        "skipped": {name: count for name, count in skipped.items() if count},
     }
 
 
