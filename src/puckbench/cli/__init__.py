@@ -1,0 +1,74 @@
+"""The command line: one module per command, each with `arguments(parser)` and `run(options)`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Sequence
+
+from puckbench import __version__
+from puckbench.errors import InputError
+
+COMMANDS = {
+    "scene": "write a scene of a scene set as a mesh or cloud with its description",
+    "scan": "scan a mesh with a virtual sensor: the table of all returns",
+    "sample": "sample points at random on the surface of a mesh",
+    "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
+    "encode": "code a cloud with a codec at a rate",
+    "decode": "decode a stream",
+    "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "figure": "draw a figure from the tables of results",
+    "codecs": "list the codecs, their rates and whether they can run here",
+    "datasets": "list the loaders of scene sets and their options",
+    "data": "fetch the free data sets through the package managers",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0, or 2 after a one-line message when the input cannot be used."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parser, name = _parser(given)
+    options = parser.parse_args(given)
+    try:
+        answer = _command(name).run(options) if name else parser.print_help()
+    except InputError as error:
+        return _fail(str(error))
+    except BrokenPipeError:
+        return 0
+    if answer is not None:
+        print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
+    return 0
+
+
+def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
+    """The parser of the command asked for: the others' modules are not even imported."""
+    name = next((word for word in given if not word.startswith("-")), None)
+    parser = argparse.ArgumentParser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
+    parser.add_argument("--version", action="version", version=f"puckbench {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND")
+    for command, text in COMMANDS.items():
+        sub = commands.add_parser(command, help=text, description=text)
+        if command == name:
+            _command(command).arguments(sub)
+            sub.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser, name if name in COMMANDS else None
+
+
+def _command(name: str):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    return importlib.import_module(f"puckbench.cli.{name}")
+
+
+def _table(answer: dict[str, object]) -> str:
+    width = max(map(len, answer), default=0)
+    return "\n".join(f"{key:{width}}  {_text(value)}" for key, value in answer.items())
+
+
+def _text(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _fail(message: str) -> int:
+    print(f"puckbench: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    return 2

@@ -1,0 +1,67 @@
+"""The codec contract: one class, one self-contained byte string, an ordered table of rates."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from puckbench.cloud import Floats, check_points
+from puckbench.errors import InputError
+
+
+class Availability(NamedTuple):
+    """Whether a codec can run here and, if not, why (one line)."""
+
+    ok: bool
+    why: str = ""
+
+
+class Codec(ABC):
+    """A point-cloud geometry codec.
+
+    A subclass implements `_encode` and `_decode`; the checks common to all codecs are here.
+    Options from the codec's entry (a weights folder, say) are keyword arguments of the subclass.
+
+    name: the entry's name. rates: parameters per rate name, the smallest bitrate (r1) first.
+    """
+
+    version: str = ""
+    """Version of the implementation, for the results table."""
+
+    def __init__(self, name: str, rates: Mapping[str, Mapping[str, Any]]) -> None:
+        self.name = name
+        self.rates = dict(rates)
+
+    def available(self) -> Availability:
+        """Whether the codec can run on this machine."""
+        return Availability(True)
+
+    def load(self) -> None:
+        """Do once, outside the timed calls, what a first call would pay for (weights, JIT)."""
+
+    def encode(self, points: Floats, rate: str) -> bytes:
+        """Code points (n, 3) at a named rate; the bytes are all that the decoder needs.
+
+        InputError for an unknown rate, an empty cloud or coordinates that are not finite.
+        """
+        if rate not in self.rates:
+            known = ", ".join(self.rates)
+            raise InputError(f"codec {self.name}: unknown rate '{rate}' (known: {known})")
+        check_points(points, f"codec {self.name}")
+        return self._encode(np.ascontiguousarray(points, dtype=np.float64), **self.rates[rate])
+
+    def decode(self, stream: bytes) -> Floats:
+        """Points (m, 3) in the coordinates of the input cloud, in any order.
+
+        InputError for a stream that is not this codec's, or damaged.
+        """
+        return self._decode(stream)
+
+    @abstractmethod
+    def _encode(self, points: Floats, **parameters: Any) -> bytes: ...
+
+    @abstractmethod
+    def _decode(self, stream: bytes) -> Floats: ...

@@ -1,0 +1,76 @@
+"""Draco's kd-tree point-cloud coder, through DracoPy.
+
+Geometry alone is coded, over the cloud's bounding cube, in single precision as Draco stores it.
+Points whose float32 coordinates are equal are coded once (DracoPy does so; Debian's
+``draco_encoder`` keeps them). Points that quantisation brings together are kept, as in Draco.
+"""
+
+from __future__ import annotations
+
+import struct
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.codecs.codec import Codec
+from puckbench.errors import InputError
+
+_HEADER = struct.Struct("<5sBBBBHI")
+"""Magic, major and minor version, encoder type, encoder method, flags, number of points."""
+_POINT_CLOUD = 0
+
+
+def _most_points(stream: bytes) -> int:
+    """Largest believable point count; a damaged header must not make the decoder fill memory."""
+    return 65536 + 8192 * len(stream)
+
+
+class Draco(Codec):
+    """Draco (Google), kd-tree method; a rate is a number of position quantisation bits."""
+
+    version = f"DracoPy {version('dracopy')}"
+
+    def __init__(self, *, compression_level: int = 10, **entry: Any) -> None:
+        super().__init__(**entry)
+        self.compression_level = compression_level
+
+    def load(self) -> None:
+        import DracoPy  # noqa: F401
+
+    def _encode(self, points: Floats, *, quantization_bits: int) -> bytes:
+        import DracoPy
+
+        if np.abs(points).max() > np.finfo(np.float32).max / 2:
+            raise InputError(f"codec {self.name}: coordinates exceed Draco's single precision")
+        stream: bytes = DracoPy.encode(
+            points.astype(np.float32),
+            quantization_bits=quantization_bits,
+            compression_level=self.compression_level,
+            preserve_order=False,  # else DracoPy takes the sequential coder, not the kd-tree
+        )
+        if len(points) > _most_points(stream):
+            raise InputError(f"codec {self.name}: {len(points)} points fall on too few positions")
+        return stream
+
+    def _decode(self, stream: bytes) -> Floats:
+        import DracoPy
+
+        self._check_header(stream)
+        try:
+            points = DracoPy.decode(stream).points
+        except (DracoPy.FileTypeException, ValueError, MemoryError) as error:
+            raise InputError(f"codec {self.name}: the stream is damaged") from error
+        if points is None or len(points) == 0 or not np.isfinite(points).all():
+            raise InputError(f"codec {self.name}: the stream is damaged (no finite points)")
+        return np.asarray(points, dtype=np.float64)
+
+    def _check_header(self, stream: bytes) -> None:
+        if len(stream) < _HEADER.size:
+            raise InputError(f"codec {self.name}: the stream is truncated")
+        magic, _, _, kind, _, _, points = _HEADER.unpack_from(stream)
+        if magic != b"DRACO" or kind != _POINT_CLOUD:
+            raise InputError(f"codec {self.name}: not a Draco point-cloud stream")
+        if points > _most_points(stream):
+            raise InputError(f"codec {self.name}: the stream is damaged (claims {points} points)")

@@ -1,0 +1,58 @@
+"""Time and memory of one call, inside the process, imports and warm-up left out."""
+
+from __future__ import annotations
+
+import gc
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+T = TypeVar("T")
+
+
+class Measured(NamedTuple, Generic[T]):
+    """Result of a call, median seconds of its repetitions, peak memory in MiB.
+
+    peak_mib: the most resident memory during a call above what was resident before it; nan-free:
+    0.0 when the call needed no more than was already there.
+    """
+
+    result: T
+    seconds: float
+    peak_mib: float
+
+
+def measured(call: Callable[[], T], repeats: int = 1) -> Measured[T]:
+    """Run `call` `repeats` times; the result is the last one's."""
+    seconds, peaks = [], []
+    for _ in range(repeats):
+        gc.collect()
+        before = _reset_peak()
+        start = time.perf_counter()
+        result = call()
+        seconds.append(time.perf_counter() - start)
+        peaks.append(max(0.0, _peak_mib() - before))
+    return Measured(result, statistics.median(seconds), max(peaks))
+
+
+def _reset_peak() -> float:
+    """Set the kernel's high-water mark to the present resident size (Linux), and return it."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        pass
+    return _peak_mib()
+
+
+def _peak_mib() -> float:
+    try:
+        status = Path("/proc/self/status").read_text()
+        kib = next(line for line in status.splitlines() if line.startswith("VmHWM:")).split()[1]
+        return int(kib) / 1024
+    except (OSError, StopIteration):
+        unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB elsewhere
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

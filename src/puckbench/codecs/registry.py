@@ -1,0 +1,74 @@
+"""The table of codecs (codecs.yaml, and a user's own entries) and how to open one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import yaml
+
+from puckbench.codecs.codec import Codec
+from puckbench.errors import InputError
+from puckbench.plugins import load_class
+
+Entry = Mapping[str, Any]
+
+
+@cache
+def entries() -> dict[str, Entry]:
+    """The shipped codecs: name to entry (class, magic, options, rates)."""
+    text = files("puckbench.codecs").joinpath("codecs.yaml").read_text(encoding="utf-8")
+    table: dict[str, Entry] = yaml.safe_load(text)
+    return table
+
+
+def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
+    """The entry of a codec with a user's changes: options, a choice of rates, or a new codec.
+
+    `changes` may hold ``options`` (added to the shipped ones), ``rates`` (a list of names to keep,
+    or a table of new ones) and, for a codec of one's own, ``class`` (``module:Class`` or
+    ``path/to/file.py:Class``). InputError for an unknown codec or rate.
+    """
+    changes = changes or {}
+    base = entries().get(name)
+    if base is None and "class" not in changes:
+        raise InputError(f"unknown codec '{name}' (known: {', '.join(entries())})")
+    base = base or {}
+    return {
+        "class": changes.get("class", base.get("class")),
+        "options": {**base.get("options", {}), **changes.get("options", {})},
+        "rates": _rates(name, base.get("rates", {}), changes.get("rates")),
+    }
+
+
+def _rates(name: str, shipped: Entry, wanted: Any) -> dict[str, Any]:
+    if wanted is None:
+        return dict(shipped)
+    if isinstance(wanted, Mapping):
+        return dict(wanted)
+    unknown = [rate for rate in wanted if rate not in shipped]
+    if unknown:
+        known = ", ".join(shipped)
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {known})")
+    return {rate: values for rate, values in shipped.items() if rate in wanted}
+
+
+def open_codec(name: str, changes: Entry | None = None) -> Codec:
+    """The codec of an entry; InputError when its class or an option is unknown."""
+    found = entry(name, changes)
+    codec_class = load_class(found["class"], f"codec {name}")
+    try:
+        codec: Codec = codec_class(name=name, rates=found["rates"], **found["options"])
+    except TypeError as error:
+        raise InputError(f"codec {name}: {error}") from error
+    return codec
+
+
+def codec_of(stream: bytes) -> str:
+    """Name of the first shipped codec whose magic the stream begins with; else InputError."""
+    for name, found in entries().items():
+        if stream.startswith(found["magic"].encode("latin-1")):
+            return name
+    raise InputError("no shipped codec recognises the stream")

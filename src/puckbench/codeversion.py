@@ -1,0 +1,82 @@
+"""A fingerprint of the code that makes an artefact, so that only what it changes is re-made.
+
+The fingerprint covers a module and every puckbench module that it imports, directly or not,
+by their syntax trees without docstrings: an edited comment re-makes nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+_PACKAGE = "puckbench"
+
+
+@cache
+def code_version(*modules: str) -> str:
+    """Fingerprint (16 hexadecimal digits) of `modules` and of all that they import.
+
+    A module is a dotted name within puckbench or the path of a Python file.
+    """
+    found: dict[str, str] = {}
+    for module in modules:
+        _collect(module, found)
+    lines = "\n".join(f"{name} {found[name]}" for name in sorted(found))
+    return hashlib.sha256(lines.encode()).hexdigest()[:16]
+
+
+def imports(tree: ast.Module, module: str = "") -> Iterator[str]:
+    """Dotted names of the puckbench modules that a syntax tree may import, at any depth."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if _ours(alias.name))
+        elif isinstance(node, ast.ImportFrom) and node.module and _ours(node.module):
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def _ours(name: str) -> bool:
+    return name == _PACKAGE or name.startswith(f"{_PACKAGE}.")
+
+
+def _collect(module: str, found: dict[str, str]) -> None:
+    source = _source(module)
+    if module in found or source is None:
+        return
+    digest, imported = _read(source)
+    found[module] = digest
+    for name in imported:
+        _collect(name, found)
+
+
+@cache
+def _source(module: str) -> Path | None:
+    if module.endswith(".py"):
+        return Path(module)
+    try:
+        spec = find_spec(module)
+    except ModuleNotFoundError:  # a name within a module, not a module
+        return None
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+@cache
+def _read(source: Path) -> tuple[str, tuple[str, ...]]:
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    imported = tuple(imports(tree))
+    for node in ast.walk(tree):
+        _drop_docstring(node)
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imported
+
+
+def _drop_docstring(node: ast.AST) -> None:
+    body = getattr(node, "body", None)
+    if not isinstance(body, list) or not body:
+        return
+    first = body[0]
+    if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+        body[0] = ast.Pass()

@@ -1,0 +1,107 @@
+"""What a configuration asks for: scene sets, data sets with their clouds, codecs with their rates.
+
+The workflow reads this to lay out its graph; it imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from puckbench.codecs import registry as codecs
+from puckbench.config import Config
+from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.scene import SceneSet
+from puckbench.errors import InputError
+
+
+@dataclass(frozen=True)
+class ScenePlan:
+    """A scene set of the configuration, opened, with the scenes chosen from it."""
+
+    name: str
+    loader: str
+    options: dict[str, Any]
+    scenes: SceneSet
+    chosen: tuple[str, ...]
+
+    def files(self, scene: str) -> list[str]:
+        """Files that the scene is read from; none for generated scenes."""
+        return [str(path) for path in self.scenes.files(scene)]
+
+
+@dataclass(frozen=True)
+class DataSetPlan:
+    """A data set of the configuration and the clouds in it."""
+
+    name: str
+    scenes: str
+    seed: int
+    clouds: tuple[str, ...]
+    settings: dict[str, Any]
+
+
+class Plan:
+    """Everything that a checked configuration asks for; InputError names what does not exist."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.scenes = {name: _scenes(name, value, config) for name, value in _items(config, "scenes")}
+        self.datasets = {
+            name: self._dataset(name, value) for name, value in _items(config, "datasets")
+        }
+        self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
+        for name in self.codecs:
+            codecs.codec_module(self.codecs[name]["class"], name)
+
+    @property
+    def results(self) -> Path:
+        """Folder of everything that is made."""
+        return Path(self.config["results"])
+
+    @cached_property
+    def cells(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Every (data set, cloud, codec, rate), in the order of the table."""
+        return tuple(
+            (dataset.name, cloud, codec, rate)
+            for dataset in self.datasets.values()
+            for cloud in dataset.clouds
+            for codec, entry in self.codecs.items()
+            for rate in entry["rates"]
+        )
+
+    def _dataset(self, name: str, value: Mapping[str, Any]) -> DataSetPlan:
+        scenes = self.scenes.get(value["scenes"])
+        if scenes is None:
+            known = ", ".join(self.scenes)
+            raise InputError(
+                f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
+            )
+        seed = value.get("seed", self.config["seed"])
+        return DataSetPlan(name, scenes.name, seed, scenes.chosen, dict(value))
+
+
+def _items(config: Config, key: str) -> list[tuple[str, Any]]:
+    return list(config[key].items())
+
+
+def _scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
+    options = dict(value["options"])
+    seed = value.get("seed", config["seed"])
+    try:
+        scenes = open_scene_set(value["loader"], options, seed)
+        known = scenes.names()
+    except InputError as error:
+        raise InputError(f"scenes.{name}: {error}") from error
+    return ScenePlan(name, value["loader"], options, scenes, _chosen(name, value, known))
+
+
+def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str, ...]:
+    wanted = value.get("select", known)
+    missing = [scene for scene in wanted if scene not in known]
+    if missing:
+        raise InputError(f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}")
+    return tuple(wanted[: value.get("limit")])
