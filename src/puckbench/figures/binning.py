@@ -1,0 +1,47 @@
+"""Medians of a metric: per rate (thesis Figure 6.5) and per bin of bpp (Figures 6.6 to 6.9)."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.cloud import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BINS = 10
+
+
+def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
+    """Medians of x and of y in up to `bins` bins of x with equal counts, by rising x.
+
+    x, y: (n,) arrays; pairs where one is missing (nan) are left out. The bin edges are the
+    quantiles of x (as ``pandas.qcut``); fewer distinct values than bins give fewer bins.
+    """
+    import pandas as pd
+
+    paired = np.isfinite(x) & np.isfinite(y)
+    frame = pd.DataFrame({"x": x[paired], "y": y[paired]})
+    if (distinct := frame["x"].nunique()) == 0:
+        return np.empty(0), np.empty(0)
+    if distinct == 1:
+        bin_of = pd.Series(0, index=frame.index)
+    else:
+        bin_of = pd.qcut(frame["x"], min(bins, distinct), labels=False, duplicates="drop")
+    medians = frame.groupby(bin_of).median().sort_index()
+    return medians["x"].to_numpy(), medians["y"].to_numpy()
+
+
+def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Median of `column` per dataset, codec and rate, missing values left out."""
+    present = table.dropna(subset=[column])
+    medians = present.groupby(["dataset", "codec", "rate"], observed=True)[column].median()
+    return medians.reset_index()
+
+
+def ordered_rates(rates: set[str]) -> list[str]:
+    """Rates by their number: r2 before r10."""
+    return sorted(rates, key=lambda rate: (*map(int, re.findall(r"\d+", rate)), rate))

@@ -1,0 +1,41 @@
+"""What a figure asks of its table: rows, columns, and numbers that a log axis can show."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_KEYS = ("dataset", "cloud", "group", "codec", "rate")
+
+
+def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
+    """InputError unless the table has rows, these columns, and a value in each of them."""
+    missing = [name for name in columns if name not in table.columns]
+    if missing:
+        raise InputError(f"{what} table: no column {missing[0]!r}")
+    if len(table) == 0:
+        raise InputError(f"{what} table: no rows, nothing to draw")
+    for name in columns:
+        if table[name].isna().all():
+            raise InputError(f"{what} table: no value in column {name!r}")
+
+
+def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
+    """InputError unless the columns hold numbers, none below zero and none infinite."""
+    for name in columns:
+        if table[name].dtype.kind not in "fiu":
+            raise InputError(f"{what} table: column {name!r} has values that are not numbers")
+        values = table[name].to_numpy(dtype=float)
+        if np.isinf(values).any() or (values < 0).any():
+            raise InputError(f"{what} table: column {name!r} has a negative or infinite value")
+
+
+def key_types() -> dict[str, str]:
+    """Column types for reading: names stay text even when they look like numbers."""
+    return dict.fromkeys(_KEYS, "str")

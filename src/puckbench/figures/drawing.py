@@ -1,0 +1,81 @@
+"""From input files to figure files: what both the command line and the workflow call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from puckbench.cloud import read_cloud
+from puckbench.errors import InputError
+from puckbench.figures.checks import key_types
+from puckbench.figures.registry import TABLES, figure_entry
+from puckbench.figures.style import FigureStyle
+from puckbench.files import written_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+# No date, no program version: the same input gives the same bytes.
+_NO_METADATA: dict[str, dict[str, Any]] = {
+    ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+    ".png": {"Software": None},
+}
+
+
+def draw_files(
+    name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
+) -> None:
+    """Draw the registered figure `name` from files into files.
+
+    inputs: the figure's input names (see `FIGURES`) -> CSV or Parquet for a table, PLY for a
+    cloud. outputs: paths that end in .pdf or .png, any number. InputError names a missing,
+    unreadable or empty input.
+    """
+    entry = figure_entry(name)
+    if missing := [needed for needed in entry.inputs if needed not in inputs]:
+        raise InputError(f"figure {name}: needs the input {missing[0]!r}")
+    for path in outputs:
+        _metadata(path)
+    values = {needed: read_input(needed, inputs[needed]) for needed in entry.inputs}
+    with style.context():
+        figure = entry.load()(**values, style=style)
+        for path in outputs:
+            save_figure(figure, path)
+
+
+def read_input(name: str, path: Path) -> Any:
+    """A figure's input from its file: a DataFrame for a table, a PointCloud for an example."""
+    return read_table(path) if name in TABLES else read_cloud(path)
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """A results table of CSV or Parquet; InputError when it cannot be read or has no rows."""
+    import pandas as pd
+
+    try:
+        if path.suffix == ".parquet":
+            table = pd.read_parquet(path)
+        else:
+            table = pd.read_csv(path, dtype=key_types())
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: not a readable table ({str(error).splitlines()[0]})") from error
+    if len(table) == 0:
+        raise InputError(f"{path}: the table has no rows")
+    return table
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write `figure` as PDF or PNG, by the suffix; call it inside the style's context."""
+    metadata = _metadata(path)
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, metadata=metadata)
+
+
+def _metadata(path: Path) -> dict[str, Any]:
+    if path.suffix not in _NO_METADATA:
+        raise InputError(f"{path}: a figure is written as {' or '.join(_NO_METADATA)}")
+    return _NO_METADATA[path.suffix]

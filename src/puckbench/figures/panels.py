@@ -1,0 +1,120 @@
+"""Panels on logarithmic axes: shared limits, one line per codec, one legend per figure."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.figures.looks import Look
+from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Sharing = Literal["all", "row"]
+
+
+def panel_grid(
+    panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
+) -> tuple[Figure, list[Axes]]:
+    """Figure of `panels` panels in rows of `columns`, with shared axes; the panels row by row.
+
+    height_in: of one panel with its labels. One panel abreast is as wide as a column of text,
+    more are as wide as the page. Places left over in the last row stay free.
+    """
+    from matplotlib.figure import Figure
+
+    rows = math.ceil(panels / columns)
+    figure = Figure(figsize=(figure_width(columns, style), rows * height_in + 0.45))
+    grid = figure.subplots(rows, columns, sharex="all", sharey=sharey, squeeze=False)
+    placed = list(grid.flat)
+    for axes in placed[panels:]:
+        axes.remove()
+    for axes in placed[max(0, panels - columns) : panels]:
+        axes.tick_params(labelbottom=True)
+    return figure, placed[:panels]
+
+
+def figure_width(columns: int, style: FigureStyle) -> float:
+    """Width in inches of a figure with so many panels abreast."""
+    return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
+
+
+def panels_abreast(panels: int) -> int:
+    """How many of the panels stand in a row: two up to four (as in the thesis), then more."""
+    return min(panels, 2) if panels <= 4 else 3 if panels <= 6 else 4
+
+
+def log_limits(values: Floats, default: Range) -> Range:
+    """The default range, widened by whole decades until it holds every positive value."""
+    shown = values[np.isfinite(values) & (values > 0)]
+    if len(shown) == 0:
+        return default
+    low, high = float(shown.min()), float(shown.max())
+    if low < default[0]:
+        default = (10.0 ** math.floor(math.log10(low)), default[1])
+    if high > default[1]:
+        default = (default[0], 10.0 ** math.ceil(math.log10(high)))
+    return default
+
+
+def draw_line(axes: Axes, x: Floats, y: Floats, look: Look, floor: float) -> None:
+    """One codec's line; values of zero (lossless) stand hollow at the axis's `floor`.
+
+    Markers are drawn over the frame, so that a point on the limit is whole.
+    """
+    shown = np.maximum(y, floor)
+    style: dict[str, Any] = {
+        "color": look.colour,
+        "marker": look.marker,
+        "clip_on": False,
+        "zorder": 3,
+    }
+    axes.plot(x, shown, linestyle=look.line, markeredgewidth=0.6, **style)
+    zero = y == 0
+    if zero.any():
+        axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
+
+
+def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range) -> None:
+    """Make one axis logarithmic with these limits, a tick per decade and a grid inside decades."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    line = axes.xaxis if axis == "x" else axes.yaxis
+    getattr(axes, f"set_{axis}scale")("log")
+    getattr(axes, f"set_{axis}lim")(*limits)
+    line.set_major_locator(LogLocator(numticks=12))
+    line.set_minor_locator(LogLocator(subs=list(range(2, 10)), numticks=12))
+    line.set_minor_formatter(NullFormatter())
+    axes.grid(which="minor", axis=axis, linewidth=0.25, color="#ececec")
+
+
+def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
+    """`text` broken into lines that are at most about `width_in` inches wide."""
+    character_in = 0.56 * style.font_size / 72
+    return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
+
+
+def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
+    """Panel title, broken into lines that fit a panel with `columns` of them abreast."""
+    width_in = (figure_width(columns, style) - 0.5) / columns
+    axes.set_title(wrapped(text, width_in, style), pad=3)
+
+
+def add_legend(figure: Figure, codecs: Sequence[str], style: FigureStyle) -> None:
+    """One legend above all panels, in as many rows as the width asks for."""
+    from matplotlib.lines import Line2D
+
+    looks = [style.look(codec) for codec in codecs]
+    handles = [
+        Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in looks
+    ]
+    widest_in = max(len(k.title) for k in looks) * 0.58 * style.font_size / 72 + 0.5
+    fit = max(1, int(figure.get_size_inches()[0] / widest_in))
+    figure.legend(handles=handles, loc="outside upper center", ncols=min(fit, len(looks)))

@@ -1,0 +1,74 @@
+"""Medians per compression rate: the grid of metrics and data sets of thesis Figure 6.5."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.figures.binning import medians_per_rate, ordered_rates
+from puckbench.figures.checks import require_numbers, require_rows
+from puckbench.figures.panels import (
+    add_legend,
+    draw_line,
+    log_limits,
+    panel_grid,
+    set_log,
+    set_title,
+)
+from puckbench.figures.quantities import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE, Quantity
+from puckbench.figures.style import FigureStyle
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DECODE_TIME)
+
+
+def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 6.5: one row per metric, one column per data set, log y, one line per codec."""
+    columns = tuple(quantity.column for quantity in _ROWS)
+    require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
+    require_numbers(metrics, columns, "metrics")
+    datasets = style.ordered_datasets(metrics["dataset"])
+    abreast = len(datasets)
+    figure, panels = panel_grid(len(_ROWS) * abreast, abreast, 1.5, style, sharey="row")
+    for index, quantity in enumerate(_ROWS):
+        row = panels[index * abreast : (index + 1) * abreast]
+        _draw_row(dict(zip(datasets, row, strict=True)), metrics, quantity, style)
+    for axes, dataset in zip(panels[:abreast], datasets, strict=True):
+        set_title(axes, style.title(dataset), abreast, style)
+    _label_rates(panels, abreast, ordered_rates(set(metrics["rate"])))
+    add_legend(figure, style.ordered_codecs(metrics["codec"]), style)
+    return figure
+
+
+def _draw_row(
+    row: dict[str, Axes], metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle
+) -> None:
+    """The panels of one metric, by data set, on one y axis."""
+    medians = medians_per_rate(metrics, quantity.column)
+    rates = ordered_rates(set(metrics["rate"]))
+    default = style.axis_ranges.get(quantity.column, quantity.limits)
+    limits = log_limits(medians[quantity.column].to_numpy(dtype=float), default)
+    for dataset, axes in row.items():
+        set_log(axes, "y", limits)
+        part = medians[medians["dataset"] == dataset]
+        for codec in style.ordered_codecs(part["codec"]):
+            values = part[part["codec"] == codec].set_index("rate")[quantity.column]
+            y = values.reindex(rates).to_numpy(dtype=float)
+            at = np.flatnonzero(np.isfinite(y))
+            draw_line(axes, at.astype(float), y[at], style.look(codec), floor=limits[0])
+    next(iter(row.values())).set_ylabel(quantity.short_label)
+
+
+def _label_rates(panels: list[Axes], abreast: int, rates: list[str]) -> None:
+    """Name the rates below the last row; in narrow panels every second one."""
+    step = 2 if len(rates) * abreast > 44 else 1
+    for axes in panels:
+        axes.set_xlim(-0.4, len(rates) - 0.6)
+        axes.set_xticks(range(0, len(rates), step), rates[::step])
+    for axes in panels[-abreast:]:
+        axes.set_xlabel("Compression rate")

@@ -1,0 +1,69 @@
+"""Numbers of points per cloud in each data set: the box plot of thesis Figure 6.4."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.figures.checks import require_numbers, require_rows
+from puckbench.figures.panels import figure_width, wrapped
+from puckbench.figures.style import FigureStyle
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_FEW = 12
+"""With so few clouds a box says little: each cloud is drawn too."""
+
+
+def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 6.4: one box per data set (quartiles, median, whiskers to 1.5 IQR), without fliers.
+
+    The mean is a triangle; below each title stands the number of clouds.
+    """
+    from matplotlib.figure import Figure
+
+    require_rows(clouds, ("dataset", "points"), "clouds")
+    require_numbers(clouds, ("points",), "clouds")
+    datasets = style.ordered_datasets(clouds["dataset"])
+    counts = [clouds.loc[clouds["dataset"] == d, "points"].dropna().to_numpy() for d in datasets]
+    width = figure_width(1 if len(datasets) <= 4 else 2, style)
+    figure = Figure(figsize=(width, 2.4))
+    axes = figure.subplots()
+    _draw_boxes(axes, counts)
+    for place, values in enumerate(counts, start=1):
+        if len(values) <= _FEW:
+            axes.plot(np.full(len(values), place), values, "o", mfc="none", mec="#777777", mew=0.5)
+    fit = (width - 0.6) / len(datasets)
+    titles = [
+        f"{wrapped(style.title(d), fit, style)}\n(n = {len(values)})"
+        for d, values in zip(datasets, counts, strict=True)
+    ]
+    axes.set_xticks(range(1, len(datasets) + 1), titles)
+    _label_counts(axes)
+    return figure
+
+
+def _draw_boxes(axes: Axes, counts: list[np.ndarray]) -> None:
+    axes.boxplot(
+        counts,
+        showfliers=False,
+        showmeans=True,
+        widths=0.5,
+        medianprops={"color": "#D55E00", "linewidth": 1.2},
+        meanprops={"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"},
+        boxprops={"linewidth": 0.8},
+        whiskerprops={"linewidth": 0.8},
+        capprops={"linewidth": 0.8},
+    )
+
+
+def _label_counts(axes: Axes) -> None:
+    from matplotlib.ticker import EngFormatter
+
+    axes.set_ylabel("Number of points per cloud")
+    axes.yaxis.set_major_formatter(EngFormatter(sep=" "))
+    axes.set_ylim(bottom=0)
