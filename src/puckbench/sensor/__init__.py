@@ -1,0 +1,26 @@
+"""The virtual sensor: rotating LiDARs as data, sweeps, ray casting, error models, scan tables."""
+
+from puckbench.sensor.errors import ErrorModel, error_model_names, open_error_model
+from puckbench.sensor.origin import free_origin
+from puckbench.sensor.scan import scan
+from puckbench.sensor.sensor import Sensor, load_sensor, sensor_names
+from puckbench.sensor.sweep import SWEEPS, Sweep, open_sweep
+from puckbench.sensor.table import COLUMNS, ScanTable, read_scan, write_scan
+
+__all__ = [
+    "COLUMNS",
+    "SWEEPS",
+    "ErrorModel",
+    "ScanTable",
+    "Sensor",
+    "Sweep",
+    "error_model_names",
+    "free_origin",
+    "load_sensor",
+    "open_error_model",
+    "open_sweep",
+    "read_scan",
+    "scan",
+    "sensor_names",
+    "write_scan",
+]

@@ -1,0 +1,40 @@
+"""Error models of the virtual sensor: one file each, and one line each in the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from puckbench.errors import InputError
+from puckbench.sensor.errors.model import Draws, ErrorModel, Hits
+from puckbench.sensor.options import from_options
+
+__all__ = ["REGISTRY", "Draws", "ErrorModel", "Hits", "error_model_names", "open_error_model"]
+
+# name: (module:class, values that differ from the class's own)
+REGISTRY: dict[str, tuple[str, dict[str, Any]]] = {
+    "none": ("puckbench.sensor.errors.none:NoErrors", {}),
+    "vlp16": ("puckbench.sensor.errors.vlp16:Vlp16", {}),
+    "vlp16_divergence": ("puckbench.sensor.errors.vlp16_divergence:Vlp16Divergence", {}),
+    # The room scans as run: ray sigma is the default of BlenSor's scan_range, and no divergence.
+    "thesis_room": ("puckbench.sensor.errors.vlp16:Vlp16", {"ray_sigma_m": 0.020}),
+}
+
+
+def error_model_names() -> list[str]:
+    """Names that `open_error_model` knows."""
+    return list(REGISTRY)
+
+
+def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
+    """The error model `name` with some of its parameters replaced by `options`.
+
+    Raises InputError for an unknown model or option.
+    """
+    if name not in REGISTRY:
+        raise InputError(f"unknown error model {name!r} (known: {', '.join(REGISTRY)})")
+    target, preset = REGISTRY[name]
+    module, _, kind = target.partition(":")
+    parameters: type[ErrorModel] = getattr(import_module(module), kind)
+    return from_options(parameters, {**preset, **(options or {})}, f"error model {name}")

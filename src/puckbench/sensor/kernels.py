@@ -1,0 +1,152 @@
+"""Compiled inner loops of a scan: ray directions, exact distances, rows of returns.
+
+Arrays of rays have the shape (frames, steps, lasers); their flat order is the order of the table.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+
+# Below this cosine between ray and normal the distance to the plane is less certain than Embree's.
+_LEAST_COSINE = 1e-9
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_directions(
+    yaw: tuple[Floats, Floats],
+    pitch: tuple[Floats, Floats],
+    rotations: Floats,
+    directions: Floats,
+    rays: NDArray[np.float32],
+) -> None:
+    """Fill `directions` (n, 3) and the last three columns of `rays` (n, 6) with world directions.
+
+    yaw, pitch: sines and cosines of the angles, (frames, steps, lasers). rotations: (frames, 3, 3).
+    """
+    frames, steps, lasers = yaw[0].shape
+    ray = 0
+    for f in range(frames):
+        for s in range(steps):
+            for k in range(lasers):
+                x = -yaw[0][f, s, k] * pitch[1][f, s, k]
+                y = yaw[1][f, s, k] * pitch[1][f, s, k]
+                z = pitch[0][f, s, k]
+                for row in range(3):
+                    turn = rotations[f, row]
+                    value = turn[0] * x + turn[1] * y + turn[2] * z
+                    directions[ray, row] = value
+                    rays[ray, 3 + row] = value
+                ray += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_distances(
+    directions: Floats,
+    nearest: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    planes: Floats,
+    limits: tuple[float, float],
+    distances: Floats,
+    cosines: Floats,
+) -> None:
+    """Distance to the plane of each ray's triangle, and the cosine of the incidence angle.
+
+    nearest: Embree's distances, inf for a miss. planes: unit normal and distance from the sensor,
+    (t, 4). A miss, or a hit outside `limits`, gets distance inf and cosine nan.
+    """
+    for ray in range(len(directions)):
+        distances[ray], cosines[ray] = np.inf, np.nan
+        if not np.isfinite(nearest[ray]):
+            continue
+        plane, direction = planes[triangles[ray]], directions[ray]
+        cosine = plane[0] * direction[0] + plane[1] * direction[1] + plane[2] * direction[2]
+        distance = float(nearest[ray])
+        if abs(cosine) > _LEAST_COSINE:
+            distance = plane[3] / cosine
+        if limits[0] <= distance <= limits[1]:
+            distances[ray], cosines[ray] = distance, min(abs(cosine), 1.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_rays(
+    rows: NDArray[np.bool_],
+    nominal: tuple[Floats, Floats, Floats],
+    first_frame: int,
+    start: int,
+    out: tuple[Any, ...],
+) -> int:
+    """Write frame, laser, timestamp, yaw and pitch of the rays that returned; the row after them.
+
+    rows: which rays returned, (frames, steps, lasers). nominal: timestamps (frames, steps), yaw
+    and pitch of each ray. out: the five columns, written from row `start`.
+    """
+    frame, laser, timestamp, yaw, pitch = out
+    row = start
+    for f in range(rows.shape[0]):
+        for s in range(rows.shape[1]):
+            for k in range(rows.shape[2]):
+                if rows[f, s, k]:
+                    frame[row] = first_frame + f
+                    laser[row] = k
+                    timestamp[row] = nominal[0][f, s]
+                    yaw[row] = nominal[1][f, s, k]
+                    pitch[row] = nominal[2][f, s, k]
+                    row += 1
+    return row
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_points(
+    rows: NDArray[np.bool_],
+    origin: Floats,
+    directions: Floats,
+    distances: Floats,
+    start: int,
+    out: tuple[Any, ...],
+) -> None:
+    """Write distance and x, y, z (`out`) of the rays that returned, from row `start`."""
+    distance, x, y, z = out
+    row = start
+    for ray in range(len(rows)):
+        if rows[ray]:
+            reach = distances[ray]
+            distance[row] = reach
+            x[row] = origin[0] + reach * directions[ray, 0]
+            y[row] = origin[1] + reach * directions[ray, 1]
+            z[row] = origin[2] + reach * directions[ray, 2]
+            row += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_surface(
+    rows: NDArray[np.bool_],
+    hits: tuple[Floats, NDArray[np.uint32], Floats],
+    surface: tuple[Floats, NDArray[np.int32], NDArray[np.int32]],
+    start: int,
+    out: tuple[Any, ...],
+) -> None:
+    """Write what the returned rays hit, normals turned to the sensor, from row `start`.
+
+    hits: directions (n, 3), triangles and incidence of all rays. surface: planes (t, 4), object
+    and primitive of each triangle. out: incidence, triangle, object, primitive, nx, ny, nz.
+    """
+    incidence, triangle, object_id, primitive_id, nx, ny, nz = out
+    row = start
+    for ray in range(len(rows)):
+        if rows[ray]:
+            direction, index = hits[0][ray], hits[1][ray]
+            plane = surface[0][index]
+            along = plane[0] * direction[0] + plane[1] * direction[1] + plane[2] * direction[2]
+            side = -1.0 if along > 0 else 1.0
+            nx[row], ny[row], nz[row] = side * plane[0], side * plane[1], side * plane[2]
+            incidence[row] = hits[2][ray]
+            triangle[row] = index
+            object_id[row] = surface[1][index]
+            primitive_id[row] = surface[2][index]
+            row += 1

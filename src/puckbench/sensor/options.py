@@ -1,0 +1,72 @@
+"""Parameters from a configuration: loose names and values to a frozen dataclass, checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from puckbench.errors import InputError
+
+T = TypeVar("T")
+
+
+def from_options(parameters: type[T], options: Mapping[str, Any], what: str) -> T:
+    """Make the dataclass `parameters` from `options`; `what` names their source in errors.
+
+    Raises InputError for an unknown name, a missing name or a value of the wrong type.
+    """
+    hints = get_type_hints(parameters)
+    known = {field.name: hints[field.name] for field in fields(parameters)}  # type: ignore[arg-type]
+    for name in options:
+        if name not in known:
+            raise InputError(f"{what}: unknown option {name!r} (known: {', '.join(known)})")
+    values = {
+        name: _converted(value, known[name], f"{what}: {name}") for name, value in options.items()
+    }
+    try:
+        return parameters(**values)
+    except TypeError as error:
+        raise InputError(f"{what}: {str(error).partition('() ')[2]}") from error
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
+
+
+def check_at_least(parameters: object, least: float, *names: str) -> None:
+    """InputError unless the named numbers (or None) of `parameters` are at least `least`."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and value < least:
+            raise InputError(f"{name} is {value}, but must be at least {least:g}")
+
+
+def check_above_zero(parameters: object, *names: str) -> None:
+    """InputError unless the named numbers (or None) of `parameters` are greater than zero."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and value <= 0:
+            raise InputError(f"{name} is {value}, but must be greater than 0")
+
+
+def _converted(value: Any, hint: Any, what: str) -> Any:
+    """`value` as the type `hint` (int, float, str, tuple of floats, or one of them or None)."""
+    if type(None) in get_args(hint):
+        if value is None:
+            return None
+        hint = next(kind for kind in get_args(hint) if kind is not type(None))
+    if hint is float:
+        return _number(value, what)
+    if hint == tuple[float, ...]:
+        if not isinstance(value, (list, tuple)):
+            raise InputError(f"{what} is {value!r}, but must be a list of numbers")
+        return tuple(_number(entry, what) for entry in value)
+    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
+        raise InputError(f"{what} is {value!r}, but must be of type {hint.__name__}")
+    return value
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise InputError(f"{what} is {value!r}, but must be a finite number")
+    return float(value)

@@ -1,0 +1,74 @@
+"""Where a sensor can stand in a scene when nobody says where."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.mesh import Mesh, check_mesh
+from puckbench.sensor.raycast import RayCaster
+
+_DIRECTIONS = 256
+_GRID = 100
+
+
+def free_origin(
+    mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = 0.5
+) -> Floats:
+    """The free spot nearest to the middle of the floor plan, `height` m above the floor, (3,).
+
+    Free: no surface within `clearance` m, and inside the scene, so that more than the share
+    `inside` of rays in all directions hit it. Spots are tried on a grid of at least 5 cm.
+    Raises InputError when there is none.
+    """
+    check_mesh(mesh, "the mesh to scan")
+    low, high = mesh.bounds()
+    middle = (low + high) / 2
+    caster = RayCaster(mesh, middle)
+    spots = _grid(high - low)
+    spots[:, 2] = _floor(caster, spots, high - low) + height
+    for spot in spots[_distances(caster, spots) >= clearance]:
+        if _share_seen(caster, spot) > inside:
+            return np.asarray(middle + spot)
+    raise InputError(
+        f"the scene has no free spot {height} m above its floor with {clearance} m around it:"
+        " give the sensor's origin"
+    )
+
+
+def _grid(size: Floats) -> Floats:
+    """Places over the floor plan relative to its middle, nearest first, (n, 3) with z = 0."""
+    spacing = max(0.05, float(size[:2].max()) / _GRID)
+    x, y = (np.arange(-(n := int(side / 2 / spacing)), n + 1) * spacing for side in size[:2])
+    places = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    return places[np.argsort(np.hypot(places[:, 0], places[:, 1]), kind="stable")]
+
+
+def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
+    """Height of the floor: the level above which nine in ten looks down from mid height end.
+
+    Not the lowest vertex: a floor can have a thickness, and a captured room stray points below.
+    """
+    down = np.tile([0.0, 0.0, -1.0], (len(places), 1))
+    levels = -caster.reach(places, down)
+    levels = levels[np.isfinite(levels)]
+    return float(np.quantile(levels, 0.1)) if len(levels) else float(-size[2] / 2)
+
+
+def _distances(caster: RayCaster, places: Floats) -> Floats:
+    """Distance of each place to the nearest surface, (n,)."""
+    import open3d as o3d
+
+    queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
+    return np.asarray(caster.scene.compute_distance(queries).numpy(), dtype=np.float64)
+
+
+def _share_seen(caster: RayCaster, place: Floats) -> float:
+    """Share of rays from `place`, evenly spread over the sphere, that hit the mesh."""
+    turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
+    z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
+    around = np.sqrt(1 - z**2)
+    directions = np.column_stack([around * np.cos(turns), around * np.sin(turns), z])
+    starts = np.broadcast_to(place, directions.shape)
+    return float(np.isfinite(caster.reach(starts, directions)).mean())

@@ -1,0 +1,108 @@
+"""Casting rays at a mesh: Embree (through Open3D) finds the triangle, float64 the exact distance.
+
+Embree works in float32, good to some 1e-6 of the coordinates. So the mesh is moved until the
+sensor stands at the origin, and the distance is computed again in float64 from the plane of the
+triangle that was hit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.mesh import Mesh
+from puckbench.sensor.errors.model import Hits
+from puckbench.sensor.sweep import Rays
+
+
+@dataclass(frozen=True)
+class Cast:
+    """Rays that were cast: their unit directions in the world, (n, 3), and what they hit."""
+
+    directions: Floats
+    hits: Hits
+
+
+class RayCaster:
+    """A mesh seen from a sensor at `origin` (3,).
+
+    planes: of each triangle the unit normal and the distance of its plane from the sensor, (t, 4).
+    object_id, primitive_id: of each triangle, (t,); -1 where the mesh has no labels.
+    """
+
+    def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
+        import open3d as o3d
+
+        self.threads = threads
+        self.origin = np.asarray(origin, dtype=np.float64)
+        seen = Mesh(mesh.vertices - self.origin, mesh.triangles)
+        self.planes = _planes(seen)
+        unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
+        self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
+        self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
+        self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
+        self.scene.add_triangles(
+            o3d.core.Tensor.from_numpy(seen.vertices.astype(np.float32)),
+            o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
+        )
+
+    def cast(self, rays: Rays, rotations: Floats, limits: tuple[float, float]) -> Cast:
+        """Cast the rays of some frames; rotations: sensor to world of each frame, (frames, 3, 3).
+
+        limits: least and greatest range, m; a hit outside them counts as a miss.
+        """
+        from puckbench.sensor.kernels import fill_directions
+
+        directions = np.empty((rays.yaw.size, 3))
+        single = np.zeros((rays.yaw.size, 6), dtype=np.float32)
+        fill_directions(
+            _sine_cosine(rays.yaw), _sine_cosine(rays.pitch), rotations, directions, single
+        )
+        return Cast(directions, self._hits(directions, single, rays.yaw.shape, limits))
+
+    def reach(self, starts: Floats, directions: Floats) -> Floats:
+        """Distance in float32 accuracy at which rays hit the mesh, inf for a miss, (n,).
+
+        starts: (n, 3), relative to the sensor. directions: (n, 3) unit vectors.
+        """
+        single = np.column_stack([starts, directions]).astype(np.float32)
+        return np.asarray(self._nearest(single)["t_hit"].numpy(), dtype=np.float64)
+
+    def _hits(
+        self,
+        directions: Floats,
+        single: NDArray[np.float32],
+        shape: tuple[int, ...],
+        limits: tuple[float, float],
+    ) -> Hits:
+        from puckbench.sensor.kernels import fill_distances
+
+        answer = self._nearest(single)
+        triangle = answer["primitive_ids"].numpy()
+        distance, cosine = np.empty(len(directions)), np.empty(len(directions))
+        nearest = answer["t_hit"].numpy()
+        fill_distances(directions, nearest, triangle, self.planes, limits, distance, cosine)
+        incidence = np.arccos(cosine, out=cosine)
+        return Hits(distance.reshape(shape), triangle.reshape(shape), incidence.reshape(shape))
+
+    def _nearest(self, single: NDArray[np.float32]) -> Any:
+        import open3d as o3d
+
+        return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
+
+
+def _planes(mesh: Mesh) -> Floats:
+    normals = mesh.normals()
+    first = mesh.vertices[mesh.triangles[:, 0]]
+    return np.column_stack([normals, np.einsum("ij,ij->i", normals, first)])
+
+
+def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
+    """Sine and cosine in the shape of `angles`, worked out once where it is a broadcast."""
+    index = tuple(slice(None) if stride else slice(1) for stride in angles.strides)
+    few = angles[index]
+    return np.broadcast_to(np.sin(few), angles.shape), np.broadcast_to(np.cos(few), angles.shape)

@@ -1,0 +1,150 @@
+"""A virtual scan: a sensor sweeps a scene, with the errors of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.mesh import Mesh, check_mesh
+from puckbench.sensor.errors.model import Draws, ErrorModel
+from puckbench.sensor.raycast import Cast, RayCaster
+from puckbench.sensor.sensor import Sensor
+from puckbench.sensor.sweep import Rays, Sweep
+from puckbench.sensor.table import ScanTable, empty_columns, read_scan, write_scan
+
+__all__ = ["ScanTable", "read_scan", "scan", "write_scan"]
+
+# Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
+_RAYS_AT_A_TIME = 1 << 16
+
+
+def scan(
+    mesh: Mesh,
+    sensor: Sensor,
+    sweep: Sweep,
+    model: ErrorModel,
+    origin: Floats | Sequence[float],
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    rays_at_a_time: int = _RAYS_AT_A_TIME,
+    threads: int = 0,
+) -> ScanTable:
+    """Scan `mesh` (metres, z up) by a sensor that stands at `origin` (3,) and sweeps.
+
+    A row is one nominal ray. Its clean values are the truth about that ray: where it meets the
+    surface, on what, at what angle. Its noisy values are what the sensor measured. A model that
+    fires another ray than the nominal one (beam divergence) measures along that other ray, and the
+    nominal ray is cast as well, so that the truth stays at hand; here we differ from BlenSor, whose
+    clean values are jittered too. Then a row needs both: the fired ray must return and the nominal
+    one must hit something in range. A missed ray has no row and no noise.
+
+    The rows come in the order of firing (frame, azimuth step, laser id) and do not depend on
+    `threads` (0: all) or `rays_at_a_time`. progress(frames done, frames) is called as work goes on.
+
+    Raises InputError for a mesh without faces, an origin that is no point, or no return at all.
+    """
+    check_mesh(mesh, "the mesh to scan")
+    place = _checked_origin(origin)
+    caster = RayCaster(mesh, place, threads)
+    scanner = _Scanner(caster, sensor, sweep, model, Draws(rng))
+    columns, rows = empty_columns(sweep.frames * scanner.rays_per_frame), 0
+    for frames in _portions(sweep.frames, rays_at_a_time // scanner.rays_per_frame):
+        rows = scanner.add_returns(frames, columns, rows)
+        if progress is not None:
+            progress(frames.stop, sweep.frames)
+    if rows == 0:
+        raise InputError(
+            f"no ray returned to a sensor at {place.tolist()}: is it inside the scene?"
+        )
+    kept = {name: column[:rows] for name, column in columns.items()}
+    return ScanTable(kept, _about(sensor, sweep, model, place))
+
+
+@dataclass(frozen=True)
+class _Scanner:
+    """A scan in progress: what fires, at what, with which errors."""
+
+    caster: RayCaster
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    draws: Draws
+
+    @property
+    def rays_per_frame(self) -> int:
+        return self.sweep.steps(self.sensor) * self.sensor.lasers
+
+    def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
+        """Scan the given frames and write their returns from `row` on; the row after the last."""
+        nominal = self.sweep.rays(self.sensor, frames)
+        fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
+        truth = self._cast(nominal, frames)
+        measured = truth if fired is nominal else self._cast(fired, frames)
+        distance = self.model.perturb_ranges(measured.hits, self.sensor, self.draws)
+        returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
+        placed = measured if fired.placed_as_fired else truth
+        noisy = (distance, placed.directions)
+        return self._write(frames, nominal, truth, noisy, returned, columns, row)
+
+    def _cast(self, rays: Rays, frames: range) -> Cast:
+        farthest = self.sweep.max_range_m or self.sensor.max_range_m
+        rotations = self.sweep.rotations()[frames.start : frames.stop]
+        return self.caster.cast(rays, rotations, (self.sensor.min_range_m, farthest))
+
+    def _write(
+        self,
+        frames: range,
+        nominal: Rays,
+        truth: Cast,
+        noisy: tuple[Floats, Floats],
+        returned: NDArray[np.bool_],
+        columns: dict[str, NDArray[Any]],
+        row: int,
+    ) -> int:
+        from puckbench.sensor import kernels
+
+        hits, flat, origin = truth.hits, returned.ravel(), self.caster.origin
+        times = self.sweep.timestamps(self.sensor, frames)
+        angles = (times, nominal.yaw, nominal.pitch)
+        fired = tuple(columns[name] for name in ("frame", "laser_id", "timestamp", "yaw", "pitch"))
+        end: int = kernels.fill_rays(returned, angles, frames.start, row, fired)
+        clean_out = tuple(columns[name] for name in ("distance", "x", "y", "z"))
+        kernels.fill_points(flat, origin, truth.directions, hits.distance.ravel(), row, clean_out)
+        noisy_out = tuple(columns[f"{name}_noisy"] for name in ("distance", "x", "y", "z"))
+        kernels.fill_points(flat, origin, noisy[1], noisy[0].ravel(), row, noisy_out)
+        struck = (truth.directions, hits.triangle.ravel(), hits.incidence.ravel())
+        surface = (self.caster.planes, self.caster.object_id, self.caster.primitive_id)
+        names = ("incidence", "triangle_id", "object_id", "primitive_id", "nx", "ny", "nz")
+        kernels.fill_surface(flat, struck, surface, row, tuple(columns[name] for name in names))
+        return end
+
+
+def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
+    place = np.asarray(origin, dtype=np.float64)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise InputError(
+            f"the sensor's origin is {place.tolist()}, but must be three finite numbers"
+        )
+    return place
+
+
+def _portions(frames: int, at_a_time: int) -> list[range]:
+    step = max(at_a_time, 1)
+    return [range(first, min(first + step, frames)) for first in range(0, frames, step)]
+
+
+def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
+    parameters: Any = model
+    return {
+        "sensor": asdict(sensor),
+        "sweep": asdict(sweep),
+        "errors": {"model": type(model).__name__, **asdict(parameters)},
+        "origin": origin.tolist(),
+    }

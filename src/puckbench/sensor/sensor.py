@@ -1,0 +1,88 @@
+"""Rotating LiDAR sensors as data: one cited YAML file each, read into a frozen dataclass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from puckbench.errors import InputError
+from puckbench.files import read_bytes
+from puckbench.sensor.options import check_above_zero, check_at_least, from_options
+
+_SENSORS = Path(__file__).parent / "sensors"
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
+
+    `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
+    what the sensor runs at unless a sweep says otherwise.
+    """
+
+    name: str
+    laser_elevation_deg: tuple[float, ...]
+    rotation_hz: float
+    azimuth_step_deg: float
+    max_range_m: float
+    min_range_m: float = 0.0
+    divergence_horizontal_deg: float = 0.0
+    divergence_vertical_deg: float = 0.0
+    vertical_correction_mm: tuple[float, ...] | None = None
+    range_quantum_mm: float | None = None
+    firing_sequence_us: float | None = None
+    firing_interval_us: float | None = None
+    wavelength_nm: float | None = None
+    manufacturer: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.laser_elevation_deg:
+            raise InputError("laser_elevation_deg is empty")
+        if any(abs(elevation) > 90 for elevation in self.laser_elevation_deg):
+            raise InputError("laser_elevation_deg has an angle beyond 90 degrees")
+        corrections = self.vertical_correction_mm
+        if corrections is not None and len(corrections) != self.lasers:
+            raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
+        check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
+        check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
+        check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
+        check_at_least(self, 0, "divergence_vertical_deg")
+        if self.min_range_m >= self.max_range_m:
+            raise InputError(
+                f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"
+            )
+
+    @property
+    def lasers(self) -> int:
+        """Number of lasers."""
+        return len(self.laser_elevation_deg)
+
+
+def sensor_names() -> list[str]:
+    """Names of the sensors that are shipped."""
+    return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
+
+
+def load_sensor(name_or_path: str | Path) -> Sensor:
+    """Load a shipped sensor by name, or a user's own from a YAML file.
+
+    Raises InputError (one line) for an unknown name, an unreadable file or a wrong entry.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in {".yaml", ".yml"}:
+        path = _SENSORS / f"{name_or_path}.yaml"
+        if str(name_or_path) not in sensor_names():
+            known = ", ".join(sensor_names())
+            raise InputError(
+                f"unknown sensor {str(name_or_path)!r} (known: {known}, or a .yaml file)"
+            )
+    try:
+        options = yaml.safe_load(read_bytes(path))
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(options, Mapping):
+        raise InputError(f"{path}: expected names and values of a sensor")
+    return from_options(Sensor, options, str(path))
