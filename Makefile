@@ -1,0 +1,47 @@
+# make run    set up .venv, run the default benchmark, write its report
+# make test   set up .venv with the test tools, then run every check
+# make lint   only the static checks         make data      fetch the free real data into data/
+# make setup  only .venv                     make learned   add torch, which learned codecs need
+# make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
+# make clean  remove results and caches, keep .venv and data/
+# CORES=4 runs on more cores; PYTHON=python3.12 names the interpreter that .venv is made with.
+
+CORES ?= 2
+BIN := $(CURDIR)/.venv/bin
+IN_VENV := PATH="$(BIN):$$PATH"
+
+.PHONY: run test lint setup setup-test learned data lock clean
+.NOTPARALLEL:
+
+run: setup
+	$(IN_VENV) snakemake --cores $(CORES)
+	$(IN_VENV) snakemake --report results/report.html
+	@echo
+	@echo "Figures: results/figures/   Tables: results/tables/ (metrics.csv holds every number)"
+	@echo "Report:  results/report.html, one file for any browser"
+
+setup:
+	@envs/setup.sh
+
+setup-test:
+	@envs/setup.sh test
+
+learned:
+	@envs/setup.sh learned
+
+test: lint
+	$(IN_VENV) pytest
+
+lint: setup-test
+	$(IN_VENV) ruff check
+	$(IN_VENV) ruff format --check
+	$(IN_VENV) mypy
+
+data: setup
+	$(IN_VENV) python -m puckbench data
+
+lock: setup
+	$(BIN)/python envs/lock.py $(LOCK)
+
+clean:
+	rm -rf results .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis

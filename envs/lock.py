@@ -1,0 +1,77 @@
+"""Writes the locks and the conda environment from pyproject.toml, for maintainers: ``make lock``.
+
+Pins stay as they are unless pyproject.toml forbids them; ``--upgrade`` takes the newest versions.
+Needs uv on PATH. One resolution covers all supported Pythons and platforms, with one version of a
+package wherever one serves them all, so that results do not depend on the Python.
+"""
+
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ENVS = Path(__file__).resolve().parent
+ROOT = ENVS.parent
+CUDA = ("cuda-", "nvidia-", "triton==")
+COMPILE = "uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest"
+PLAIN = "--no-emit-index-url --no-header --no-annotate"
+CONDA = ["python=3.11", "pip", "libegl", "libgl", "libidn2", "libusb", "xorg-libx11"]
+
+Pins = list[str]  # such as "colorama==0.4.6 ; sys_platform == 'win32'"
+
+
+def read_pins(path: Path) -> Pins:
+    """Return the lines of a lock that pin a version."""
+    return [line for line in path.read_text().splitlines() if line[:1].isalnum()]
+
+
+def resolve(extras: list[str], preferred: Pins, obeyed: Pins, upgrade: bool = False) -> Pins:
+    """Resolve pyproject.toml with extras; ``preferred`` versions yield, ``obeyed`` do not."""
+    build = "\n".join(
+        tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        out, constraints = Path(folder, "out"), Path(folder, "constraints")
+        out.write_text("\n".join(preferred))
+        constraints.write_text("\n".join(obeyed))
+        command = [*COMPILE.split(), *PLAIN.split(), *(["--upgrade"] if upgrade else [])]
+        command += [f"--extra={extra}" for extra in extras]
+        command += [f"--constraint={constraints}", f"--output-file={out}", "pyproject.toml", "-"]
+        subprocess.run(command, input=build, text=True, check=True, cwd=ROOT)
+        return read_pins(out)
+
+
+def write_lines(name: str, about: str, lines: list[str]) -> None:
+    """Write one file of envs/."""
+    text = "\n".join(["# Written by `make lock`; do not edit.", f"# {about}", *lines])
+    (ENVS / name).write_text(text + "\n")
+
+
+def conda_environment(pins: Pins) -> list[str]:
+    """Return the lines of a conda environment with these versions and Open3D's system libraries."""
+    lines = ["channels:", "  - conda-forge", "  - nodefaults", "dependencies:"]
+    lines += [f"  - {package}" for package in CONDA]
+    return [*lines, "  - pip:", *(f'      - "{pin}"' for pin in pins)]
+
+
+def main() -> None:
+    """Resolve everything at once, then split it by what needs it."""
+    old = [pin for path in sorted(ENVS.glob("*.lock")) for pin in read_pins(path)]
+    old += read_pins(ENVS / "cuda.constraints")
+    pins = resolve(["test", "learned"], old, [], upgrade="--upgrade" in sys.argv)
+    run = resolve([], pins, pins)
+    test = [pin for pin in resolve(["test"], pins, pins) if pin not in run]
+    learned = [pin for pin in resolve(["learned"], pins, pins) if pin not in run]
+    cuda = [pin for pin in learned if pin.startswith(CUDA)]
+    torch = ["--constraint cuda.constraints", *(pin for pin in learned if pin not in cuda)]
+    write_lines("requirements.lock", "What a run needs.", run)
+    write_lines("test.lock", "What the checks need on top of requirements.lock.", test)
+    write_lines("learned.lock", "What learned codecs need on top of requirements.lock.", torch)
+    write_lines("cuda.constraints", "Versions for a torch that asks for CUDA; forces none.", cuda)
+    about = "The environment of the rules for --software-deployment-method conda."
+    write_lines("puckbench.yaml", about, conda_environment(run))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+#!/bin/sh
+# Makes or completes .venv: a suitable Python, the system's libraries, the pinned packages, puckbench.
+#   envs/setup.sh [test] [learned]     PYTHON=... names the interpreter; exit status 2: something to do first
+# What is done is stamped inside .venv with the hash of what it was done from; a second run does nothing.
+set -eu
+cd "$(dirname "$0")/.."
+root=$(pwd -P)
+PATH=$(printf %s "$PATH" | tr : '\n' | grep -vxF "$root/.venv/bin" | paste -sd: -)
+
+say() { printf 'setup: %s\n' "$*" >&2; }
+stop() { say "$*"; exit 2; }
+
+# ---- packages of the system
+
+is_root() { [ "$(id -u)" = 0 ]; }
+may_install() { is_root || { command -v sudo >/dev/null && sudo -n true 2>/dev/null; }; }
+as_root() { if is_root; then "$@"; else sudo -n "$@"; fi; }
+apt() { as_root env DEBIAN_FRONTEND=noninteractive apt-get "$@"; }
+
+apt_install() {
+    say "installing $* with apt-get"
+    apt-cache show "$@" >/dev/null 2>&1 || apt update || return
+    apt install --yes --no-install-recommends "$@" && return
+    apt update && apt install --yes --no-install-recommends "$@"   # the lists were out of date
+}
+
+need_packages() { # why, Debian's names of what is missing
+    why=$1; shift
+    may_install || stop "$why; run this, then repeat: sudo apt-get install --yes $*"
+    apt_install "$@" >&2 || stop "$why, and apt-get could not install: $*"
+}
+
+# ---- the interpreter
+
+is_suitable() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null; }
+has_ensurepip() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
+has_pip() { "$1" -c 'import pip, venv; raise SystemExit([*map(int, pip.__version__.split(".")[:2])] < [22, 3])' 2>/dev/null; }
+
+first_python() { # check: prints the first interpreter that is suitable and passes the check
+    # 3.14 comes late because one pinned package has no wheel for it and must be compiled.
+    for candidate in ${PYTHON:-python3.13 python3.12 python3.11 python3.14 python3 python}; do
+        if is_suitable "$candidate" && "$1" "$candidate"; then echo "$candidate"; return; fi
+    done
+    return 1
+}
+find_python() { python=$(first_python has_ensurepip || first_python has_pip); }
+
+missing_python_packages() {
+    if bare=$(first_python true); then
+        "$bare" -c 'import sys; print("python{}.{}-venv".format(*sys.version_info))'
+    elif grep -qs '^VERSION_CODENAME=jammy' /etc/os-release; then
+        echo python3.11 python3.11-venv   # its python3 is 3.10
+    else
+        echo python3 python3-venv
+    fi
+}
+
+choose_python() {
+    find_python && return
+    [ -z "${PYTHON:-}" ] || is_suitable "$PYTHON" || stop "PYTHON=$PYTHON is not a Python 3.11 to 3.14 that runs"
+    why="puckbench needs Python 3.11 to 3.14 with venv and pip, and none was found"
+    command -v apt-get >/dev/null || stop "$why (PYTHON=... names one outside PATH)"
+    # shellcheck disable=SC2046  # one word per package
+    need_packages "$why" $(missing_python_packages)
+    find_python || stop "$why even now (PYTHON=... names one outside PATH)"
+}
+
+# ---- the libraries of the system that wheels load
+
+require_libraries() {
+    missing=$("$python" envs/system_packages.py)
+    [ -n "$missing" ] || return 0
+    why="Open3D needs system libraries that are not here"
+    command -v apt-get >/dev/null || stop "$why: $("$python" envs/system_packages.py --libraries)"
+    # shellcheck disable=SC2086  # one word per package
+    need_packages "$why" $missing
+    missing=$("$python" envs/system_packages.py --libraries)
+    [ -z "$missing" ] || stop "$why even now: $missing"
+}
+
+# ---- the virtual environment
+
+version() { "$1" -c 'import sys; print(sys.version_info[:2])'; }
+is_wanted() { [ -z "${PYTHON:-}" ] || [ "$(version "$PYTHON")" = "$(version .venv/bin/python)" ]; }
+is_whole() {
+    # .home is written last and holds the place, since a moved environment's commands point to the old one;
+    # .installing is left behind by an installation that was cut short.
+    [ "$(cat .venv/.home 2>/dev/null)" = "$root" ] && [ ! -e .venv/.installing ] &&
+        is_suitable .venv/bin/python && has_pip .venv/bin/python
+}
+
+make_venv() {
+    [ ! -e .venv ] || say "making .venv anew: it is incomplete, was moved, or has another Python"
+    rm -rf .venv
+    if has_ensurepip "$python"; then
+        "$python" -m venv "$root/.venv"
+    else
+        "$python" -m venv --without-pip "$root/.venv"
+        "$python" -m pip --python "$root/.venv/bin/python" install --quiet pip
+    fi
+    printf '%s\n' "$root" >.venv/.home
+}
+
+pip_install() { # --no-build-isolation: what has no wheel is built with the pinned setuptools too
+    PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_USE_PEP517=1 \
+        .venv/bin/python -m pip install --quiet --no-build-isolation "$@"
+}
+
+hash_of() {
+    .venv/bin/python -c 'import hashlib, pathlib, sys
+print(hashlib.sha256(b"".join(pathlib.Path(name).read_bytes() for name in sys.argv[1:])).hexdigest())' "$@"
+}
+is_done() { [ "$(cat ".venv/.done-$1" 2>/dev/null)" = "$2" ]; }
+mark_done() { printf '%s\n' "$2" >".venv/.done-$1.new" && mv ".venv/.done-$1.new" ".venv/.done-$1"; }
+
+install_lock() { # name: the packages of envs/<name>.lock, on top of those of the run
+    key=$(hash_of envs/*.lock)
+    ! is_done "$1" "$key" || return 0
+    say "installing the pinned packages of envs/$1.lock into .venv (the first time takes minutes)"
+    : >.venv/.installing
+    pip_install "$(grep '^setuptools==' envs/requirements.lock)"
+    pip_install --requirement envs/requirements.lock --requirement "envs/$1.lock"
+    rm .venv/.installing
+    mark_done "$1" "$key"
+}
+
+install_puckbench() {
+    key=$(hash_of pyproject.toml src/puckbench/__init__.py)
+    ! is_done puckbench "$key" || return 0
+    pip_install --no-deps --editable .
+    mark_done puckbench "$key"
+}
+
+for group in "$@"; do
+    [ -f "envs/$group.lock" ] || stop "there is no envs/$group.lock"
+done
+if is_whole && is_wanted; then python=.venv/bin/python; else choose_python; fi
+require_libraries
+[ "$python" = .venv/bin/python ] || make_venv
+for group in requirements "$@"; do install_lock "$group"; done
+install_puckbench
