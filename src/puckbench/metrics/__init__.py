@@ -1,0 +1,1 @@
+"""Measures of geometric distortion: between point clouds, and against the true surface."""

@@ -1,0 +1,144 @@
+"""Distortion of a decoded cloud: Chamfer and Hausdorff distances, point to point and to plane.
+
+Thesis section 2.4, equations 2.3 to 2.6, with the rules of MPEG's pc_error for what the equations
+leave open: duplicates, points without normals, equidistant neighbours.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats, PointCloud, check_points
+from puckbench.errors import InputError
+from puckbench.metrics.compiled import compiled
+from puckbench.metrics.neighbours import Neighbours, Points
+from puckbench.metrics.spatial import Rows, distinct_rows
+
+
+def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
+    """Measure `decoded` (B, (m, 3)) against `reference` (A), as MPEG's pc_error does.
+
+    Points with equal coordinates are merged first; the first one's normal stays. B's normals come
+    from A's: see `transferred_normals`. Point to plane, an error vector is projected on the normal
+    of the neighbour that it leads to; equidistant neighbours count with their mean.
+
+    Returns, in squared units of the clouds but for the Hausdorff distances (units),
+
+    * ``acd_ab_point``, ``acd_ba_point``: the two asymmetric Chamfer distances (eq. 2.3),
+      ``cd_point``: their mean (eq. 2.4), ``d1_mse``: their maximum (pc_error's mseF),
+    * ``hausdorff_point``: Hausdorff distance (eq. 2.5), ``hausdorff_sq_point``: its square
+      (pc_error's "h."),
+    * the same with ``_plane`` for ``_point`` and ``d2_mse`` for ``d1_mse`` (eq. 2.6), when the
+      reference has normals,
+    * ``points_a``, ``points_b``: how many distinct points were measured.
+
+    Raises InputError for empty clouds and for values that are not finite.
+    """
+    check_points(reference.xyz, "reference cloud")
+    check_points(decoded, "decoded cloud")
+    a, b = _float64(reference.xyz), _float64(decoded)
+    rows = distinct_rows(a)
+    a, b = a.take(rows, axis=0), b.take(distinct_rows(b), axis=0)
+    ab, ba = Points(b).nearest(a), Points(a).nearest(b)
+    values = summary(ab.squared, ba.squared, "point")
+    if reference.normals is not None:
+        normals = _checked_normals(reference).take(rows, axis=0)
+        values |= _plane_summary(a, b, ab, ba, normals)
+    return values | {"points_a": len(a), "points_b": len(b)}
+
+
+def summary(ab: Floats, ba: Floats, kind: str) -> dict[str, float]:
+    """The measures from the squared errors of each point, A to B and B to A.
+
+    `kind` is "point" or "plane"; the keys are those of `distortion`.
+    """
+    acd_ab, acd_ba = float(ab.mean()), float(ba.mean())
+    largest = float(max(ab.max(), ba.max()))
+    return {
+        f"acd_ab_{kind}": acd_ab,
+        f"acd_ba_{kind}": acd_ba,
+        f"cd_{kind}": (acd_ab + acd_ba) / 2,
+        {"point": "d1_mse", "plane": "d2_mse"}[kind]: max(acd_ab, acd_ba),
+        f"hausdorff_{kind}": largest**0.5,
+        f"hausdorff_sq_{kind}": largest,
+    }
+
+
+def _plane_summary(
+    a: Floats, b: Floats, ab: Neighbours, ba: Neighbours, normals: Floats
+) -> dict[str, float]:
+    normals_b = transferred_normals(normals, len(b), ab, ba)
+    ab_plane = _projected(a, b, normals_b, ab.starts, ab.index)
+    ba_plane = _projected(b, a, normals, ba.starts, ba.index)
+    return summary(ab_plane, ba_plane, "plane")
+
+
+def _float64(values: NDArray[Any]) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _checked_normals(reference: PointCloud) -> Floats:
+    normals = _float64(np.asarray(reference.normals))
+    if normals.shape != reference.xyz.shape:
+        raise InputError(f"reference cloud: {len(normals)} normals for {len(reference)} points")
+    if not np.isfinite(normals).all():
+        raise InputError("reference cloud: a normal is not finite")
+    return normals
+
+
+def transferred_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
+    """Normals (size, 3) of B from those of A (n, 3), by MPEG's rule.
+
+    A point of B gets the plain mean, not made unit again, of the normals of the points of A that
+    have it as a nearest neighbour, equidistant ones included; where there are none, the mean of
+    its own nearest neighbours' normals.
+    """
+    sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
+    _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
+    return np.asarray(sums / counts[:, None])
+
+
+@compiled
+def _sums_of_takers(
+    normals: Floats, size: int, starts: Rows, exact: Rows, index: Rows
+) -> tuple[Floats, Floats]:
+    sums, counts = np.zeros((size, 3)), np.zeros(size)
+    for i in range(len(normals)):
+        for j in range(starts[i], starts[i] + exact[i]):
+            counts[index[j]] += 1
+            for axis in range(3):
+                sums[index[j], axis] += normals[i, axis]
+    return sums, counts
+
+
+@compiled
+def _add_own_nearest(
+    normals: Floats, starts: Rows, exact: Rows, index: Rows, sums: Floats, counts: Floats
+) -> None:
+    for i in range(len(counts)):
+        if counts[i] > 0:
+            continue
+        for j in range(starts[i], starts[i] + exact[i]):
+            counts[i] += 1
+            for axis in range(3):
+                sums[i, axis] += normals[index[j], axis]
+
+
+@compiled
+def _projected(
+    queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
+) -> Floats:
+    """Squared errors along the neighbours' normals, (m,): the mean over equidistant neighbours."""
+    squared = np.zeros(len(queries))
+    for i in range(len(queries)):
+        for j in range(starts[i], starts[i + 1]):
+            n = index[j]
+            along = 0.0
+            for axis in range(3):
+                along += (queries[i, axis] - points[n, axis]) * normals[n, axis]
+            squared[i] += along * along
+        squared[i] /= starts[i + 1] - starts[i]
+    return squared
