@@ -24,6 +24,7 @@ class ScenePlan:
 
     name: str
     loader: str
+    seed: int
     options: dict[str, Any]
     scenes: SceneSet
     chosen: tuple[str, ...]
@@ -49,13 +50,13 @@ class Plan:
 
     def __init__(self, config: Config) -> None:
         self.config = config
-        self.scenes = {name: _scenes(name, value, config) for name, value in _items(config, "scenes")}
+        self.scenes = {
+            name: _scenes(name, value, config) for name, value in _items(config, "scenes")
+        }
         self.datasets = {
             name: self._dataset(name, value) for name, value in _items(config, "datasets")
         }
         self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
-        for name in self.codecs:
-            codecs.codec_module(self.codecs[name]["class"], name)
 
     @property
     def results(self) -> Path:
@@ -63,12 +64,16 @@ class Plan:
         return Path(self.config["results"])
 
     @cached_property
+    def clouds(self) -> tuple[tuple[str, str], ...]:
+        """Every (data set, cloud), in the order of the table."""
+        return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
+
+    @cached_property
     def cells(self) -> tuple[tuple[str, str, str, str], ...]:
         """Every (data set, cloud, codec, rate), in the order of the table."""
         return tuple(
-            (dataset.name, cloud, codec, rate)
-            for dataset in self.datasets.values()
-            for cloud in dataset.clouds
+            (dataset, cloud, codec, rate)
+            for dataset, cloud in self.clouds
             for codec, entry in self.codecs.items()
             for rate in entry["rates"]
         )
@@ -89,14 +94,14 @@ def _items(config: Config, key: str) -> list[tuple[str, Any]]:
 
 
 def _scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
-    options = dict(value["options"])
+    options = {**value["options"]}
     seed = value.get("seed", config["seed"])
     try:
         scenes = open_scene_set(value["loader"], options, seed)
         known = scenes.names()
     except InputError as error:
         raise InputError(f"scenes.{name}: {error}") from error
-    return ScenePlan(name, value["loader"], options, scenes, _chosen(name, value, known))
+    return ScenePlan(name, value["loader"], seed, options, scenes, _chosen(name, value, known))
 
 
 def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str, ...]:

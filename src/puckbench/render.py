@@ -306,8 +306,9 @@ def _edge_lines(hits: _Hits, extent: float) -> Floats:
         near = np.minimum(*_pairs(distance, axis))
         jump = np.abs(np.diff(distance, axis=axis)) > 0.02 * near + 0.002 * extent
         cosine = np.sum(np.multiply(*_pairs(hits.normal, axis)), axis=-1)
+        both = np.logical_and(*_pairs(hits.distance < _FAR, axis))
         first, second = _pairs(lines, axis)
-        first[...] = np.maximum(first, jump | (cosine < 0.8))
+        first[...] = np.maximum(first, jump | (both & (cosine < 0.8)))
         second[...] = np.maximum(second, jump)
     return lines
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object
+from puckbench.cli.types import json_object, whole
 from puckbench.cloud import PointCloud, write_cloud
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
@@ -19,11 +19,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", help="name of the scene")
     parser.add_argument("out", type=Path, help="PLY file to write; its description goes beside it")
     parser.add_argument("--options", type=json_object, default={}, help="options of the loader")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of a loader that has one")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the scene and its description."""
-    scene = open_scene_set(options.loader, options.options).load(options.name)
+    scene = open_scene_set(options.loader, options.options, options.seed).load(options.name)
     about = description(scene)
     if scene.mesh is not None:
         write_mesh(options.out, scene.mesh, about)
@@ -31,7 +32,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     cloud = scene.cloud
     if cloud is None:
         raise ValueError(f"scene {scene.name} has neither a mesh nor a cloud")
-    write_cloud(options.out, PointCloud(cloud.xyz, cloud.normals, cloud.colours, cloud.labels, about))
+    write_cloud(
+        options.out, PointCloud(cloud.xyz, cloud.normals, cloud.colours, cloud.labels, about)
+    )
     return {**about, "points": len(cloud)}
 
 

@@ -1,1 +1,1 @@
-"""Point-cloud codecs behind one interface: encode(points, rate) -> bytes, decode(bytes) -> points."""
+"""Point-cloud codecs behind one interface: points in, one byte string out, and back."""

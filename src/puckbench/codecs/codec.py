@@ -39,7 +39,7 @@ class Codec(ABC):
         """Whether the codec can run on this machine."""
         return Availability(True)
 
-    def load(self) -> None:
+    def load(self) -> None:  # noqa: B027 (most codecs have nothing to load)
         """Do once, outside the timed calls, what a first call would pay for (weights, JIT)."""
 
     def encode(self, points: Floats, rate: str) -> bytes:
@@ -51,7 +51,7 @@ class Codec(ABC):
             known = ", ".join(self.rates)
             raise InputError(f"codec {self.name}: unknown rate '{rate}' (known: {known})")
         check_points(points, f"codec {self.name}")
-        return self._encode(np.ascontiguousarray(points, dtype=np.float64), **self.rates[rate])
+        return self._encode(np.ascontiguousarray(points, dtype=np.float64), self.rates[rate])
 
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in the coordinates of the input cloud, in any order.
@@ -61,7 +61,7 @@ class Codec(ABC):
         return self._decode(stream)
 
     @abstractmethod
-    def _encode(self, points: Floats, **parameters: Any) -> bytes: ...
+    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes: ...
 
     @abstractmethod
     def _decode(self, stream: bytes) -> Floats: ...

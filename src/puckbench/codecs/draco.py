@@ -8,6 +8,7 @@ Points whose float32 coordinates are equal are coded once (DracoPy does so; Debi
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -37,16 +38,17 @@ class Draco(Codec):
         self.compression_level = compression_level
 
     def load(self) -> None:
+        """Import the library."""
         import DracoPy  # noqa: F401
 
-    def _encode(self, points: Floats, *, quantization_bits: int) -> bytes:
+    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         import DracoPy
 
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
             raise InputError(f"codec {self.name}: coordinates exceed Draco's single precision")
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
-            quantization_bits=quantization_bits,
+            quantization_bits=parameters["quantization_bits"],
             compression_level=self.compression_level,
             preserve_order=False,  # else DracoPy takes the sequential coder, not the kd-tree
         )

@@ -8,6 +8,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
 
@@ -41,10 +42,8 @@ def measured(call: Callable[[], T], repeats: int = 1) -> Measured[T]:
 
 def _reset_peak() -> float:
     """Set the kernel's high-water mark to the present resident size (Linux), and return it."""
-    try:
+    with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        pass
     return _peak_mib()
 
 

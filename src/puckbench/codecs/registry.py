@@ -72,3 +72,8 @@ def codec_of(stream: bytes) -> str:
         if stream.startswith(found["magic"].encode("latin-1")):
             return name
     raise InputError("no shipped codec recognises the stream")
+
+
+def module_of(class_name: str) -> str:
+    """The module (or file) that holds a codec's class, for the fingerprint of its code."""
+    return class_name.rpartition(":")[0]

@@ -1,0 +1,34 @@
+"""Arguments that name a codec: --codec, --weights, and --entry for a codec's configured changes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from puckbench.cli.types import json_object
+from puckbench.codecs.codec import Codec
+from puckbench.codecs.registry import open_codec
+from puckbench.errors import InputError
+
+
+def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
+    """Declare --codec, --weights, --entry and --repeats."""
+    parser.add_argument("--codec", required=required, help="see `puckbench codecs`")
+    parser.add_argument("--weights", type=Path, help="folder of a learned codec's weights")
+    parser.add_argument(
+        "--entry", type=json_object, default={}, help="changes to the codec's entry, as in a config"
+    )
+    parser.add_argument("--repeats", type=int, default=1, help="timed calls; the median counts")
+
+
+def chosen_codec(options: argparse.Namespace, name: str) -> Codec:
+    """The codec, loaded; InputError when it is unknown or cannot run here."""
+    entry = dict(options.entry)
+    if options.weights:
+        entry["options"] = {**entry.get("options", {}), "weights": str(options.weights)}
+    codec = open_codec(name, entry)
+    ok, why = codec.available()
+    if not ok:
+        raise InputError(f"codec {name} cannot run here: {why}")
+    codec.load()
+    return codec

@@ -1,0 +1,31 @@
+"""`puckbench codecs`: the codecs, their rates, and whether they can run here."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from puckbench.codecs.registry import entries, open_codec
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """No arguments."""
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """One line (or JSON member) for each codec."""
+    table = {}
+    for name in entries():
+        codec = open_codec(name)
+        ok, why = codec.available()
+        table[name] = {"available": ok, "why": why, "version": codec.version, "rates": codec.rates}
+    return table if options.json else {name: _line(entry) for name, entry in table.items()}
+
+
+def _line(entry: dict[str, Any]) -> str:
+    state = "available" if entry["available"] else f"not available: {entry['why']}"
+    rates = "; ".join(
+        f"{name} " + ", ".join(f"{key} {value}" for key, value in values.items())
+        for name, values in entry["rates"].items()
+    )
+    return f"{state} ({entry['version']}); {rates}"

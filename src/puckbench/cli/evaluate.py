@@ -1,0 +1,115 @@
+"""`puckbench evaluate`: distortion of a decoded cloud, or of a coded stream, and what it cost."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from puckbench import __version__
+from puckbench.cli.codec_options import codec_arguments
+from puckbench.cli.decode import decode_file
+from puckbench.cloud import Floats, PointCloud, read_cloud, sidecar
+from puckbench.files import read_json, write_json
+
+_KEPT = ("name", "group", "scale", "diameter", "elongation")
+"""What a result row keeps of the reference's description."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("reference", type=Path, help="reference cloud (.ply)")
+    parser.add_argument("decoded", type=Path, help="decoded cloud (.ply) or stream to decode")
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        help="true surface: mesh or captured room in metres, or cloud in the reference's frame",
+    )
+    parser.add_argument(
+        "--visible", type=Path, help="true points seen by the sensor, in the reference's frame"
+    )
+    parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
+    parser.add_argument("--dataset", help="name of the data set, for the result row")
+    parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
+    codec_arguments(parser, required=False)
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Measure; the answer is the result row."""
+    reference = read_cloud(options.reference)
+    points, record = _decoded(options)
+    row = {
+        **({"dataset": options.dataset} if options.dataset else {}),
+        **{key: reference.about[key] for key in _KEPT if key in reference.about},
+        **record,
+        "puckbench_version": __version__,
+        **measures(reference, points, options.peak),
+        **_truth(options, reference, points),
+    }
+    row["cloud"] = row.pop("name", options.reference.stem)
+    if options.row:
+        write_json(options.row, row)
+    return row
+
+
+def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, float]:
+    """All distortions, in the reference's frame, as PSNR and in metres.
+
+    A PSNR that is infinite, because there is no error, is left out.
+    """
+    from puckbench.metrics.geometry import distortion
+    from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
+    from puckbench.metrics.units import in_metres
+
+    found = distortion(reference, decoded)
+    width = reference.about.get("diameter") or _diameter(reference)
+    psnrs = {**mpeg_psnr(found, peak), **cd_psnr(found, width)}
+    finite = {name: value for name, value in psnrs.items() if math.isfinite(value)}
+    return {**found, **finite, **in_metres(found, reference.about.get("scale", 1.0))}
+
+
+def _diameter(reference: PointCloud) -> float:
+    from puckbench.metrics.diameter import diameter
+
+    return diameter(reference.xyz)
+
+
+def _decoded(options: argparse.Namespace) -> tuple[Floats, dict[str, Any]]:
+    if options.decoded.suffix == ".ply":
+        return read_cloud(options.decoded).xyz, {}
+    points, record = decode_file(options.decoded, options)
+    beside = sidecar(options.decoded)
+    return points, {**(read_json(beside) if beside.exists() else {}), **record}
+
+
+def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) -> dict[str, float]:
+    if options.truth is None and options.visible is None:
+        return {}
+    from puckbench.cli.surfaces import read_truth
+    from puckbench.metrics.truth import mesh_in_frame, truth_distortion
+    from puckbench.metrics.units import in_metres
+
+    visible = None if options.visible is None else read_cloud(options.visible)
+    mesh = None
+    if options.truth is not None:
+        surface = read_truth(options.truth)
+        if isinstance(surface, PointCloud):
+            visible = visible or surface
+        else:
+            mesh = mesh_in_frame(surface, *_frame(reference))
+    if visible is None:
+        visible = _sampled(mesh, len(reference))
+    found = truth_distortion(visible, mesh, decoded)
+    return {**found, **in_metres(found, reference.about.get("scale", 1.0))}
+
+
+def _frame(reference: PointCloud) -> tuple[float, Any]:
+    return reference.about.get("scale", 1.0), reference.about.get("offset", (0.0, 0.0, 0.0))
+
+
+def _sampled(mesh: Any, points: int) -> PointCloud:
+    from puckbench.prepare.sampling import sample_surface
+    from puckbench.seeding import generator
+
+    return sample_surface(mesh, points, generator(0, "evaluate", "truth"))

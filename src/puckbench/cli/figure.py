@@ -1,0 +1,33 @@
+"""`puckbench figure`: draw a figure from the tables of results."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from puckbench.cli.types import json_object
+from puckbench.figures.drawing import draw_files
+from puckbench.figures.registry import FIGURES
+from puckbench.figures.style import FigureStyle
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("figure", help=f"one of {', '.join(FIGURES)}")
+    parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png)")
+    parser.add_argument(
+        "--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}'
+    )
+    parser.add_argument(
+        "--style", type=json.loads, default=[], help="JSON: one object of FigureStyle, or several"
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Draw and write the figure."""
+    layers = options.style if isinstance(options.style, list) else [options.style]
+    inputs = {name: Path(file) for name, file in options.inputs.items()}
+    draw_files(options.figure, inputs, options.out, FigureStyle.from_config(*layers))
+    return {"figure": options.figure, "files": [str(path) for path in options.out]}

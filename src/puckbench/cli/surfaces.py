@@ -1,0 +1,30 @@
+"""True surfaces named on the command line: mesh files, captured rooms, clouds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from puckbench.cloud import PointCloud, read_cloud
+from puckbench.datasets.captured_rooms import read_captured_room
+from puckbench.files import read_bytes
+from puckbench.mesh import Mesh
+from puckbench.meshfiles import read_mesh
+
+
+def read_surface(path: Path) -> Mesh:
+    """A mesh file, or the global mesh of a captured room (.json)."""
+    return read_captured_room(path) if path.suffix == ".json" else read_mesh(path)
+
+
+def read_truth(path: Path) -> Mesh | PointCloud:
+    """A surface, or the points of a PLY file without faces."""
+    if path.suffix == ".ply" and not has_faces(path):
+        return read_cloud(path)
+    return read_surface(path)
+
+
+def has_faces(path: Path) -> bool:
+    """Whether the header of a PLY file announces faces."""
+    header = read_bytes(path).split(b"end_header", 1)[0]
+    counts = [line.split()[2:] for line in header.splitlines() if line.startswith(b"element face")]
+    return any(count != [b"0"] for count in counts)

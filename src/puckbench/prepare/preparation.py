@@ -1,0 +1,55 @@
+"""The preparation of a cloud, step by step as in thesis section 6.1: crop, normals, scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from puckbench.cloud import Floats, PointCloud
+from puckbench.metrics.diameter import diameter
+from puckbench.prepare.crop import inside
+from puckbench.prepare.normals import estimate_normals
+from puckbench.prepare.scaling import Scaling, to_cube
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Measured points and, row by row, the true points of the surface that they stand for."""
+
+    cloud: PointCloud
+    clean: PointCloud
+
+    def cropped(self, box: Floats, on: str = "clean") -> Returns:
+        """The rows whose clean (or noisy) coordinates lie in the box (2, 3)."""
+        chosen = self.clean if on == "clean" else self.cloud
+        rows = inside(chosen.xyz, box)
+        return Returns(self.cloud.select(rows), self.clean.select(rows))
+
+    def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
+        """The true points with their true normals, scaled as `prepared` was."""
+        about = {key: prepared.about[key] for key in ("scale", "offset")}
+        xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
+        return replace(self.clean, xyz=xyz, about=about)
+
+
+def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointCloud:
+    """A cloud in metres, with normals estimated and scaled to [0, size - 1]; size 0: not scaled.
+
+    Its description gains scale and offset to metres, elongation and extent in metres, and the
+    diameter of the scaled cloud. Normals are estimated in the scaled frame, as the thesis does.
+    """
+    scaling = to_cube(cloud.xyz, size) if size else Scaling(1.0, np.zeros(3))
+    xyz = scaling.apply(cloud.xyz)
+    extent = np.sort(np.ptp(cloud.xyz, axis=0))
+    about = {
+        **cloud.about,
+        "scale": float(scaling.scale),
+        "offset": scaling.offset.tolist(),
+        "size": size,
+        "neighbours": neighbours,
+        "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
+        "elongation": float(extent[0] / extent[2]),
+        "diameter": diameter(xyz),
+    }
+    return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)

@@ -1,0 +1,87 @@
+"""The tidy tables of results: one row per data set, cloud, codec and rate; one row per cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from puckbench.errors import InputError
+from puckbench.files import read_json, written_whole
+
+METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
+CLOUD_KEYS = ("dataset", "cloud")
+_FIRST = (
+    *METRIC_KEYS,
+    "group",
+    "points_in",
+    "points_out",
+    "points",
+    "bytes",
+    "bpp",
+    "encode_s",
+    "decode_s",
+    "encode_peak_mib",
+    "decode_peak_mib",
+)
+"""Columns that come first, in this order, where a table has them; the others follow by name."""
+_SUMMARY = (
+    "bpp",
+    "cd_point",
+    "cd_plane",
+    "hausdorff_plane",
+    "d1_psnr",
+    "d2_psnr",
+    "truth_cd_plane",
+    "encode_s",
+    "decode_s",
+)
+
+
+def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFrame:
+    """One row per dictionary, columns in a fixed order; the order of the rows is kept.
+
+    InputError when there is no row, or two with the same keys.
+    """
+    table = pd.DataFrame(list(rows))
+    if table.empty:
+        raise InputError("no results to put into a table")
+    if table.duplicated(list(keys)).any():
+        raise InputError(f"two results have the same {', '.join(keys)}")
+    first = [name for name in _FIRST if name in table]
+    return table[first + sorted(set(table) - set(first))]
+
+
+def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """The result rows in the files given."""
+    return [read_json(file) for file in files]
+
+
+def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
+    """One row of the table of clouds, from the description beside a prepared cloud."""
+    about = read_json(file)
+    size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
+    kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
+    return {"dataset": dataset, "cloud": about["name"], **kept, **size}
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Medians over the clouds of each data set, codec and rate, with the number of clouds."""
+    groups = table.groupby(["dataset", "codec", "rate"], sort=False)
+    numbers = [name for name in _SUMMARY if name in table]
+    return groups[numbers].median().assign(clouds=groups.size()).reset_index()
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """Write the table as CSV, whole or not at all."""
+    with written_whole(path) as temporary:
+        table.to_csv(temporary, index=False)
+
+
+def write_table(table: pd.DataFrame, csv: Path, parquet: Path) -> None:
+    """Write the table as CSV and as Parquet."""
+    write_csv(table, csv)
+    with written_whole(parquet) as temporary:
+        table.to_parquet(temporary, index=False)

@@ -1,0 +1,47 @@
+# Codecs: one self-contained stream for each cloud, codec and rate; decoded clouds when asked for.
+CELL = "{dataset}/{cloud}/{codec}/{rate}"
+
+
+rule encode:
+    input:
+        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
+        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
+    output:
+        stream=f"{RESULTS}/coded/{CELL}.bin",
+        record=f"{RESULTS}/coded/{CELL}.json",
+    params:
+        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
+        repeats=bench.config["timing"]["repeats"],
+        code=lambda wildcards: bench.codec_code("puckbench.cli.encode", wildcards.codec),
+    resources:
+        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        runtime=30,
+    log:
+        f"{RESULTS}/logs/coded/{CELL}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    shell:
+        "python -m puckbench encode {input.cloud} {output.stream} --codec {wildcards.codec}"
+        " --rate {wildcards.rate} --entry {params.entry:q} --repeats {params.repeats}"
+        " > {log} 2>&1"
+
+
+rule decode:
+    input:
+        stream=f"{RESULTS}/coded/{CELL}.bin",
+    output:
+        cloud=f"{RESULTS}/decoded/{CELL}.ply",
+        about=f"{RESULTS}/decoded/{CELL}.json",
+    params:
+        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
+        code=lambda wildcards: bench.codec_code("puckbench.cli.decode", wildcards.codec),
+    resources:
+        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        runtime=30,
+    log:
+        f"{RESULTS}/logs/decoded/{CELL}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    shell:
+        "python -m puckbench decode {input.stream} {output.cloud} --codec {wildcards.codec}"
+        " --entry {params.entry:q} > {log} 2>&1"

@@ -1,0 +1,27 @@
+# Metrics: a result row for each cloud, codec and rate, from the stream's bytes alone.
+rule evaluate:
+    input:
+        unpack(lambda wildcards: bench.evaluated(wildcards.dataset, wildcards.cloud)),
+        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
+        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
+        stream=f"{RESULTS}/coded/{CELL}.bin",
+        record=f"{RESULTS}/coded/{CELL}.json",
+    output:
+        f"{RESULTS}/metrics/{CELL}.json",
+    params:
+        truth=lambda wildcards, input: truth_arguments(input),
+        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
+        peak=lambda wildcards: bench.dataset(wildcards.dataset).settings["size"] - 1,
+        repeats=bench.config["timing"]["repeats"],
+        code=lambda wildcards: bench.codec_code("puckbench.cli.evaluate", wildcards.codec),
+    resources:
+        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        runtime=30,
+    log:
+        f"{RESULTS}/logs/metrics/{CELL}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    shell:
+        "python -m puckbench evaluate {input.cloud} {input.stream} {params.truth}"
+        " --dataset {wildcards.dataset} --codec {wildcards.codec} --entry {params.entry:q}"
+        " --repeats {params.repeats} --peak {params.peak} --row {output} > {log} 2>&1"

@@ -1,0 +1,48 @@
+# Tables: all results in one tidy table, what the clouds are, and medians per rate.
+rule metrics_table:
+    input:
+        [f"{RESULTS}/metrics/{'/'.join(cell)}.json" for cell in bench.plan.cells],
+    output:
+        csv=report(
+            f"{RESULTS}/tables/metrics.csv", caption="../report/metrics_table.rst", category="Tables"
+        ),
+        parquet=f"{RESULTS}/tables/metrics.parquet",
+        summary=report(
+            f"{RESULTS}/tables/summary.csv", caption="../report/summary_table.rst", category="Tables"
+        ),
+    params:
+        code=code_version("puckbench.tables"),
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    log:
+        f"{RESULTS}/logs/tables/metrics.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    script:
+        "../scripts/metrics_table.py"
+
+
+rule clouds_table:
+    input:
+        [f"{RESULTS}/clouds/{dataset}/{cloud}.json" for dataset, cloud in bench.plan.clouds],
+    output:
+        csv=report(
+            f"{RESULTS}/tables/clouds.csv", caption="../report/clouds_table.rst", category="Tables"
+        ),
+        parquet=f"{RESULTS}/tables/clouds.parquet",
+    params:
+        datasets=[dataset for dataset, _ in bench.plan.clouds],
+        code=code_version("puckbench.tables"),
+    resources:
+        mem_mb=500,
+        runtime=10,
+    log:
+        f"{RESULTS}/logs/tables/clouds.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    script:
+        "../scripts/clouds_table.py"
+
+
+TABLES = [*rules.metrics_table.output, *rules.clouds_table.output]
