@@ -1,0 +1,197 @@
+"""Real rooms captured by a headset: a mesh of everything, and the planes and boxes found in it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.datasets.scene import Scene, existing_folder, found, unique_names
+from puckbench.errors import InputError
+from puckbench.files import read_json
+from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.meshfiles.reading import y_up_to_z_up
+
+Entity = Mapping[str, Any]
+
+_SEMANTIC = {"couch": "sofa", "door_frame": "door", "wall_face": "wall", "window_frame": "window"}
+# How far a measured surface may lie from the entity that it is taken for.
+_NEAR_M, _FAR_M = 0.05, 0.15
+_PARALLEL = 0.7
+_CREDIT = "Meta Platforms, npm package @iwer/sem"
+
+
+@dataclass(frozen=True)
+class CapturedRooms:
+    """Scene captures as JSON (the npm package @iwer/sem has five), in metres, turned to z up.
+
+    path: the folder of the JSON files. Every triangle is labelled with the smallest entity that
+    it belongs to: a plane patch (wall, door, ...) within 5 cm that it is parallel to, else a box
+    (table, sofa, ...) around it, else a patch within 15 cm, else "clutter". The surface is
+    measured, not made of primitives: all of it is "freeform".
+    """
+
+    path: str
+
+    def names(self) -> list[str]:
+        """File names without suffix."""
+        return sorted(self._table)
+
+    def files(self, name: str) -> list[Path]:
+        """The JSON file."""
+        return [found(self._table, name, self.path)]
+
+    def load(self, name: str) -> Scene:
+        """Read the room's mesh and label its triangles."""
+        return read_capture(found(self._table, name, self.path), name)
+
+    @cached_property
+    def _table(self) -> dict[str, Path]:
+        folder = existing_folder(self.path, "captured rooms (.json)")
+        paths = sorted(path for path in folder.glob("*.json") if _is_capture(path))
+        if not paths:
+            raise InputError(f"{self.path}: no captured rooms (.json with spatialEntities) there")
+        return dict(zip(unique_names(path.stem for path in paths), paths, strict=True))
+
+
+def read_capture(path: Path, name: str | None = None) -> Scene:
+    """Read one captured room, in metres with z up; the scene is called `name` (or as the file)."""
+    entities = _entities(path)
+    try:
+        mesh = _room_mesh(entities, path)
+        placed = _placed_entities(entities)
+    except (KeyError, TypeError, ValueError, binascii.Error) as error:
+        raise InputError(f"{path}: not a readable captured room ({error!r})") from error
+    check_mesh(mesh, str(path))
+    labels = _labels(mesh, placed)
+    turned = Mesh(y_up_to_z_up(mesh.vertices), mesh.triangles, labels)
+    about = {
+        "source": path.name,
+        "licence": "MIT",
+        "credit": _CREDIT,
+        "triangles": len(mesh.triangles),
+        "clutter": int(np.count_nonzero(labels.object_id == len(placed))),
+    }
+    return Scene(name or path.stem, "captured_room", mesh=turned, about=about)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """An entity's frame (rotation (3, 3), position (3,)) and its extent (low, high) in it.
+
+    The plane of a flat entity has the frame's y axis as its normal.
+    """
+
+    semantic: str
+    rotation: Floats
+    position: Floats
+    low: Floats
+    high: Floats
+    flat: bool
+
+    def size(self) -> float:
+        extent = self.high - self.low
+        return float(np.prod(extent[[0, 2]] if self.flat else extent))
+
+    def holds(self, points: Floats, normals: Floats, reach: float) -> NDArray[np.bool_]:
+        local = (points - self.position) @ self.rotation
+        inside = ((local >= self.low - reach) & (local <= self.high + reach)).all(axis=1)
+        if self.flat:
+            inside &= np.abs(normals @ self.rotation[:, 1]) > _PARALLEL
+        return np.asarray(inside)
+
+
+def _is_capture(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return b'"spatialEntities"' in stream.read(1 << 16)
+
+
+def _entities(path: Path) -> list[Entity]:
+    content = read_json(path)
+    entities = content.get("spatialEntities") if isinstance(content, dict) else None
+    if not isinstance(entities, list):
+        raise InputError(f"{path}: not a captured room (no spatialEntities)")
+    return entities
+
+
+def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
+    """The largest mesh of the capture in its world frame (y up)."""
+    holders = [entity for entity in entities if "triangleMesh_META" in entity]
+    if not holders:
+        raise InputError(f"{path}: the captured room has no mesh")
+    entity = max(holders, key=lambda holder: len(holder["triangleMesh_META"]["indices"]))
+    mesh = entity["triangleMesh_META"]
+    local = np.frombuffer(base64.b64decode(mesh["vertices"]), dtype="<f4").reshape(-1, 3)
+    triangles = np.frombuffer(base64.b64decode(mesh["indices"]), dtype="<u4").reshape(-1, 3)
+    rotation, position = _frame(entity)
+    return Mesh(local.astype(np.float64) @ rotation.T + position, triangles.astype(np.int64))
+
+
+def _placed_entities(entities: list[Entity]) -> list[_Placed]:
+    """Boxes and plane patches; a patch is left out where boxes have its label (table tops)."""
+    boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
+    boxed = {box.semantic for box in boxes}
+    flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]
+    return boxes + [flat for flat in flats if flat.semantic not in boxed]
+
+
+def _box(entity: Entity) -> _Placed:
+    bounds = entity["bounded3D_META"]
+    low = np.array([bounds["offset"][axis] for axis in "xyz"])
+    extent = np.array([bounds["extent"][side] for side in ("width", "height", "depth")])
+    return _Placed(_semantic(entity), *_frame(entity), low, low + extent, flat=False)
+
+
+def _patch(entity: Entity) -> _Placed:
+    offset, extent = entity["bounded2D_META"]["offset"], entity["bounded2D_META"]["extent"]
+    # The patch is given in its own x, y plane, which is the x, -z plane of the entity's frame.
+    low = np.array([offset["x"], 0.0, -offset["y"] - extent["height"]])
+    high = np.array([offset["x"] + extent["width"], 0.0, -offset["y"]])
+    return _Placed(_semantic(entity), *_frame(entity), low, high, flat=True)
+
+
+def _semantic(entity: Entity) -> str:
+    name = str(entity["semanticLabel_META"]).lower()
+    return _SEMANTIC.get(name, name)
+
+
+def _frame(entity: Entity) -> tuple[Floats, Floats]:
+    """Rotation (3, 3) and position (3,) of an entity, from its unit quaternion."""
+    place = entity["locatable_META"]
+    x, y, z, w = (float(place["orientation"][axis]) for axis in "xyzw")
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return rotation, np.array([float(place["position"][axis]) for axis in "xyz"])
+
+
+def _labels(mesh: Mesh, placed: list[_Placed]) -> Labels:
+    points, normals = mesh.corners().mean(axis=1), mesh.normals()
+    clutter = len(placed)
+    owner = np.full(len(points), clutter, dtype=np.int32)
+    by_size = sorted(range(clutter), key=lambda index: placed[index].size())
+    for flat, reach in ((True, _NEAR_M), (False, _NEAR_M), (True, _FAR_M)):
+        for index in (index for index in by_size if placed[index].flat == flat):
+            free = owner == clutter
+            owner[free & placed[index].holds(points, normals, reach)] = index
+    objects = _objects([item.semantic for item in placed] + ["clutter"])
+    none = np.zeros(len(points), dtype=np.int32)
+    return Labels(owner, none, objects, (Primitive("freeform", {}),))
+
+
+def _objects(semantics: list[str]) -> tuple[SceneObject, ...]:
+    numbers = [semantics[:index].count(name) + 1 for index, name in enumerate(semantics)]
+    pairs = zip(semantics, numbers, strict=True)
+    return tuple(SceneObject(f"{name}_{number}", name) for name, number in pairs)

@@ -1,0 +1,117 @@
+"""Reading clouds of text lines ``x y z r g b``, with the damage found in S3DIS."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.files import read_bytes
+
+_COLUMNS = 6
+_ALLOWED = b"0123456789+-.eE \t\r\n"
+_IS_FOREIGN = np.ones(256, dtype=np.bool_)
+_IS_FOREIGN[list(_ALLOWED)] = False
+# A run of foreign bytes, with the numbers' bytes that touch it.
+_FOREIGN = re.compile(rb"([0-9.eE+-]?)([^0-9.eE+\- \t\r\n]+)(?=([0-9.eE+-]?))")
+
+
+@dataclass(frozen=True)
+class TextCloud:
+    """Points (n, 3) float64 and colours (n, 3) uint8 of a text file, and what was wrong with it.
+
+    repaired: lines with foreign bytes that could be read. dropped: lines that could not.
+    """
+
+    xyz: Floats
+    colours: NDArray[np.uint8]
+    repaired: int = 0
+    dropped: int = 0
+
+
+def read_xyzrgb(path: Path) -> TextCloud:
+    """Read a text cloud; a clean file goes straight through a compiled parser.
+
+    Any byte that no number and no white space has is damage: within a number it is read as 0,
+    between numbers as a space, whichever gives the line its six numbers. Lines that still do not
+    have six numbers, with colours from 0 to 255, are dropped and counted.
+    """
+    data, repaired, dropped = _mended(read_bytes(path))
+    rows = _parsed(data)
+    if rows is None:
+        rows, misfits = _complete_lines(data)
+        dropped += misfits
+    fits = _fitting(rows)
+    if not fits.any():
+        raise InputError(f"{path}: no lines of x y z r g b")
+    dropped += int(np.count_nonzero(~fits))
+    colours = np.rint(rows[fits, 3:]).astype(np.uint8)
+    return TextCloud(rows[fits, :3], colours, repaired, dropped)
+
+
+def _mended(data: bytes) -> tuple[bytes, int, int]:
+    """The text without foreign bytes, the count of lines repaired, and that of lines dropped."""
+    if not data.translate(None, _ALLOWED):
+        return data, 0, 0
+    pieces, done, repaired, dropped = [], 0, 0, 0
+    for position in np.flatnonzero(_IS_FOREIGN[np.frombuffer(data, dtype=np.uint8)]).tolist():
+        if position < done:
+            continue
+        start, end = data.rfind(b"\n", 0, position) + 1, data.find(b"\n", position)
+        line = data[start:] if end < 0 else data[start:end]
+        mended = next(filter(_is_row, _readings(line)), b"")
+        pieces += [data[done:start], mended]
+        done = start + len(line)
+        repaired, dropped = repaired + bool(mended), dropped + (not mended)
+    return b"".join([*pieces, data[done:]]), repaired, dropped
+
+
+def _complete_lines(data: bytes) -> tuple[Floats, int]:
+    """The numbers (n, 6) of the lines that are six numbers, and the count of the others."""
+    lines = [line for line in data.splitlines() if line.strip()]
+    kept = [[float(number) for number in line.split()] for line in lines if _is_row(line)]
+    return np.array(kept, dtype=np.float64).reshape(-1, _COLUMNS), len(lines) - len(kept)
+
+
+def _parsed(data: bytes) -> Floats | None:
+    """The numbers (n, 6), nan where a line has fewer; None when some text is not a number."""
+    import pandas as pd
+
+    if not data.strip():
+        return np.empty((0, _COLUMNS))
+    options: dict[str, Any] = {"sep": r"\s+", "header": None, "dtype": np.float64, "engine": "c"}
+    try:
+        rows = pd.read_csv(io.BytesIO(data), **options).to_numpy()
+    except ValueError:  # pandas' ParserError is one
+        return None
+    return rows if rows.shape[1] == _COLUMNS else None
+
+
+def _fitting(rows: Floats) -> NDArray[np.bool_]:
+    """Where a row (n, 6) is finite and its colours are from 0 to 255."""
+    colours = rows[:, 3:]
+    in_range = (colours >= 0) & (colours <= 255)
+    return np.asarray(np.isfinite(rows).all(axis=1) & in_range.all(axis=1))
+
+
+def _readings(line: bytes) -> tuple[bytes, bytes]:
+    """The line with foreign bytes inside numbers read as 0, and with all of them as a space."""
+    inside = _FOREIGN.sub(lambda run: run[1] + (b"0" if run[1] and run[3] else b" "), line)
+    return inside, _FOREIGN.sub(lambda run: run[1] + b" ", line)
+
+
+def _is_row(line: bytes) -> bool:
+    if line.translate(None, _ALLOWED):
+        return False
+    try:
+        numbers = [float(number) for number in line.split()]
+    except ValueError:
+        return False
+    return len(numbers) == _COLUMNS and all(0 <= colour <= 255 for colour in numbers[3:])
