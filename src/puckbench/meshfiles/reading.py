@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
@@ -45,24 +46,35 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
     polygons = _reader(path)(path)
     turned = _turned(polygons, polygons.up or up)
-    mesh, _ = triangulate(turned, str(path))
-    check_mesh(mesh, str(path))
-    with_area = mesh.areas() > 0
-    kept = mesh if mesh.labels or with_area.all() else select_triangles(mesh, with_area)
-    return kept, _report(path, polygons, kept, int(np.count_nonzero(~with_area)))
+    return mesh_of_polygons(turned, str(path), path.suffix[1:].lower())
 
 
-def _report(path: Path, polygons: Polygons, mesh: Mesh, zero_area: int) -> dict[str, Any]:
+def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
+    """Triangulate and check what a reader found; the report is that of `read_mesh_report`.
+
+    `what` names the source in errors, `kind` its format in the report.
+    """
+    mesh, _ = triangulate(polygons, what)
+    check_mesh(mesh, what)
+    flat = _without_area(mesh)
+    kept = mesh if mesh.labels or not flat.any() else select_triangles(mesh, ~flat)
     short = int(np.count_nonzero(polygons.sizes < 3))
     skipped = {**polygons.skipped, "faces_of_one_or_two_corners": short}
-    return {
-        "format": path.suffix[1:].lower(),
+    return kept, {
+        "format": kind,
         "faces": len(polygons.sizes),
         "polygons": int(np.count_nonzero(polygons.sizes > 3)),
-        "triangles": len(mesh.triangles),
-        "zero_area": zero_area,
+        "triangles": len(kept.triangles),
+        "zero_area": int(np.count_nonzero(flat)),
         "skipped": {name: count for name, count in skipped.items() if count},
     }
+
+
+def _without_area(mesh: Mesh) -> NDArray[np.bool_]:
+    """Where the area is zero, or nothing but rounding against the longest edge, (t,)."""
+    corners = mesh.corners()
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return np.asarray(mesh.areas() <= 1e-12 * longest**2)
 
 
 def y_up_to_z_up(points: Floats) -> Floats:

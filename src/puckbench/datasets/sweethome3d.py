@@ -1,0 +1,215 @@
+"""Sweet Home 3D's furniture: 820 real models in five catalogues, as Debian packages them."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.datasets.scene import Scene, found, safe_name, unique_names
+from puckbench.errors import InputError
+from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.meshfiles.reading import mesh_of_polygons, y_up_to_z_up
+
+INSTALLED = "/usr/share/sweethome3d/furniture"
+_INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
+_PROPERTIES = "PluginFurnitureCatalog.properties"
+_ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
+
+
+@dataclass(frozen=True)
+class Model:
+    """A catalogue's entry for one model.
+
+    size: width, depth and height (x, y, z) in metres. rotation: (3, 3), of the model in its own
+    frame (y up), before it is brought to its size.
+    """
+
+    name: str
+    title: str
+    semantic: str
+    category: str
+    archive: Path
+    member: str
+    size: tuple[float, float, float]
+    rotation: Floats
+    creator: str
+    licence: str
+
+
+@dataclass(frozen=True)
+class SweetHome3D:
+    """Models of the ``.sh3f`` catalogues, brought to the sizes that these give.
+
+    path: a folder with the catalogues, or one that the Debian package was unpacked into; by
+    default where the package installs them. classes: semantic classes to keep (chair, table,
+    sofa, bookcase, ...); all models by default. Scenes are called scopia-chair2 (catalogue and
+    model) and grouped by semantic class. A model stands on z = 0, its middle at x = y = 0, its
+    front towards -y.
+    """
+
+    path: str = INSTALLED
+    classes: tuple[str, ...] | None = None
+
+    def names(self) -> list[str]:
+        """Catalogue and model, for every model of the classes kept."""
+        return sorted(self._table)
+
+    def files(self, name: str) -> list[Path]:
+        """The catalogue that holds the model."""
+        return [self.model(name).archive]
+
+    def load(self, name: str) -> Scene:
+        """Read the model; `about` has its creator, licence and the scale factors per axis."""
+        model = self.model(name)
+        raw, report = _read_model(model)
+        mesh, factors = _to_size(raw, model)
+        about = {
+            "source": f"{model.archive.name}/{model.member}",
+            "title": model.title,
+            "category": model.category,
+            "licence": model.licence,
+            "credit": model.creator,
+            "rescaled_by": factors,
+            **report,
+        }
+        return Scene(name, model.semantic, mesh=_labelled(mesh, model), about=about)
+
+    def model(self, name: str) -> Model:
+        """The catalogue's entry; InputError when there is none of that name."""
+        return found(self._table, name, str(self.path))
+
+    def of_class(self, semantic: str) -> list[str]:
+        """Names of the models of a semantic class, for furnishing generated rooms."""
+        return sorted(name for name, model in self._table.items() if model.semantic == semantic)
+
+    @cached_property
+    def _table(self) -> dict[str, Model]:
+        models = [model for path in self._catalogues() for model in _read_catalogue(path)]
+        names = unique_names(model.name for model in models)
+        known = {model.semantic for model in models}
+        unknown = sorted(set(self.classes or ()) - known)
+        if unknown:
+            listed = ", ".join(sorted(known))
+            raise InputError(f"{self.path}: no models of class '{unknown[0]}' (known: {listed})")
+        return {
+            name: model
+            for name, model in zip(names, models, strict=True)
+            if self.classes is None or model.semantic in self.classes
+        }
+
+    def _catalogues(self) -> list[Path]:
+        for inside in _INSIDE:
+            paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
+            if paths:
+                return paths
+        raise InputError(
+            f"{self.path}: no .sh3f catalogues there (Debian's sweethome3d-furniture has them)"
+        )
+
+
+def _read_catalogue(path: Path) -> Iterator[Model]:
+    """The models of one catalogue."""
+    properties = _read_properties(path)
+    licence = " ".join(properties.get("license", "").split())
+    items: dict[str, dict[str, str]] = {}
+    for key, value in properties.items():
+        field, mark, number = key.partition("#")
+        if mark:
+            items.setdefault(number, {})[field] = value
+    for number, item in items.items():
+        try:
+            yield _model(path, item, licence)
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path}: model {number} is not described ({error!r})") from error
+
+
+def _model(path: Path, item: Mapping[str, str], licence: str) -> Model:
+    title, category = item["name"], item["category"]
+    width, depth, height = (float(item[side]) / 100 for side in ("width", "depth", "height"))
+    rotation = np.array(item.get("modelRotation", "1 0 0 0 1 0 0 0 1").split(), dtype=np.float64)
+    return Model(
+        name=f"{path.stem.lower()}-{item['id'].rpartition('#')[2]}",
+        title=title,
+        semantic=semantic_class(title) or safe_name(category.lower()),
+        category=category,
+        archive=path,
+        member=item["model"].lstrip("/"),
+        size=(width, depth, height),
+        rotation=rotation.reshape(3, 3),
+        creator=item.get("creator", ""),
+        licence=licence,
+    )
+
+
+def _read_properties(path: Path) -> dict[str, str]:
+    """Keys and values of a catalogue's properties file (latin-1, with Java's escapes)."""
+    raw = _member(path, _PROPERTIES).decode("latin-1")
+    text = _ESCAPE.sub(lambda code: chr(int(code[1], 16)), raw)
+    lines = (line.strip() for line in text.splitlines())
+    pairs = (line.partition("=") for line in lines if line and line[0] not in "#!")
+    return {key.strip(): value.strip() for key, _, value in pairs}
+
+
+def _member(path: Path, name: str) -> bytes:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.read(name)
+    except (OSError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: cannot read {name} from it ({error})") from error
+
+
+def semantic_class(title: str) -> str | None:
+    """Semantic class that a model's English name tells; None when it tells none."""
+    words = title.lower()
+    table = _class_words()
+    if any(f"{word} " in f"{words} " and not words.endswith(word) for word in table["not"]):
+        return None
+    for name, endings in table["classes"].items():
+        if any(words == ending or words.endswith(f" {ending}") for ending in endings):
+            return str(name)
+    return None
+
+
+@cache
+def _class_words() -> dict[str, Any]:
+    import yaml
+
+    text = files("puckbench.datasets").joinpath("sweethome3d.yaml").read_text(encoding="utf-8")
+    table: dict[str, Any] = yaml.safe_load(text)
+    return table
+
+
+def _read_model(model: Model) -> tuple[Mesh, dict[str, Any]]:
+    """The model in its own frame and unit, y up."""
+    from puckbench.meshfiles.obj import parse_obj
+
+    what = f"{model.archive}/{model.member}"
+    return mesh_of_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")
+
+
+def _to_size(mesh: Mesh, model: Model) -> tuple[Mesh, list[float]]:
+    """Rotate, turn to z up, bring the box to the catalogue's size and stand it at the origin."""
+    turned = Mesh(y_up_to_z_up(mesh.vertices @ model.rotation.T), mesh.triangles)
+    low, high = turned.bounds()
+    extent = high - low
+    flat = extent <= 0
+    factors = np.where(flat, 1.0, np.array(model.size) / np.where(flat, 1.0, extent))
+    foot = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    sized = Mesh((turned.vertices - foot) * factors, mesh.triangles)
+    return sized, [round(float(factor), 9) for factor in factors]
+
+
+def _labelled(mesh: Mesh, model: Model) -> Mesh:
+    none = np.zeros(len(mesh.triangles), dtype=np.int32)
+    objects = (SceneObject(model.name, model.semantic),)
+    labels = Labels(none, none, objects, (Primitive("freeform", {}),))
+    return Mesh(mesh.vertices, mesh.triangles, labels)
