@@ -18,8 +18,9 @@ def free_origin(
 ) -> Floats:
     """The free spot nearest to the middle of the floor plan, `height` m above the floor, (3,).
 
-    Free: no surface within `clearance` m, and inside the scene, so that more than the share
-    `inside` of rays in all directions hit it. Spots are tried on a grid of at least 5 cm.
+    Free: no surface within `clearance` m, and inside the scene: something is straight below, and
+    more than the share `inside` of rays in all directions hit the scene. Spots are tried on a
+    grid of at least 5 cm.
     Raises InputError when there is none.
     """
     check_mesh(mesh, "the mesh to scan")
@@ -28,7 +29,8 @@ def free_origin(
     caster = RayCaster(mesh, middle)
     spots = _grid(high - low)
     spots[:, 2] = _floor(caster, spots, high - low) + height
-    for spot in spots[_distances(caster, spots) >= clearance]:
+    standing = np.isfinite(_below(caster, spots)) & (_distances(caster, spots) >= clearance)
+    for spot in spots[standing]:
         if _share_seen(caster, spot) > inside:
             return np.asarray(middle + spot)
     raise InputError(
@@ -50,10 +52,14 @@ def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
 
     Not the lowest vertex: a floor can have a thickness, and a captured room stray points below.
     """
-    down = np.tile([0.0, 0.0, -1.0], (len(places), 1))
-    levels = -caster.reach(places, down)
+    levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]
     return float(np.quantile(levels, 0.1)) if len(levels) else float(-size[2] / 2)
+
+
+def _below(caster: RayCaster, places: Floats) -> Floats:
+    """Distance from each place straight down to a surface, inf where there is none, (n,)."""
+    return caster.reach(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
 
 
 def _distances(caster: RayCaster, places: Floats) -> Floats:

@@ -46,8 +46,8 @@ class RayCaster:
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
-            o3d.core.Tensor.from_numpy(seen.vertices.astype(np.float32)),
-            o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(seen.vertices, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
         )
 
     def cast(self, rays: Rays, rotations: Floats, limits: tuple[float, float]) -> Cast:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -142,9 +143,12 @@ def _portions(frames: int, at_a_time: int) -> list[range]:
 
 def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
     parameters: Any = model
-    return {
+    about = {
         "sensor": asdict(sensor),
         "sweep": asdict(sweep),
         "errors": {"model": type(model).__name__, **asdict(parameters)},
         "origin": origin.tolist(),
     }
+    # As it comes back from a file: lists for tuples.
+    described: dict[str, Any] = json.loads(json.dumps(about))
+    return described
