@@ -125,7 +125,7 @@ def _read_catalogue(path: Path) -> Iterator[Model]:
         field, mark, number = key.partition("#")
         if mark:
             items.setdefault(number, {})[field] = value
-    for number, item in items.items():
+    for number, item in ((n, item) for n, item in items.items() if "model" in item):
         try:
             yield _model(path, item, licence)
         except (KeyError, ValueError) as error:
