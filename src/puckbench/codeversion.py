@@ -1,7 +1,8 @@
 """A fingerprint of the code that makes an artefact, so that only what it changes is re-made.
 
 The fingerprint covers a module and every puckbench module that it imports, directly or not,
-by their syntax trees without docstrings: an edited comment re-makes nothing.
+by their syntax trees without docstrings: an edited comment re-makes nothing. Registries are left
+out: a new entry changes nothing that is made with the others.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import ast
 import hashlib
 from collections.abc import Iterator
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 _PACKAGE = "puckbench"
+_ROOT = Path(__file__).parent
+_REGISTRIES = {"REGISTRY", "FIGURES"}
 
 
 @cache
@@ -29,7 +31,7 @@ def code_version(*modules: str) -> str:
     return hashlib.sha256(lines.encode()).hexdigest()[:16]
 
 
-def imports(tree: ast.Module, module: str = "") -> Iterator[str]:
+def imports(tree: ast.Module) -> Iterator[str]:
     """Dotted names of the puckbench modules that a syntax tree may import, at any depth."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -44,33 +46,40 @@ def _ours(name: str) -> bool:
 
 
 def _collect(module: str, found: dict[str, str]) -> None:
+    """Add a module, its packages and what they import to `found`."""
     source = _source(module)
     if module in found or source is None:
         return
     digest, imported = _read(source)
     found[module] = digest
-    for name in imported:
+    package = module.rpartition(".")[0] if not module.endswith(".py") else ""
+    for name in (*imported, *([package] if package else [])):
         _collect(name, found)
 
 
 @cache
 def _source(module: str) -> Path | None:
+    """File of a module, found without importing anything; None for a name within a module."""
     if module.endswith(".py"):
         return Path(module)
-    try:
-        spec = find_spec(module)
-    except ModuleNotFoundError:  # a name within a module, not a module
-        return None
-    return Path(spec.origin) if spec and spec.origin else None
+    base = _ROOT.joinpath(*module.split(".")[1:])
+    files = (base.with_suffix(".py"), base / "__init__.py")
+    return next((file for file in files if file.is_file()), None)
 
 
 @cache
 def _read(source: Path) -> tuple[str, tuple[str, ...]]:
     tree = ast.parse(source.read_text(encoding="utf-8"))
     imported = tuple(imports(tree))
+    tree.body = [node for node in tree.body if not _is_registry(node)]
     for node in ast.walk(tree):
         _drop_docstring(node)
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imported
+
+
+def _is_registry(node: ast.stmt) -> bool:
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    return any(isinstance(name, ast.Name) and name.id in _REGISTRIES for name in targets)
 
 
 def _drop_docstring(node: ast.AST) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -21,7 +20,7 @@ from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.plan import DataSetPlan, Plan
-from puckbench.sensor import errors as error_models
+from puckbench.sensor.errors import open_error_model
 from puckbench.sensor.sensor import load_sensor
 
 _held: list[TextIO] = []
@@ -88,9 +87,9 @@ class Workflow:
     def scan_code(self, dataset: str) -> str:
         """Fingerprint of the scanner, its sensor and its error model."""
         settings = self.dataset(dataset).settings
-        module = error_models.REGISTRY[settings["errors"]][0].split(":")[0]
-        sensor = json.dumps(asdict(load_sensor(settings["sensor"])), sort_keys=True)
-        return f"{code_version('puckbench.cli.scan', module)} {sensor}"
+        model = open_error_model(settings["errors"], settings["error_options"])
+        code = code_version("puckbench.cli.scan", type(model).__module__)
+        return f"{code} {model} {load_sensor(settings['sensor'])}"
 
     def crop_arguments(self, dataset: str, cloud: str) -> str:
         """Arguments of `puckbench prepare` that crop a scan to its room's box."""
@@ -140,7 +139,8 @@ class Workflow:
 
     def figure_code(self, figure: str) -> str:
         """Fingerprint of a figure's own module and of what draws all figures."""
-        return code_version("puckbench.cli.figure", FIGURES[figure].function.split(":")[0])
+        entry = FIGURES[figure]
+        return f"{code_version('puckbench.cli.figure', entry.function.split(':')[0])} {entry}"
 
 
 def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:

@@ -1,0 +1,53 @@
+import ast
+from pathlib import Path
+
+from puckbench.codeversion import code_version, imports
+
+
+def _version(path: Path, text: str) -> str:
+    path.write_text(text)
+    code_version.cache_clear()
+    from puckbench import codeversion
+
+    codeversion._read.cache_clear()
+    return code_version(str(path))
+
+
+def test_comments_docstrings_and_registries_do_not_count(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    plain = _version(path, "def f():\n    return 1\n")
+    assert _version(path, "# why\n\n\ndef f():\n    return 1  # because\n") == plain
+    with_text = _version(path, 'def f():\n    """Say."""\n    return 1\n')
+    assert _version(path, 'def f():\n    """Say more."""\n    return 1\n') == with_text
+    assert _version(path, 'REGISTRY = {"a": 1}\n\n\ndef f():\n    return 1\n') == plain
+
+
+def test_code_counts(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    assert _version(path, "x = 1\n") != _version(path, "x = 2\n")
+
+
+def test_imports_are_followed_at_every_depth(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    alone = _version(path, "def f():\n    import os\n    return os\n")
+    with_ours = _version(path, "def f():\n    import puckbench.files\n    return 1\n")
+    assert alone != with_ours
+    tree = ast.parse("import os\ndef f():\n    from puckbench.codecs import draco\n")
+    assert list(imports(tree)) == ["puckbench.codecs", "puckbench.codecs.draco"]
+
+
+def test_one_codec_does_not_depend_on_another() -> None:
+    seen = _modules("puckbench.cli.encode", "puckbench.codecs.draco")
+    assert "puckbench.codecs.draco" in seen
+    assert "puckbench.codecs.codec" in seen
+    assert "puckbench.codecs.draco" not in _modules("puckbench.cli.encode")
+    assert not any(name.startswith("puckbench.figures") for name in seen)
+
+
+def _modules(*names: str) -> set[str]:
+    from puckbench import codeversion
+
+    found: dict[str, str] = {}
+    for name in names:
+        codeversion._collect(name, found)
+    return set(found)

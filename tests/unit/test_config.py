@@ -1,0 +1,87 @@
+from pathlib import Path
+
+import pytest
+
+from puckbench.config import checked, read_schema
+from puckbench.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = read_schema(ROOT / "workflow" / "schemas" / "config.schema.yaml")
+
+
+def _config() -> dict:
+    return {
+        "scenes": {"a": {"loader": "embedded_rooms"}},
+        "datasets": {"d": {"scenes": "a", "make": "scan"}},
+    }
+
+
+def test_defaults_are_filled_in_at_every_depth() -> None:
+    config = checked(_config(), SCHEMA)
+    assert config["results"] == "results"
+    assert config["codecs"] == {"draco": {}}
+    assert config["timing"]["repeats"] == 3
+    assert config["figures"]["style"] == {}
+    assert config["datasets"]["d"]["neighbours"] == 30
+    assert config["datasets"]["d"]["size"] == 1024
+    assert config["scenes"]["a"]["options"] == {}
+
+
+def test_the_users_configuration_is_not_changed() -> None:
+    config = _config()
+    checked(config, SCHEMA)
+    assert config == _config()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("datasetz",), {}, "unknown key 'datasetz' .known: codecs, datasets"),
+        (("datasets", "d", "maek"), "scan", r"datasets\.d: unknown key 'maek'"),
+        (
+            ("datasets", "d", "make"),
+            "scna",
+            r"datasets\.d\.make: 'scna' is not allowed .allowed: s",
+        ),
+        (("seed",), "one", "seed: 'one' is not of type 'integer'"),
+        (("seed",), -1, "seed: -1 is less than the minimum"),
+        (("datasets", "d", "points"), 0, r"datasets\.d\.points: 0 is less"),
+        (
+            ("datasets", "bad name"),
+            {"scenes": "a", "make": "scan"},
+            "datasets: 'bad name' does not",
+        ),
+        (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: repeats"),
+        (("figures",), {"examples": {"object": "x"}}, r"figures\.examples\.object: 'x' does not"),
+    ],
+)
+def test_a_fault_is_one_line_with_key_value_and_what_is_allowed(
+    path: tuple[str, ...], value: object, message: str
+) -> None:
+    config = _config()
+    place = config
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    with pytest.raises(InputError, match=message) as caught:
+        checked(config, SCHEMA)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", ["scenes", "datasets"])
+def test_what_is_required_is_named(missing: str) -> None:
+    config = _config()
+    del config[missing]
+    with pytest.raises(InputError, match=f"'{missing}' is a required property"):
+        checked(config, SCHEMA)
+
+
+def test_every_key_is_documented() -> None:
+    """config/README.md names every key of the schema."""
+    text = (ROOT / "config" / "README.md").read_text(encoding="utf-8")
+    keys = {
+        key
+        for part in [SCHEMA, *SCHEMA["$defs"].values(), *SCHEMA["properties"].values()]
+        for key in part.get("properties", {})
+    }
+    assert {key for key in keys if f"`{key}`" not in text} == set()

@@ -1,0 +1,58 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.registry import codec_of, entries, entry, open_codec
+from puckbench.errors import InputError
+
+OWN = """
+from puckbench.codecs.codec import Codec
+import numpy as np
+
+class Raw(Codec):
+    def _encode(self, points, parameters):
+        return points.astype(parameters["kind"]).tobytes()
+    def _decode(self, stream):
+        return np.frombuffer(stream, "<f4").reshape(-1, 3).astype(float)
+"""
+
+
+def test_a_codec_of_ones_own_comes_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "raw.py").write_text(OWN)
+    changes = {"class": f"{tmp_path}/raw.py:Raw", "rates": {"r1": {"kind": "<f4"}}}
+    codec = open_codec("raw", changes)
+    points = np.array([[1.0, 2.0, 3.0]])
+    assert codec.decode(codec.encode(points, "r1")).tolist() == points.tolist()
+
+
+def test_rates_are_chosen_in_the_tables_order() -> None:
+    assert list(entry("draco", {"rates": ["r8", "r1"]})["rates"]) == ["r1", "r8"]
+
+
+def test_pcc_arenas_draco_rates() -> None:
+    bits = [rate["quantization_bits"] for rate in entries()["draco"]["rates"].values()]
+    assert bits == [4, 5, 6, 7, 8, 9, 10, 11]
+    assert entries()["draco"]["options"] == {"compression_level": 10}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "fault"),
+    [
+        ("drako", {}, "unknown codec 'drako' \\(known: draco"),
+        ("draco", {"rates": ["r9"]}, "unknown rate 'r9'"),
+        ("draco", {"options": {"speed": 1}}, "speed"),
+        ("mine", {"class": "nothing"}, "not of the form"),
+        ("mine", {"class": "no.such.module:Thing"}, "cannot load"),
+        ("mine", {"class": "puckbench.codecs.draco:Dracco"}, "cannot load"),
+        ("mine", {"class": "missing.py:Thing"}, "cannot load"),
+    ],
+)
+def test_faults_are_one_line(name: str, changes: dict[str, object], fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        open_codec(name, changes)
+
+
+def test_a_foreign_stream_has_no_codec() -> None:
+    with pytest.raises(InputError, match="no shipped codec"):
+        codec_of(b"\x89PNG")

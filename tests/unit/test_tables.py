@@ -1,0 +1,67 @@
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from puckbench.errors import InputError
+from puckbench.tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, summary, table_of, write_table
+
+
+def _row(cloud: str, rate: str, bpp: float) -> dict:
+    return {"rate": rate, "cloud": cloud, "bpp": bpp, "codec": "draco", "dataset": "d", "zeta": 1}
+
+
+def test_columns_and_rows_have_a_fixed_order() -> None:
+    table = table_of([_row("b", "r1", 1.0), _row("a", "r1", 2.0)], METRIC_KEYS)
+    assert list(table) == ["dataset", "cloud", "codec", "rate", "bpp", "zeta"]
+    assert list(table.cloud) == ["b", "a"]
+
+
+def test_a_result_given_twice_is_refused() -> None:
+    with pytest.raises(InputError, match="same dataset, cloud, codec, rate"):
+        table_of([_row("a", "r1", 1.0), _row("a", "r1", 1.0)], METRIC_KEYS)
+
+
+def test_no_results_make_no_table() -> None:
+    with pytest.raises(InputError, match="no results"):
+        table_of([], METRIC_KEYS)
+
+
+def test_the_summary_has_medians_over_clouds() -> None:
+    rows = [
+        _row(cloud, rate, bpp)
+        for cloud, rate, bpp in [
+            ("a", "r1", 1.0),
+            ("b", "r1", 5.0),
+            ("c", "r1", 2.0),
+            ("a", "r2", 9.0),
+        ]
+    ]
+    found = summary(table_of(rows, METRIC_KEYS))
+    assert found.bpp.tolist() == [2.0, 9.0]
+    assert found.clouds.tolist() == [3, 1]
+
+
+def test_csv_and_parquet_hold_the_same(tmp_path: Path) -> None:
+    table = table_of([_row("a", "r1", 0.1), _row("b", "r1", 1e-17)], METRIC_KEYS)
+    write_table(table, tmp_path / "t.csv", tmp_path / "t.parquet")
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "t.csv"), table, check_dtype=False)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "t.parquet"), table, check_dtype=False)
+
+
+def test_a_clouds_row_comes_from_its_description(tmp_path: Path) -> None:
+    about = {
+        "name": "room",
+        "group": "office",
+        "points": 10,
+        "elongation": 0.5,
+        "diameter": 9.0,
+        "scale": 100.0,
+        "size_m": [1.0, 2.0, 3.0],
+        "seed": 4,
+    }
+    (tmp_path / "room.json").write_text(json.dumps(about))
+    row = cloud_row("raw", tmp_path / "room.json")
+    assert row["size_y_m"] == 2.0
+    assert list(table_of([row], CLOUD_KEYS).columns[:2]) == ["dataset", "cloud"]
