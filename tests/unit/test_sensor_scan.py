@@ -106,6 +106,32 @@ def test_a_mesh_without_labels_gives_minus_one() -> None:
     assert (table.primitive_id == -1).all()
 
 
+def nearest_by_brute_force(mesh: Mesh, directions: Floats) -> Floats:
+    """Distance from the origin to the nearest triangle in float64 (Moeller and Trumbore), (n,)."""
+    first, second, third = mesh.corners().swapaxes(0, 1)
+    one, two = second - first, third - first
+    across = np.cross(directions[:, None], two)
+    determinant = np.einsum("tj,ntj->nt", one, across)
+    u = -np.einsum("tj,ntj->nt", first, across) / determinant
+    over = np.cross(-first, one)
+    v = directions @ over.T / determinant
+    distance = np.einsum("tj,tj->t", two, over) / determinant
+    struck = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
+    return np.where(struck, distance, np.inf).min(axis=1)
+
+
+def test_distances_in_a_heap_of_triangles_equal_those_by_brute_force() -> None:
+    rng = np.random.default_rng(5)
+    middles = rng.uniform(-8, 8, (400, 1, 3))
+    corners = (middles + rng.normal(0, 1.0, (400, 3, 3))).reshape(-1, 3)
+    heap = Mesh(corners, np.arange(1200).reshape(-1, 3))
+    sweep = Sweep(duration_s=0.5, azimuth_step_deg=5.0)
+    table = scanned(heap, origin=np.zeros(3), sweep=sweep)
+    expected = nearest_by_brute_force(heap, nominal_directions(table, sweep))
+    assert len(table) > 2000
+    assert table["distance"] == pytest.approx(expected, abs=1e-9, rel=0)
+
+
 def test_no_errors_means_equal_values() -> None:
     table = scanned(room())
     for name in ("distance", "x", "y", "z"):
