@@ -1,0 +1,144 @@
+"""Where free data sets come from: packages of npm and Debian, their hashes and credits."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import subprocess
+import tarfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from puckbench.datasets.captured_rooms import CapturedRooms
+from puckbench.datasets.sweethome3d import SweetHome3D
+from puckbench.errors import InputError
+
+_TIMEOUT_S = 900
+_FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A package of a package manager and the part of it that is a data set.
+
+    download: puts the package into a folder and returns its path. unpack: the members of a
+    package, as a tar archive. wanted: pattern of the members to take. hashes: SHA-256 of the
+    package by its file name. pinned: whether any other package is refused (else: a warning).
+    credits: the text of the credits, from the folder with the unpacked files.
+    """
+
+    package: str
+    download: Callable[[Path], Path]
+    unpack: Callable[[Path], tarfile.TarFile]
+    wanted: re.Pattern[str]
+    hashes: Mapping[str, str]
+    pinned: bool
+    credits: Callable[[Path], str]
+
+
+def _npm_pack(spec: str) -> Callable[[Path], Path]:
+    def download(folder: Path) -> Path:
+        _run("npm", ["pack", spec, "--loglevel=error"], folder, f"fetch {spec}")
+        return _only(folder, "*.tgz")
+
+    return download
+
+
+def _apt_download(package: str) -> Callable[[Path], Path]:
+    def download(folder: Path) -> Path:
+        _run("apt-get", ["download", package], folder, f"fetch {package} (Debian or Ubuntu)")
+        return _only(folder, "*.deb")
+
+    return download
+
+
+def _open_npm(package: Path) -> tarfile.TarFile:
+    return tarfile.open(package, mode="r:gz")
+
+
+def _open_deb(package: Path) -> tarfile.TarFile:
+    arguments = ["--fsys-tarfile", package.name]
+    content = _run("dpkg-deb", arguments, package.parent, f"unpack {package.name}")
+    return tarfile.open(fileobj=io.BytesIO(content), mode="r:")
+
+
+def _run(program: str, arguments: list[str], folder: Path, purpose: str) -> bytes:
+    """Standard output of a program; InputError when it is missing or fails."""
+    if shutil.which(program) is None:
+        raise InputError(f"{program} is needed to {purpose} and is not installed")
+    command = [program, *arguments]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, timeout=_TIMEOUT_S, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{' '.join(command)}: no end after {_TIMEOUT_S} s") from error
+    if done.returncode != 0:
+        raise InputError(f"{' '.join(command)} failed: {_fault(done.stderr)}")
+    return done.stdout
+
+
+def _fault(stderr: bytes) -> str:
+    text = stderr.decode("utf-8", "replace")
+    faults = [line for line in _FAULT_LINE.findall(text) if not line.startswith("code ")]
+    return (faults or text.strip().splitlines()[-1:] or ["no reason given"])[0]
+
+
+def _only(folder: Path, pattern: str) -> Path:
+    found = sorted(folder.glob(pattern))
+    if len(found) != 1:
+        raise InputError(f"{folder}: expected one {pattern} after the download, got {len(found)}")
+    return found[0]
+
+
+def _room_credits(folder: Path) -> str:
+    rooms = "\n".join(f"* {name}" for name in CapturedRooms(str(folder)).names())
+    return (
+        "# Captured rooms\n\nFrom the npm package @iwer/sem 2.4.0, copyright Meta Platforms, Inc. "
+        f"and affiliates, MIT licence (see LICENSE).\n\n{rooms}\n"
+    )
+
+
+def _furniture_credits(folder: Path) -> str:
+    models = SweetHome3D(str(folder))
+    rows = [models.model(name) for name in models.names()]
+    lines = [f"| {m.name} | {m.title} | {m.creator} | {m.licence} |" for m in rows]
+    head = (
+        "# Furniture of Sweet Home 3D\n\nFrom Debian's package sweethome3d-furniture (see "
+        "copyright). Used here with sizes changed to those of the catalogues.\n\n"
+        "| model | title | creator | licence |\n|---|---|---|---|\n"
+    )
+    return head + "\n".join(lines) + "\n"
+
+
+SOURCES = {
+    "captured_rooms": Source(
+        package="@iwer/sem@2.4.0",
+        download=_npm_pack("@iwer/sem@2.4.0"),
+        unpack=_open_npm,
+        wanted=re.compile(r"package/(captures/[\w-]+\.json|LICENSE)"),
+        hashes={
+            "iwer-sem-2.4.0.tgz": "640a38360ee5a6622ee7fd4cfacac4da16ce6ef711938415293fa9a58fafb120"
+        },
+        pinned=True,
+        credits=_room_credits,
+    ),
+    "sweethome3d": Source(
+        package="sweethome3d-furniture",
+        download=_apt_download("sweethome3d-furniture"),
+        unpack=_open_deb,
+        wanted=re.compile(
+            r"\./usr/share/(sweethome3d/furniture/[\w-]+\.sh3f"
+            r"|doc/sweethome3d-furniture/copyright)"
+        ),
+        hashes={
+            "sweethome3d-furniture_1.8-1_all.deb": (
+                "3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668"
+            )
+        },
+        pinned=False,
+        credits=_furniture_credits,
+    ),
+}
