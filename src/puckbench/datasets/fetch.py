@@ -48,7 +48,7 @@ def _fetch_or_fail(name: str, folder: Path) -> Fetched:
         return Fetched(name, folder, "present")
     try:
         return Fetched(name, folder, "fetched", fetch_source(SOURCES[name], folder))
-    except InputError as error:
+    except (InputError, OSError) as error:
         return Fetched(name, folder, "failed", str(error))
 
 

@@ -44,8 +44,6 @@ def parse_obj(data: bytes, what: str) -> Polygons:
     corners = _corners(faces, what)
     if len(corners) and corners.min() < 0:
         corners = _absolute(corners, sizes, kinds)
-    if len(corners) and corners.min() == 0:
-        raise InputError(f"{what}: a face refers to vertex 0 (OBJ indices start at 1)")
     return Polygons(_vertices(points, what), corners - 1, sizes, skipped=_skipped(kinds))
 
 
