@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,19 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
+from puckbench.meshfiles.glb import read_glb
+from puckbench.meshfiles.obj import read_obj
+from puckbench.meshfiles.off import read_off
+from puckbench.meshfiles.ply import read_ply
 from puckbench.meshfiles.polygons import Polygons, select_triangles, triangulate
+from puckbench.meshfiles.stl import read_stl
 
-_READERS = {
-    ".glb": "glb:read_glb",
-    ".obj": "obj:read_obj",
-    ".off": "off:read_off",
-    ".ply": "ply:read_ply",
-    ".stl": "stl:read_stl",
+_READERS: dict[str, Callable[[Path], Polygons]] = {
+    ".glb": read_glb,
+    ".obj": read_obj,
+    ".off": read_off,
+    ".ply": read_ply,
+    ".stl": read_stl,
 }
 SUFFIXES = tuple(_READERS)
 
@@ -83,15 +87,11 @@ def y_up_to_z_up(points: Floats) -> Floats:
 
 
 def _reader(path: Path) -> Callable[[Path], Polygons]:
-    entry = _READERS.get(path.suffix.lower())
-    if entry is None:
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    module, function = entry.split(":")
-    reader: Callable[[Path], Polygons] = getattr(
-        import_module(f"puckbench.meshfiles.{module}"), function
-    )
     return reader
 
 
