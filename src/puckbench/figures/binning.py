@@ -19,18 +19,16 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
     """Medians of x and of y in up to `bins` bins of x with equal counts, by rising x.
 
     x, y: (n,) arrays; pairs where one is missing (nan) are left out. The bin edges are the
-    quantiles of x (as ``pandas.qcut``); fewer distinct values than bins give fewer bins.
+    quantiles of x (as ``pandas.qcut``); with no more distinct values than bins each has its own.
     """
     import pandas as pd
 
     paired = np.isfinite(x) & np.isfinite(y)
     frame = pd.DataFrame({"x": x[paired], "y": y[paired]})
-    if (distinct := frame["x"].nunique()) == 0:
-        return np.empty(0), np.empty(0)
-    if distinct == 1:
-        bin_of = pd.Series(0, index=frame.index)
+    if frame["x"].nunique() <= bins:
+        bin_of = frame["x"].rank(method="dense")
     else:
-        bin_of = pd.qcut(frame["x"], min(bins, distinct), labels=False, duplicates="drop")
+        bin_of = pd.qcut(frame["x"], bins, labels=False, duplicates="drop")
     medians = frame.groupby(bin_of).median().sort_index()
     return medians["x"].to_numpy(), medians["y"].to_numpy()
 

@@ -67,5 +67,5 @@ def shared_limits(curves: Iterable[Lines], quantity: Quantity, style: FigureStyl
     """Limits of one quantity for all panels: bpp's from the first array of each line, or y's."""
     which = 0 if quantity is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]
-    default = style.axis_ranges.get(quantity.column, quantity.limits)
+    default = style.axis_range(quantity.column, quantity.limits)
     return log_limits(np.concatenate([np.empty(0), *arrays]), default)

@@ -41,6 +41,7 @@ def draw_files(
     values = {needed: read_input(needed, inputs[needed]) for needed in entry.inputs}
     with style.context():
         figure = entry.load()(**values, style=style)
+        lay_out(figure)
         for path in outputs:
             save_figure(figure, path)
 
@@ -66,6 +67,14 @@ def read_table(path: Path) -> pd.DataFrame:
     if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table
+
+
+def lay_out(figure: Figure) -> None:
+    """Place everything once, so that all files of a figure agree and none does it again."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -15,14 +15,15 @@ from puckbench.render import Image, View, render_cloud
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 _AZIMUTH_DEG, _ELEVATION_DEG = -60.0, 38.0
 _CUT_HEIGHT = 0.8
 _WALL_M = 0.25
 _NARROWEST, _WIDEST = 0.9, 3.0
-_COVER = 7.0
-_COLOUR_MAP = "viridis"
+_COVER = 10.0
+_DARKEST = 0.12
 
 
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
@@ -80,7 +81,7 @@ def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
     width = style.width_in or (COLUMN_WIDTH_IN if len(clouds) == 1 else PAGE_WIDTH_IN)
     frame = _frame([cloud.xyz for cloud in clouds.values()])
     unit = "m" if all("scale" in cloud.about for cloud in clouds.values()) else "units"
-    panel_in = (width - 0.65) / len(clouds)
+    panel_in = (width - 0.75) / len(clouds)
     titled_in = 0.22 if any(clouds) else 0.05
     figure = Figure(figsize=(width, 1.08 * panel_in / frame.aspect + titled_in))
     panels = figure.subplots(1, len(clouds), squeeze=False)[0]
@@ -111,15 +112,21 @@ def _frame(clouds: list[Floats]) -> _Frame:
 
 def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image:
     """The points coloured by height, in discs large enough to close the surfaces."""
-    import matplotlib
-
     span = max(frame.top - frame.floor, 1e-9)
     shares = np.clip((cloud.xyz[:, 2] - frame.floor) / span, 0, 1)
-    colours = 255 * matplotlib.colormaps[_COLOUR_MAP](shares)[:, :3]
+    colours = 255 * _colour_map()(shares)[:, :3]
     colours = (colours * _light(cloud, frame.view)[:, None] + 0.5).astype(np.uint8)
     disc = _COVER * pixels[0] * pixels[1] / len(cloud)
     radius = round(min(max(math.sqrt(disc / math.pi), 1), 4))
     return render_cloud(cloud.xyz, colours, frame.view, pixels, radius=radius)
+
+
+def _colour_map() -> Colormap:
+    """Viridis without its darkest end, on which shading could not be seen."""
+    import matplotlib
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1, 256)))
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
@@ -155,7 +162,7 @@ def _add_height_bar(figure: Figure, panels: list[Axes], frame: _Frame, unit: str
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    heights = ScalarMappable(Normalize(0, frame.top - frame.floor), _COLOUR_MAP)
+    heights = ScalarMappable(Normalize(0, frame.top - frame.floor), _colour_map())
     bar = figure.colorbar(heights, ax=panels, shrink=0.8, aspect=25, pad=0.02)
     bar.set_label(f"Height ({unit})")
     bar.outline.set_linewidth(0.4)

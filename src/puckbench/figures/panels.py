@@ -47,8 +47,8 @@ def figure_width(columns: int, style: FigureStyle) -> float:
 
 
 def panels_abreast(panels: int) -> int:
-    """How many of the panels stand in a row: two up to four (as in the thesis), then more."""
-    return min(panels, 2) if panels <= 4 else 3 if panels <= 6 else 4
+    """How many of the panels stand in a row: four are two by two as in the thesis."""
+    return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
 def log_limits(values: Floats, default: Range) -> Range:
@@ -82,15 +82,19 @@ def draw_line(axes: Axes, x: Floats, y: Floats, look: Look, floor: float) -> Non
         axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
 
 
-def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range) -> None:
-    """Make one axis logarithmic with these limits, a tick per decade and a grid inside decades."""
-    from matplotlib.ticker import LogLocator, NullFormatter
+def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
+    """Make one axis logarithmic with these limits, with a tick and a grid line per decade.
+
+    minor: lines inside the decades too, which small panels are better without.
+    """
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
     line = axes.xaxis if axis == "x" else axes.yaxis
     getattr(axes, f"set_{axis}scale")("log")
     getattr(axes, f"set_{axis}lim")(*limits)
     line.set_major_locator(LogLocator(numticks=12))
-    line.set_minor_locator(LogLocator(subs=list(range(2, 10)), numticks=12))
+    inside = LogLocator(subs=list(range(2, 10)), numticks=12) if minor else NullLocator()
+    line.set_minor_locator(inside)
     line.set_minor_formatter(NullFormatter())
     axes.grid(which="minor", axis=axis, linewidth=0.25, color="#ececec")
 

@@ -58,7 +58,7 @@ def draw_against_bpp(metrics: pd.DataFrame, quantity: Quantity, style: FigureSty
         draw_curves(axes, lines, x_limits, y_limits, style)
         set_title(axes, style.title(dataset), columns, style)
     for axes in panels[::columns]:
-        axes.set_ylabel(quantity.label)
+        axes.set_ylabel(quantity.label if columns < 3 else quantity.short_label)
     for axes in panels[-columns:]:
         axes.set_xlabel(BPP.label)
     add_legend(figure, codecs_of(curves.values(), style), style)

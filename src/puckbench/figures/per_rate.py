@@ -41,6 +41,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     for axes, dataset in zip(panels[:abreast], datasets, strict=True):
         set_title(axes, style.title(dataset), abreast, style)
     _label_rates(panels, abreast, ordered_rates(set(metrics["rate"])))
+    figure.supxlabel("Compression rate", fontsize=style.font_size)
     add_legend(figure, style.ordered_codecs(metrics["codec"]), style)
     return figure
 
@@ -51,10 +52,10 @@ def _draw_row(
     """The panels of one metric, by data set, on one y axis."""
     medians = medians_per_rate(metrics, quantity.column)
     rates = ordered_rates(set(metrics["rate"]))
-    default = style.axis_ranges.get(quantity.column, quantity.limits)
+    default = style.axis_range(quantity.column, quantity.limits)
     limits = log_limits(medians[quantity.column].to_numpy(dtype=float), default)
     for dataset, axes in row.items():
-        set_log(axes, "y", limits)
+        set_log(axes, "y", limits, minor=False)
         part = medians[medians["dataset"] == dataset]
         for codec in style.ordered_codecs(part["codec"]):
             values = part[part["codec"] == codec].set_index("rate")[quantity.column]
@@ -70,5 +71,3 @@ def _label_rates(panels: list[Axes], abreast: int, rates: list[str]) -> None:
     for axes in panels:
         axes.set_xlim(-0.4, len(rates) - 0.6)
         axes.set_xticks(range(0, len(rates), step), rates[::step])
-    for axes in panels[-abreast:]:
-        axes.set_xlabel("Compression rate")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from puckbench.errors import InputError
@@ -38,39 +38,33 @@ class FigureStyle:
     codec_titles: Mapping[str, str] = field(default_factory=dict)
     dataset_titles: Mapping[str, str] = field(default_factory=dict)
     datasets: tuple[str, ...] = ()
-    axis_ranges: Mapping[str, Range] = field(default_factory=dict)
+    axis_ranges: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """InputError for a size that is not positive or a range that a log axis cannot show."""
-        sizes = ("font_size", "dpi", "line_width", "marker_size", "width_in")
-        for name in sizes:
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"figure style: {name} must be positive, not {value!r}")
+        """InputError for a value that cannot be used, naming it."""
+        for name in _SIZES:
+            _check_size(name, getattr(self, name))
         for column, limits in self.axis_ranges.items():
-            if len(limits) != 2 or not 0 < limits[0] < limits[1]:
-                raise InputError(
-                    f"figure style: axis_ranges of {column!r} must be [low, high] with "
-                    f"0 < low < high, not {limits!r}"
-                )
+            _check_range(column, limits)
+        if self.colours:
+            _check_colours(self.colours)
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
         """Style of configuration mappings, a later one before an earlier one.
 
         Mappings inside (colours, titles, ranges) are merged key by key. InputError for an unknown
-        key.
+        key or a value that cannot be used.
         """
-        known = {f.name for f in fields(cls)}
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
-            if key not in known:
-                raise InputError(f"figure style: unknown key {key!r}; known: {sorted(known)}")
-            inner = isinstance(value, Mapping)
-            merged[key] = {**merged.get(key, {}), **value} if inner else value
-        ranges = {k: tuple(v) for k, v in merged.pop("axis_ranges", {}).items()}
-        datasets = tuple(merged.pop("datasets", ()))
-        return replace(cls(**merged), axis_ranges=ranges, datasets=datasets)
+            if key not in cls.__dataclass_fields__:
+                known = ", ".join(cls.__dataclass_fields__)
+                raise InputError(f"figure style: unknown key {key!r} (known: {known})")
+            merged[key] = _merged(key, merged.get(key, {}), value)
+        if "datasets" in merged:
+            merged["datasets"] = tuple(merged["datasets"])
+        return cls(**merged)
 
     def look(self, codec: str) -> Look:
         """Title, colour, marker and line of a codec, the same in every figure."""
@@ -80,6 +74,11 @@ class FigureStyle:
             title=self.codec_titles.get(codec, look.title),
             colour=self.colours.get(codec, look.colour),
         )
+
+    def axis_range(self, column: str, default: Range) -> Range:
+        """The least range of a column's axis: the style's, else `default`."""
+        low, high = self.axis_ranges.get(column, default)
+        return low, high
 
     def title(self, dataset: str) -> str:
         """Panel title of a data set."""
@@ -139,3 +138,42 @@ class FigureStyle:
             "ytick.minor.size": 1.5,
             "legend.frameon": False,
         }
+
+
+_SIZES = ("font_size", "width_in", "dpi", "line_width", "marker_size")
+_MAPPINGS = ("colours", "codec_titles", "dataset_titles", "axis_ranges")
+
+
+def _merged(key: str, before: Mapping[str, Any], value: Any) -> Any:
+    """`value`, laid over `before` when the key holds a mapping."""
+    if key not in _MAPPINGS:
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(f"figure style: {key} must be a mapping, not {value!r}")
+    return {**before, **value}
+
+
+def _check_size(name: str, value: Any) -> None:
+    if value is None and name == "width_in":
+        return
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"figure style: {name} must be a number, not {value!r}")
+    if not 0 < value < float("inf"):
+        raise InputError(f"figure style: {name} must be positive, not {value!r}")
+
+
+def _check_range(column: str, limits: Any) -> None:
+    numbers = isinstance(limits, Sequence) and all(isinstance(v, int | float) for v in limits)
+    if not numbers or len(limits) != 2 or not 0 < limits[0] < limits[1]:
+        raise InputError(
+            f"figure style: axis_ranges of {column!r} must be [low, high] with 0 < low < high, "
+            f"not {limits!r}"
+        )
+
+
+def _check_colours(colours: Mapping[str, Any]) -> None:
+    from matplotlib.colors import is_color_like
+
+    for codec, colour in colours.items():
+        if not is_color_like(colour):
+            raise InputError(f"figure style: colours of {codec!r}: {colour!r} is not a colour")
