@@ -6,6 +6,7 @@ leave open: duplicates, points without normals, equidistant neighbours.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,21 @@ from puckbench.errors import InputError
 from puckbench.metrics.compiled import compiled
 from puckbench.metrics.neighbours import Neighbours, Points
 from puckbench.metrics.spatial import Rows, distinct_rows
+
+
+@dataclass(frozen=True)
+class SquaredErrors:
+    """Squared errors in squared units of the clouds: (n,) for A to B, (m,) for B to A.
+
+    decoded: (m, 3) distinct points of B that ``ba_point`` and ``ba_plane`` belong to. Both
+    ``_plane`` are None when the reference has no normals.
+    """
+
+    decoded: Floats
+    ab_point: Floats
+    ba_point: Floats
+    ab_plane: Floats | None = None
+    ba_plane: Floats | None = None
 
 
 def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
@@ -37,43 +53,49 @@ def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
 
     Raises InputError for empty clouds and for values that are not finite.
     """
+    return summary(squared_errors(reference, decoded))
+
+
+def squared_errors(reference: PointCloud, decoded: Floats) -> SquaredErrors:
+    """Squared error of every distinct point of both clouds, as `distortion` defines it."""
     check_points(reference.xyz, "reference cloud")
     check_points(decoded, "decoded cloud")
     a, b = _float64(reference.xyz), _float64(decoded)
     rows = distinct_rows(a)
     a, b = a.take(rows, axis=0), b.take(distinct_rows(b), axis=0)
     ab, ba = Points(b).nearest(a), Points(a).nearest(b)
-    values = summary(ab.squared, ba.squared, "point")
-    if reference.normals is not None:
-        normals = _checked_normals(reference).take(rows, axis=0)
-        values |= _plane_summary(a, b, ab, ba, normals)
-    return values | {"points_a": len(a), "points_b": len(b)}
+    if reference.normals is None:
+        return SquaredErrors(b, ab.squared, ba.squared)
+    normals = _checked_normals(reference).take(rows, axis=0)
+    normals_b = transferred_normals(normals, len(b), ab, ba)
+    return SquaredErrors(
+        b,
+        ab.squared,
+        ba.squared,
+        _projected(a, b, normals_b, ab.starts, ab.index),
+        _projected(b, a, normals, ba.starts, ba.index),
+    )
 
 
-def summary(ab: Floats, ba: Floats, kind: str) -> dict[str, float]:
-    """The measures from the squared errors of each point, A to B and B to A.
+def summary(errors: SquaredErrors) -> dict[str, float]:
+    """The measures of `distortion` from the squared errors of the points."""
+    values = _summary(errors.ab_point, errors.ba_point, "point", "d1_mse")
+    if errors.ab_plane is not None and errors.ba_plane is not None:
+        values |= _summary(errors.ab_plane, errors.ba_plane, "plane", "d2_mse")
+    return values | {"points_a": len(errors.ab_point), "points_b": len(errors.ba_point)}
 
-    `kind` is "point" or "plane"; the keys are those of `distortion`.
-    """
+
+def _summary(ab: Floats, ba: Floats, kind: str, largest_mse: str) -> dict[str, float]:
     acd_ab, acd_ba = float(ab.mean()), float(ba.mean())
     largest = float(max(ab.max(), ba.max()))
     return {
         f"acd_ab_{kind}": acd_ab,
         f"acd_ba_{kind}": acd_ba,
         f"cd_{kind}": (acd_ab + acd_ba) / 2,
-        {"point": "d1_mse", "plane": "d2_mse"}[kind]: max(acd_ab, acd_ba),
+        largest_mse: max(acd_ab, acd_ba),
         f"hausdorff_{kind}": largest**0.5,
         f"hausdorff_sq_{kind}": largest,
     }
-
-
-def _plane_summary(
-    a: Floats, b: Floats, ab: Neighbours, ba: Neighbours, normals: Floats
-) -> dict[str, float]:
-    normals_b = transferred_normals(normals, len(b), ab, ba)
-    ab_plane = _projected(a, b, normals_b, ab.starts, ab.index)
-    ba_plane = _projected(b, a, normals, ba.starts, ba.index)
-    return summary(ab_plane, ba_plane, "plane")
 
 
 def _float64(values: NDArray[Any]) -> Floats:

@@ -109,7 +109,7 @@ def _equal(a: Floats, b: Floats) -> bool:
 
 
 @compiled
-def _hash(point: Floats) -> int:
+def _hash(point: Floats) -> np.int64:
     """A non-negative integer that depends on every bit of the coordinates (FNV-1a by words)."""
     mixed = np.uint64(0xCBF29CE484222325)
     for word in point.view(np.uint64):

@@ -1,0 +1,48 @@
+"""Distortion against the truth: the surface that was scanned, not the noisy scan of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from puckbench.cloud import Floats, PointCloud
+from puckbench.mesh import Mesh
+from puckbench.metrics.closest import closest_surface_points
+from puckbench.metrics.geometry import SquaredErrors, squared_errors, summary
+
+
+def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
+    """Measure `decoded` (B, (m, 3)) against the true surface (A), all in the cloud's frame.
+
+    `visible`: points on the part of the true surface that was seen, with the true normals: a
+    surface that no ray reached is not held against a codec. `mesh`: the true surface, brought
+    into the frame by `puckbench.metrics.closest.mesh_in_frame`; None when only points are known.
+
+    * A to B: from the visible points to the decoded cloud, as in
+      `puckbench.metrics.geometry.distortion`.
+    * B to A: from each decoded point to the closest point of the mesh, and, to plane, along the
+      normal of the triangle there; without a mesh to the visible points, as in `distortion`.
+
+    Returns the keys of `distortion` with ``truth_`` before them: ``truth_acd_ab_point`` (truth to
+    decoded), ``truth_acd_ba_point`` (decoded to truth), ``truth_cd_point``, ``truth_d1_mse``,
+    ``truth_hausdorff_point``, ``truth_hausdorff_sq_point``, the same with ``_plane`` and
+    ``truth_d2_mse`` (when `visible` has normals), ``truth_points_a`` (visible points) and
+    ``truth_points_b``. Raises InputError as `distortion` does.
+    """
+    errors = squared_errors(visible, decoded)
+    if mesh is not None:
+        errors = _to_mesh(errors, mesh)
+    return {f"truth_{key}": value for key, value in summary(errors).items()}
+
+
+def _to_mesh(errors: SquaredErrors, mesh: Mesh) -> SquaredErrors:
+    """Replace the errors from decoded to truth by those to the mesh."""
+    surface = closest_surface_points(mesh, errors.decoded)
+    offset = errors.decoded - surface.xyz
+    along_normal = np.einsum("ij,ij->i", offset, surface.normals)
+    return replace(
+        errors,
+        ba_point=np.einsum("ij,ij->i", offset, offset),
+        ba_plane=None if errors.ba_plane is None else along_normal**2,
+    )
