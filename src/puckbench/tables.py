@@ -51,7 +51,7 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
     if table.duplicated(list(keys)).any():
         raise InputError(f"two results have the same {', '.join(keys)}")
     first = [name for name in _FIRST if name in table]
-    return table[first + sorted(set(table) - set(first))]
+    return table[first + sorted(str(name) for name in table if name not in first)]
 
 
 def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:

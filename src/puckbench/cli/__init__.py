@@ -7,6 +7,7 @@ import importlib
 import json
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 
 from puckbench import __version__
 from puckbench.errors import InputError
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser, name = _parser(given)
     options = parser.parse_args(given)
     try:
-        answer = _command(name).run(options) if name else parser.print_help()
+        answer = _run(name, options, parser)
     except InputError as error:
         return _fail(str(error))
     except BrokenPipeError:
@@ -56,8 +57,18 @@ def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     return parser, name if name in COMMANDS else None
 
 
-def _command(name: str):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _command(name: str) -> ModuleType:
     return importlib.import_module(f"puckbench.cli.{name}")
+
+
+def _run(
+    name: str | None, options: argparse.Namespace, parser: argparse.ArgumentParser
+) -> dict[str, object] | None:
+    if name is None:
+        parser.print_help()
+        return None
+    answer: dict[str, object] | None = _command(name).run(options)
+    return answer
 
 
 def _table(answer: dict[str, object]) -> str:

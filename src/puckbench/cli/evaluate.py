@@ -72,7 +72,7 @@ def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, f
 def _diameter(reference: PointCloud) -> float:
     from puckbench.metrics.diameter import diameter
 
-    return diameter(reference.xyz)
+    return float(diameter(reference.xyz))
 
 
 def _decoded(options: argparse.Namespace) -> tuple[Floats, dict[str, Any]]:
@@ -87,7 +87,8 @@ def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) 
     if options.truth is None and options.visible is None:
         return {}
     from puckbench.cli.surfaces import read_truth
-    from puckbench.metrics.truth import mesh_in_frame, truth_distortion
+    from puckbench.metrics.closest import mesh_in_frame
+    from puckbench.metrics.truth import truth_distortion
     from puckbench.metrics.units import in_metres
 
     visible = None if options.visible is None else read_cloud(options.visible)

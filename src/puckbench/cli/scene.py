@@ -40,10 +40,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def description(scene: Scene) -> dict[str, Any]:
     """What stands beside the scene's file: name, group, sensor position, room's box, credits."""
+    box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
     return {
         **scene.about,
         "name": scene.name,
         "group": scene.group,
         "origin": None if scene.origin is None else list(scene.origin),
-        "box": None if scene.box is None else scene.box.tolist(),
+        "box": None if box is None else box.tolist(),
     }

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from puckbench.cloud import PointCloud, read_cloud
-from puckbench.datasets.captured_rooms import read_captured_room
+from puckbench.datasets.captured_rooms import read_capture
+from puckbench.errors import InputError
 from puckbench.files import read_bytes
 from puckbench.mesh import Mesh
 from puckbench.meshfiles import read_mesh
@@ -13,7 +14,10 @@ from puckbench.meshfiles import read_mesh
 
 def read_surface(path: Path) -> Mesh:
     """A mesh file, or the global mesh of a captured room (.json)."""
-    return read_captured_room(path) if path.suffix == ".json" else read_mesh(path)
+    mesh = read_capture(path).mesh if path.suffix == ".json" else read_mesh(path)
+    if mesh is None:
+        raise InputError(f"{path}: has no mesh")
+    return mesh
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:
