@@ -32,6 +32,8 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
     if ":" not in where:
         raise InputError(f"unknown loader '{loader}' (known: {', '.join(REGISTRY)})")
     loader_class = load_class(where, f"loader {loader}")
+    if not hasattr(loader_class, "__dataclass_fields__"):
+        raise InputError(f"loader {loader}: {where} is not a dataclass")
     known = {field.name: field for field in fields(loader_class)}
     for option in options:
         if option not in known:

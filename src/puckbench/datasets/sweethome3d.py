@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from puckbench.errors import InputError
 from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.meshfiles.reading import mesh_of_polygons, y_up_to_z_up
 
+FURNITURE = ("bookcase", "chair", "sofa", "table")
 INSTALLED = "/usr/share/sweethome3d/furniture"
 _INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
 _PROPERTIES = "PluginFurnitureCatalog.properties"
@@ -91,9 +93,38 @@ class SweetHome3D:
         """Names of the models of a semantic class, for furnishing generated rooms."""
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
+    def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
+        """Meshes by semantic class, for furnishing generated rooms (`scenes.rooms.make_room`).
+
+        The classes are those of `FURNITURE`, or the set's own. Of each come the first `per_class`
+        models, in the order of their names, that have at most `most_triangles` triangles.
+        """
+        found = {}
+        for semantic in self.classes or FURNITURE:
+            scenes = map(self.load, self.of_class(semantic))
+            meshes = (scene.mesh for scene in scenes if scene.mesh is not None)
+            small = (mesh for mesh in meshes if len(mesh.triangles) <= most_triangles)
+            found[semantic] = list(islice(small, per_class))
+        return found
+
+    def catalogues(self) -> list[Path]:
+        """The ``.sh3f`` files; InputError when there are none."""
+        for inside in _INSIDE:
+            paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
+            if paths:
+                return paths
+        raise InputError(
+            f"{self.path}: no .sh3f catalogues there (Debian's sweethome3d-furniture has them)"
+        )
+
+    def credit(self) -> str:
+        """Who made the models, for things made with them."""
+        creators = {model.creator for model in self._table.values() if model.creator}
+        return f"models of Sweet Home 3D by {', '.join(sorted(creators))}"
+
     @cached_property
     def _table(self) -> dict[str, Model]:
-        models = [model for path in self._catalogues() for model in _read_catalogue(path)]
+        models = [model for path in self.catalogues() for model in _read_catalogue(path)]
         names = unique_names(model.name for model in models)
         known = {model.semantic for model in models}
         unknown = sorted(set(self.classes or ()) - known)
@@ -105,15 +136,6 @@ class SweetHome3D:
             for name, model in zip(names, models, strict=True)
             if self.classes is None or model.semantic in self.classes
         }
-
-    def _catalogues(self) -> list[Path]:
-        for inside in _INSIDE:
-            paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
-            if paths:
-                return paths
-        raise InputError(
-            f"{self.path}: no .sh3f catalogues there (Debian's sweethome3d-furniture has them)"
-        )
 
 
 def _read_catalogue(path: Path) -> Iterator[Model]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,8 @@ _COLUMNS = 6
 _ALLOWED = b"0123456789+-.eE \t\r\n"
 _IS_FOREIGN = np.ones(256, dtype=np.bool_)
 _IS_FOREIGN[list(_ALLOWED)] = False
-# A run of foreign bytes, with the numbers' bytes that touch it.
-_FOREIGN = re.compile(rb"([0-9.eE+-]?)([^0-9.eE+\- \t\r\n]+)(?=([0-9.eE+-]?))")
+_FOREIGN = re.compile(rb"([^0-9.eE+\- \t\r\n]+)")
+_MOST_RUNS = 8
 
 
 @dataclass(frozen=True)
@@ -101,10 +103,24 @@ def _fitting(rows: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(rows).all(axis=1) & in_range.all(axis=1))
 
 
-def _readings(line: bytes) -> tuple[bytes, bytes]:
-    """The line with foreign bytes inside numbers read as 0, and with all of them as a space."""
-    inside = _FOREIGN.sub(lambda run: run[1] + (b"0" if run[1] and run[3] else b" "), line)
-    return inside, _FOREIGN.sub(lambda run: run[1] + b" ", line)
+def _readings(line: bytes) -> Iterator[bytes]:
+    """What a damaged line may have said: foreign bytes as zeros first, as spaces last."""
+    parts = _FOREIGN.split(line)  # good, foreign, good, ...
+    good, foreign = parts[::2], parts[1::2]
+    if len(foreign) > _MOST_RUNS:
+        return
+    choices = [
+        (b"0" * len(run), b" ")
+        if _ends_in_number(before) and _ends_in_number(after[:1])
+        else (b" ",)
+        for before, run, after in zip(good, foreign, good[1:], strict=False)
+    ]
+    for chosen in product(*choices):
+        yield b"".join(part for pair in zip(good, (*chosen, b""), strict=True) for part in pair)
+
+
+def _ends_in_number(text: bytes) -> bool:
+    return text != b"" and text[-1:] not in b" \t\r\n"
 
 
 def _is_row(line: bytes) -> bool:
