@@ -169,7 +169,7 @@ def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
 
 def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     left, right = draw("truth_rd", metrics=metrics_table(12)).axes
-    assert left.get_title() == "S3DIS, virtual VLP-16: to the scan"
+    assert left.get_title() == "S3DIS, virtual VLP-16: to the coded cloud"
     draco = CODEC_LOOKS["draco"].colour
     assert lines(left)[draco][-1, 1] < 0.03
     assert lines(right)[draco][-1, 1] > 2.4

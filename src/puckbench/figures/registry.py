@@ -110,7 +110,7 @@ FIGURES: dict[str, FigureEntry] = {
     "truth_rd": FigureEntry(
         f"{_HERE}.truth_rd:draw_truth_curves",
         ("metrics",),
-        "Distortion to the scan and to the true surface against bits per point",
+        "Distortion to the coded cloud and to the true surface against bits per point",
         _CURVES,
         needs_truth=True,
     ),

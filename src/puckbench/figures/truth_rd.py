@@ -1,4 +1,4 @@
-"""Distortion to the scan and to the true surface, side by side, against bits per point."""
+"""Distortion to the coded cloud and to the true surface, side by side, against bits per point."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-_SIDES = ((CD_PLANE, "to the scan"), (TRUTH_CD_PLANE, "to the truth"))
+_SIDES = ((CD_PLANE, "to the coded cloud"), (TRUTH_CD_PLANE, "to the true surface"))
 
 
 def draw_truth_curves(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """One row per data set with truth: CD to what the codec was given, and CD to the truth.
 
-    All panels share their axes, so that left and right compare by eye. A codec that denoises lies
-    lower on the right than on the left; no codec is below the scan's own noise on both.
+    All panels share their axes, so that left and right compare by eye: a codec that keeps the
+    scan's noise falls on the left and levels off on the right, at that noise.
     """
     for quantity, _ in _SIDES:
         check_curves(metrics, quantity)
