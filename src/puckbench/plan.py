@@ -16,6 +16,7 @@ from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet
 from puckbench.errors import InputError
+from puckbench.sensor import load_sensor, open_error_model, open_sweep
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,16 @@ class ScenePlan:
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """A data set of the configuration and the clouds in it."""
+    """A data set of the configuration and the clouds in it.
+
+    points: how many a cloud is expected to have, for the estimates of resources.
+    """
 
     name: str
     scenes: str
     seed: int
     clouds: tuple[str, ...]
+    points: int
     settings: dict[str, Any]
 
 
@@ -86,7 +91,8 @@ class Plan:
                 f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
             )
         seed = value.get("seed", self.config["seed"])
-        return DataSetPlan(name, scenes.name, seed, scenes.chosen, dict(value))
+        points = _points(f"datasets.{name}", value)
+        return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, dict(value))
 
 
 def _items(config: Config, key: str) -> list[tuple[str, Any]]:
@@ -102,6 +108,22 @@ def _scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
     except InputError as error:
         raise InputError(f"scenes.{name}: {error}") from error
     return ScenePlan(name, value["loader"], seed, options, scenes, _chosen(name, value, known))
+
+
+_CAPTURED_POINTS = 1_500_000
+"""Expected of clouds that others captured: most rooms of S3DIS have fewer."""
+
+
+def _points(where: str, settings: Mapping[str, Any]) -> int:
+    """Expected points of a cloud; InputError when the sensor, sweep or errors do not exist."""
+    if settings["make"] != "scan":
+        return int(settings["points"]) if settings["make"] == "sample" else _CAPTURED_POINTS
+    try:
+        open_error_model(settings["errors"], settings["error_options"])
+        sensor, sweep = load_sensor(settings["sensor"]), open_sweep(settings["sweep"])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    return sweep.frames * sweep.steps(sensor) * sensor.lasers
 
 
 def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str, ...]:

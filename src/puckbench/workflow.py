@@ -19,12 +19,12 @@ from puckbench.config import checked, read_schema
 from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
 from puckbench.figures.registry import EXAMPLES, FIGURES
+from puckbench.figures.style import FigureStyle
 from puckbench.plan import DataSetPlan, Plan
 from puckbench.sensor.errors import open_error_model
 from puckbench.sensor.sensor import load_sensor
 
 _held: list[TextIO] = []
-_POINTS_PER_SECOND_OF_SWEEP = 288_000
 _BYTES_PER_POINT = 1_000
 """Generous estimate of a job's memory for each point that it handles."""
 
@@ -36,6 +36,8 @@ class Workflow:
         self.config = checked(config, read_schema(schema))
         self.plan = Plan(self.config)
         self.figures = figures(self.config, self.plan)
+        for name in self.figures:
+            self._check_style(name)
 
     def dataset(self, name: str) -> DataSetPlan:
         """The plan of a data set."""
@@ -114,16 +116,9 @@ class Workflow:
         visible = self.plan.results / "truth" / dataset / f"{cloud}.ply"
         return {"truth": self.scene_file(dataset, cloud), "visible": str(visible)}
 
-    def points(self, dataset: str) -> int:
-        """Estimate of the points in a cloud of the data set, for the resources."""
-        settings = self.dataset(dataset).settings
-        if settings["make"] == "scan" and isinstance(settings["sweep"], dict):
-            return int(settings["sweep"].get("duration_s", 4.0) * _POINTS_PER_SECOND_OF_SWEEP)
-        return int(settings["points"]) if settings["make"] == "sample" else 1_500_000
-
     def memory_mb(self, dataset: str) -> int:
         """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
-        return 400 + self.points(dataset) * _BYTES_PER_POINT // 1_000_000
+        return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
 
     def figure_style(self, figure: str) -> str:
         """Style of one figure, as JSON: the configured style, then the figure's own options."""
@@ -136,6 +131,12 @@ class Workflow:
         base = {"datasets": list(self.plan.datasets), "dataset_titles": titles}
         layers = [base, chosen["style"], chosen["options"].get(figure, {})]
         return json.dumps(layers, sort_keys=True)
+
+    def _check_style(self, figure: str) -> None:
+        try:
+            FigureStyle.from_config(*json.loads(self.figure_style(figure)))
+        except InputError as error:
+            raise InputError(f"figures.style: {error}") from error
 
     def figure_code(self, figure: str) -> str:
         """Fingerprint of a figure's own module and of what draws all figures."""

@@ -11,16 +11,23 @@ from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
 from puckbench.workflow import Workflow, hold_results
 
-try:
-    bench = Workflow(config, Path(workflow.basedir) / "schemas" / "config.schema.yaml")
-except InputError as error:
-    print(f"puckbench: {error}", file=sys.stderr, flush=True)
-    os._exit(2)
 
+
+def or_stop(step, *arguments):
+    """The step's result; one line and exit status 2 when the user's input cannot be used."""
+    try:
+        return step(*arguments)
+    except InputError as error:
+        print(f"puckbench: {error}", file=sys.stderr, flush=True)
+        os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
+
+
+bench = or_stop(Workflow, config, Path(workflow.basedir) / "schemas" / "config.schema.yaml")
 RESULTS = str(bench.plan.results)
 
+
 onstart:
-    hold_results(bench.plan.results)
+    or_stop(hold_results, bench.plan.results)
 
 
 wildcard_constraints:

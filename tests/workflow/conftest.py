@@ -1,0 +1,131 @@
+"""A tiny benchmark of its own folder: one object, one room in three forms, two codecs, two rates."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+
+RAW_CODEC = """
+import numpy as np
+from puckbench.codecs.codec import Codec
+
+
+class Raw(Codec):
+    version = "raw 1"
+
+    def _encode(self, points, parameters):
+        return np.round(points / parameters["step"]).astype("<i2").tobytes()
+
+    def _decode(self, stream):
+        return np.frombuffer(stream, "<i2").reshape(-1, 3) * 1.0
+"""
+
+CONFIG: dict[str, Any] = {
+    "results": "results",
+    "seed": 1,
+    "scenes": {
+        "objects": {"loader": "embedded_objects", "options": {"objects": ["chair_01"]}},
+        "rooms": {
+            "loader": "embedded_rooms",
+            "options": {"rooms": ["copy_room_1"], "detail": 0.3},
+        },
+    },
+    "datasets": {
+        "objects": {"scenes": "objects", "make": "sample", "points": 2000},
+        "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
+        "clean": {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}},
+        "noisy": {
+            "scenes": "rooms",
+            "make": "scan",
+            "errors": "vlp16_divergence",
+            "sweep": {"duration_s": 0.02},
+        },
+    },
+    "codecs": {
+        "draco": {"rates": ["r1", "r8"]},
+        "raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}},
+    },
+    "timing": {"repeats": 1},
+    "figures": {
+        "style": {"dpi": 60},
+        "examples": {
+            "object": "objects/chair_01",
+            "raw": "raw/copy_room_1",
+            "clean": "clean/copy_room_1",
+            "noisy": "noisy/copy_room_1",
+        },
+    },
+}
+
+
+class Bench:
+    """A folder with a configuration, in which the workflow runs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.results = folder / "results"
+        (folder / "raw_grid.py").write_text(RAW_CODEC)
+        self.configure({})
+
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        """Write the configuration with some values replaced, named by dotted keys."""
+        config = yaml.safe_load(yaml.safe_dump(CONFIG))
+        for key, value in changes.items():
+            *path, last = key.split(".")
+            place = config
+            for part in path:
+                place = place[part]
+            place[last] = value
+        (self.folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+
+    def command(self, *arguments: str) -> list[str]:
+        """A `snakemake` command line for this folder."""
+        program = [
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            str(ROOT / "workflow/Snakefile"),
+        ]
+        return [*program, "--cores", "2", "--configfile", "config.yaml", *arguments]
+
+    def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run the workflow to its end, whatever that is."""
+        return subprocess.run(
+            self.command(*arguments), cwd=self.folder, capture_output=True, text=True, check=False
+        )
+
+    def made(self, *arguments: str) -> None:
+        """Run the workflow; the test fails when it does."""
+        done = self.snakemake(*arguments)
+        assert done.returncode == 0, done.stderr[-4000:]
+
+    def planned(self, *arguments: str) -> dict[str, int]:
+        """Jobs that a run would do now, by rule."""
+        done = self.snakemake("--dry-run", *arguments)
+        assert done.returncode == 0, done.stderr[-4000:]
+        counts = re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+        return {rule: int(count) for rule, count in counts if rule not in ("all", "total")}
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> Bench:
+    """A folder where nothing has been made."""
+    return Bench(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """A folder where everything has been made; tests leave it so."""
+    bench = Bench(tmp_path_factory.mktemp("bench"))
+    bench.made()
+    return bench

@@ -1,0 +1,219 @@
+"""The whole graph on tiny data, partial regeneration, killed runs and bad input."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.workflow.conftest import RAW_CODEC, Bench
+
+TIMES = ["encode_s", "decode_s", "encode_peak_mib", "decode_peak_mib"]
+
+
+@pytest.fixture
+def restored(finished: Bench) -> Iterator[Bench]:
+    """The finished folder, its configuration and codec put back afterwards."""
+    yield finished
+    finished.configure({})
+    (finished.folder / "raw_grid.py").write_text(RAW_CODEC)
+
+
+def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
+    table = pd.read_csv(finished.results / "tables" / "metrics.csv")
+    assert len(table) == 4 * 3  # data sets x (two rates of draco, one of raw_grid)
+    assert table.bpp.gt(0).all()
+    assert table.cd_plane.notna().all()
+    assert table.truth_cd_plane.notna().all()
+    figures = {path.stem for path in (finished.results / "figures").glob("*.pdf")}
+    assert figures == {f"fig_6_{number}" for number in range(1, 10)} | {"truth_rd"}
+    assert all(path.stat().st_size > 1000 for path in (finished.results / "figures").iterdir())
+
+
+def test_bits_count_every_byte_of_the_stream_over_the_input_points(finished: Bench) -> None:
+    table = pd.read_parquet(finished.results / "tables" / "metrics.parquet")
+    for row in table.itertuples():
+        stream = (
+            finished.results / "coded" / row.dataset / row.cloud / row.codec / f"{row.rate}.bin"
+        )
+        assert row.bytes == stream.stat().st_size
+        assert row.bpp == 8 * row.bytes / row.points_in
+
+
+def test_noise_separates_the_scan_from_the_truth(finished: Bench) -> None:
+    table = pd.read_csv(finished.results / "tables" / "metrics.csv")
+    best = table[(table.codec == "draco") & (table.rate == "r8")].set_index("dataset")
+    assert best.truth_cd_plane["clean"] < 0.1
+    assert best.truth_cd_plane["noisy"] > 10 * best.cd_plane["noisy"]
+
+
+def test_nothing_is_left_to_do_afterwards(finished: Bench) -> None:
+    assert finished.planned() == {}
+
+
+def test_a_figures_style_draws_that_figure_alone(restored: Bench) -> None:
+    restored.configure({"figures.options": {"fig_6_6": {"font_size": 9}}})
+    assert restored.planned() == {"fig_6_6": 1}
+
+
+def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
+    (restored.folder / "raw_grid.py").write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
+    jobs = restored.planned()
+    assert jobs.pop("encode") == 4
+    assert jobs.pop("evaluate") == 4
+    assert set(jobs) == {"metrics_table", *(f"fig_6_{n}" for n in range(5, 10)), "truth_rd"}
+
+
+def test_a_comment_in_a_codec_re_runs_nothing(restored: Bench) -> None:
+    (restored.folder / "raw_grid.py").write_text("# A comment.\n" + RAW_CODEC)
+    assert restored.planned() == {}
+
+
+def test_a_rate_re_runs_its_cells_alone(restored: Bench) -> None:
+    restored.configure({"codecs.raw_grid.rates": {"r1": {"step": 1.5}}})
+    jobs = restored.planned()
+    assert (jobs["encode"], jobs["evaluate"]) == (4, 4)
+
+
+def test_a_data_sets_seed_re_makes_what_depends_on_it(restored: Bench) -> None:
+    restored.configure({"datasets.noisy.seed": 5})
+    jobs = restored.planned()
+    expected = {"scan": 1, "prepare": 1, "encode": 3, "evaluate": 3, "fig_6_3": 1, "fig_6_4": 1}
+    assert expected.items() <= jobs.items()
+    assert not {"scene", "sample", "fig_6_1", "fig_6_2"} & set(jobs)
+
+
+def test_single_targets_by_path(fresh: Bench) -> None:
+    cell = "results/metrics/objects/chair_01/draco/r8.json"
+    assert fresh.planned(cell) == {
+        "scene": 1,
+        "sample": 1,
+        "prepare": 1,
+        "encode": 1,
+        "evaluate": 1,
+    }
+    decoded = fresh.planned("results/decoded/objects/chair_01/draco/r8.ply")
+    assert decoded["decode"] == 1
+    assert "fig_6_6" not in fresh.planned("tables")
+    assert fresh.planned("results/figures/fig_6_1.pdf") == {
+        "scene": 1,
+        "sample": 1,
+        "prepare": 1,
+        "fig_6_1": 1,
+    }
+
+
+def test_the_report_is_one_file(finished: Bench) -> None:
+    finished.made("--report", "report.html")
+    report = (finished.folder / "report.html").read_text(encoding="utf-8")
+    for text in ("Medians per compression rate", "fig_6_5", "metrics.csv", "Tables"):
+        assert text in report
+
+
+def test_the_linter_is_content(fresh: Bench) -> None:
+    done = fresh.snakemake("--lint")
+    assert done.returncode == 0, done.stderr
+    assert "good condition" in done.stdout + done.stderr
+
+
+def test_a_killed_run_goes_on_and_ends_with_the_same_table(fresh: Bench, finished: Bench) -> None:
+    process = subprocess.Popen(
+        fresh.command(), cwd=fresh.folder, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    _wait_for(fresh.results / "coded")
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (fresh.results / "tables" / "metrics.csv").exists()
+    fresh.made("tables")
+    tables = [
+        pd.read_csv(bench.results / "tables" / "metrics.csv").drop(columns=TIMES)
+        for bench in (fresh, finished)
+    ]
+    pd.testing.assert_frame_equal(*tables, check_exact=True)
+
+
+def _wait_for(folder: Path, seconds: float = 120) -> None:
+    deadline = time.monotonic() + seconds
+    while not any(folder.rglob("*.bin")):
+        assert time.monotonic() < deadline, f"nothing in {folder}"
+        time.sleep(0.05)
+
+
+def test_two_runs_at_once_are_kept_apart(fresh: Bench) -> None:
+    process = subprocess.Popen(
+        fresh.command(), cwd=fresh.folder, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        _wait_for_file(fresh.results / ".lock")
+        done = fresh.snakemake()
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == "puckbench: results: another run is writing there"
+
+
+def _wait_for_file(path: Path, seconds: float = 60) -> None:
+    deadline = time.monotonic() + seconds
+    while not path.exists():
+        assert time.monotonic() < deadline, f"no {path}"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"codecs": {"drako": {}}}, "unknown codec 'drako' (known: draco"),
+        ({"codecs.draco.rates": ["r12"]}, "codec draco: unknown rate 'r12'"),
+        ({"datasets.raw.scenes": "roms"}, "datasets.raw.scenes: no scene set 'roms'"),
+        ({"scenes.rooms.loader": "romms"}, "scenes.rooms: unknown loader 'romms'"),
+        ({"scenes.rooms.options": {"detial": 1}}, "scenes.rooms: loader embedded_rooms: unknown"),
+        ({"scenes.rooms.select": ["cellar"]}, "scenes.rooms.select: no scene 'cellar'"),
+        ({"datasets.noisy.errors": "vlp61"}, "datasets.noisy: unknown error model 'vlp61'"),
+        ({"datasets.noisy.sensor": "vlp61"}, "datasets.noisy: unknown sensor 'vlp61'"),
+        ({"datasets.noisy.sweep": {"fsp": 3}}, "datasets.noisy: sweep"),
+        ({"figures.style": {"fontsize": 3}}, "figures.style: figure style: unknown key"),
+        ({"figures.examples": {"raw": "raw/x"}}, "figures.examples: no cloud 'raw/x'"),
+        ({"datsets": {}}, "the configuration: unknown key 'datsets'"),
+        (
+            {"scenes.objects": {"loader": "mesh_folder", "options": {"path": "nowhere"}}},
+            "scenes.objects: nowhere: no such folder",
+        ),
+    ],
+)
+def test_bad_configurations_end_in_one_line_and_status_2(
+    fresh: Bench, changes: dict[str, object], message: str
+) -> None:
+    fresh.configure(changes)
+    done = fresh.snakemake("--quiet")
+    lines = [line for line in done.stderr.splitlines() if line.startswith("puckbench: ")]
+    assert done.returncode == 2
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert "Traceback" not in done.stderr
+    assert not fresh.results.exists()
+
+
+def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> None:
+    meshes = fresh.folder / "meshes"
+    meshes.mkdir()
+    (meshes / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n")
+    (meshes / "good.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    fresh.configure(
+        {
+            "scenes.objects": {"loader": "mesh_folder", "options": {"path": "meshes"}},
+            "figures.examples": {},
+        }
+    )
+    cells = [f"results/metrics/objects/{name}/draco/r8.json" for name in ("bad", "good")]
+    done = fresh.snakemake(*cells)
+    assert done.returncode == 1
+    assert "bad.off" in done.stderr
+    assert (fresh.folder / cells[1]).exists()
+    assert not (fresh.results / "scenes" / "objects" / "bad.ply").exists()
