@@ -159,7 +159,7 @@ def render_mesh(
     *,
     cull: bool = False,
     edges: bool = True,
-    occlusion_rays: int = 6,
+    occlusion_rays: int = 10,
     samples: int = 2,
 ) -> Image:
     """Picture (height, width, 3) of a mesh by ray casting, soft shading and contact shadows.
@@ -237,7 +237,8 @@ def _unit(vectors: Floats) -> Floats:
 def _varied(palette: Floats) -> Floats:
     """Give neighbours in a list of colours slightly different shades, to tell objects apart."""
     steps = (np.arange(len(palette))[:, None] * np.array([0.618, 0.755, 0.570])) % 1.0
-    return np.asarray(np.clip(palette * (0.88 + 0.2 * steps), 0, 255))
+    shade = 0.84 + 0.2 * steps[:, :1] + 0.06 * steps
+    return np.asarray(np.clip(palette * shade, 0, 255))
 
 
 def _facing(corners: Floats, view: View) -> NDArray[np.bool_]:
@@ -276,7 +277,7 @@ def _shade(hits: _Hits, rays: Floats, view: View, seen: NDArray[np.bool_]) -> Fl
     lamp = _unit(up * 0.9 - right * 0.6 - forward * 0.7)
     key = np.clip(hits.normal @ lamp * 0.5 + 0.5, 0, 1) ** 1.3
     head = np.abs(np.sum(hits.normal * rays[..., 3:], axis=-1))
-    return np.asarray(np.where(seen, 0.22 + 0.58 * key + 0.24 * head, 1.0))
+    return np.asarray(np.where(seen, 0.34 + 0.6 * key + 0.2 * head, 1.0))
 
 
 def _openness(scene: Any, hits: _Hits, rays: Floats, extent: float, count: int) -> Floats:
@@ -292,10 +293,10 @@ def _openness(scene: Any, hits: _Hits, rays: Floats, extent: float, count: int) 
         ball = _unit(random.normal(size=(len(points), 3)))
         probe = np.concatenate([points, _unit(normal * 1.001 + ball)], axis=1).astype(np.float32)
         shadow = scene.test_occlusions(
-            o3d.core.Tensor.from_numpy(probe), tnear=0.0, tfar=0.12 * extent
+            o3d.core.Tensor.from_numpy(probe), tnear=0.0, tfar=0.08 * extent
         )
         blocked += shadow.numpy()
-    return np.asarray(1 - 0.6 * blocked / max(count, 1))
+    return np.asarray(1 - 0.5 * blocked / max(count, 1))
 
 
 def _edge_lines(hits: _Hits, extent: float) -> Floats:

@@ -1,0 +1,1 @@
+"""Generated scenes: furnished rooms, objects and calibration targets with labelled triangles."""

@@ -1,0 +1,207 @@
+"""Plane outlines made of lines, arcs and curves, to be extruded, turned or filled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.scenes.surfaces import Ints
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A piece of an outline: points (n, 2) on a line, an arc (with its centre) or a curve."""
+
+    kind: str
+    points: Floats
+    centre: Point = (0.0, 0.0)
+    radius: float = 0.0
+
+
+Outline = tuple[Stretch, ...]
+
+
+def line(*points: Point) -> Outline:
+    """Straight stretches from point to point."""
+    pairs = pairwise(points)
+    return tuple(Stretch("line", np.array(pair, dtype=np.float64)) for pair in pairs)
+
+
+def polygon(*points: Point) -> Outline:
+    """Closed outline of straight stretches."""
+    return line(*points, points[0])
+
+
+def rectangle(width: float, depth: float) -> Outline:
+    """Closed rectangle around the origin, counter-clockwise."""
+    x, y = width / 2, depth / 2
+    return polygon((-x, -y), (x, -y), (x, y), (-x, y))
+
+
+def arc(centre: Point, radius: float, start: float, end: float, steps: int) -> Outline:
+    """Arc from `start` to `end` degrees (counter-clockwise when end > start)."""
+    angles = np.radians(np.linspace(start, end, steps + 1))
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    return (Stretch("arc", np.asarray(centre) + radius * circle, centre, radius),)
+
+
+def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
+    """Closed circle, counter-clockwise."""
+    return arc(centre, radius, 0.0, 360.0, steps)
+
+
+def curve(points: Sequence[Point], steps: int) -> Outline:
+    """Smooth curve through the points (Catmull-Rom), `steps` segments between neighbours."""
+    smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
+    return (Stretch("curve", smooth),)
+
+
+def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
+    """Closed polygon with corners rounded by arcs of `radius`, `steps` segments each."""
+    corners = np.array(points, dtype=np.float64)
+    before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+    arcs = [_fillet(a, b, c, radius, steps) for a, b, c in zip(before, corners, after, strict=True)]
+    stretches: list[Stretch] = []
+    for index, one in enumerate(arcs):
+        following = arcs[(index + 1) % len(arcs)]
+        ends = np.stack([one.points[-1], following.points[0]])
+        stretches.append(one)
+        if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
+            stretches.append(Stretch("line", ends))
+    return tuple(stretches)
+
+
+def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> Outline:
+    """Closed rectangle around the origin with rounded corners."""
+    x, y = width / 2, depth / 2
+    return rounded([(-x, -y), (x, -y), (x, y), (-x, y)], radius, steps)
+
+
+def shifted(outline: Outline, x: float, y: float) -> Outline:
+    """The outline moved in its plane."""
+    return tuple(
+        Stretch(
+            one.kind,
+            one.points + np.array([x, y]),
+            (one.centre[0] + x, one.centre[1] + y),
+            one.radius,
+        )
+        for one in outline
+    )
+
+
+def loop(outline: Outline) -> Floats:
+    """Points (n, 2) of a closed outline, each once."""
+    return np.concatenate([stretch.points[:-1] for stretch in outline])
+
+
+def catmull_rom(points: Floats, steps: int) -> Floats:
+    """Points (m, k) of a smooth curve through `points` (n, k), ends included."""
+    padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
+    a, b, c, d = (padded[start : len(padded) - 3 + start] for start in range(4))
+    t = np.linspace(0, 1, steps, endpoint=False)[None, :, None]
+    a, b, c, d = (one[:, None, :] for one in (a, b, c, d))
+    blend = 2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2
+    blend = (blend + (3 * b - a - 3 * c + d) * t**3) / 2
+    return np.concatenate([blend.reshape(-1, points.shape[1]), points[-1:]])
+
+
+def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
+    """Triangles of a simple polygon with holes, by ear clipping.
+
+    outer: (n, 2) counter-clockwise. holes: (m, 2) each, either way round.
+    Returns vertices (n + sum m, 2), `outer` first, and counter-clockwise triangles (t, 3).
+    """
+    vertices = np.concatenate([outer, *holes])
+    ring = list(range(len(outer)))
+    first = len(outer)
+    rings = []
+    for hole in holes:
+        indices = np.arange(first, first + len(hole))
+        rings.append(indices[::-1] if _area(hole) > 0 else indices)
+        first += len(hole)
+    rings.sort(key=lambda indices: -float(vertices[indices, 0].max()))
+    for indices in rings:
+        ring = _bridged(vertices, ring, indices)
+    return vertices, _ears(vertices, ring)
+
+
+def _fillet(before: Floats, corner: Floats, after: Floats, radius: float, steps: int) -> Stretch:
+    towards, onwards = _unit(before - corner), _unit(after - corner)
+    half = np.arccos(np.clip(towards @ onwards, -1, 1)) / 2
+    centre = corner + _unit(towards + onwards) * radius / np.sin(half)
+    start = corner + towards * radius / np.tan(half) - centre
+    left = bool(_cross(corner - before, after - corner) > 0)
+    sweep = np.linspace(0, np.pi - 2 * half, steps + 1) * (1 if left else -1)
+    x = start[0] * np.cos(sweep) - start[1] * np.sin(sweep)
+    y = start[0] * np.sin(sweep) + start[1] * np.cos(sweep)
+    middle = (float(centre[0]), float(centre[1]))
+    return Stretch("arc", centre + np.column_stack([x, y]), middle, radius)
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _area(points: Floats) -> float:
+    return float(_cross(points, np.roll(points, -1, axis=0)).sum() / 2)
+
+
+def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
+    """The ring with a clockwise hole joined to it by the shortest bridge that crosses nothing."""
+    start = int(np.argmax(vertices[hole, 0]))
+    hole = np.roll(hole, -start)
+    tip = vertices[hole[0]]
+    edges = np.array([[*ring, *hole], [*ring[1:], ring[0], *hole[1:], hole[0]]])
+    order = np.argsort(np.sum((vertices[ring] - tip) ** 2, axis=1), kind="stable")
+    place = next(int(at) for at in order if not _crosses(tip, vertices[ring[at]], vertices[edges]))
+    return [*ring[: place + 1], *hole.tolist(), int(hole[0]), *ring[place:]]
+
+
+def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
+    """Whether a segment properly crosses any of the edges (2, n, 2)."""
+    a, b = edges
+    one = _cross(end - start, a - start) * _cross(end - start, b - start)
+    other = _cross(b - a, start - a) * _cross(b - a, end - a)
+    return bool(np.any((one < -1e-18) & (other < -1e-18)))
+
+
+def _ears(vertices: Floats, ring: list[int]) -> Ints:
+    """Triangles of a closed ring of vertex numbers, by cutting off ears."""
+    triangles = []
+    ring = list(ring)
+    at = 0
+    misses = 0
+    while len(ring) > 3:
+        at %= len(ring)
+        a, b, c = ring[at - 1], ring[at], ring[(at + 1) % len(ring)]
+        if _is_ear(vertices, ring, (a, b, c)) or misses > len(ring):
+            triangles.append((a, b, c))
+            del ring[at]
+            misses = 0
+            at += 1
+        else:
+            at += 1
+            misses += 1
+    return np.array([*triangles, ring], dtype=np.int64)
+
+
+def _is_ear(vertices: Floats, ring: list[int], triple: tuple[int, int, int]) -> bool:
+    a, b, c = vertices[list(triple)]
+    if float(_cross(b - a, c - b)) <= 1e-15:
+        return False
+    others = vertices[ring]
+    inside = (_cross(b - a, others - a) > -1e-12) & (_cross(c - b, others - b) > -1e-12)
+    inside &= _cross(a - c, others - c) > -1e-12
+    corner = (others == a).all(axis=1) | (others == b).all(axis=1) | (others == c).all(axis=1)
+    return not bool(np.any(inside & ~corner))

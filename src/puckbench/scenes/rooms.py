@@ -1,0 +1,60 @@
+"""Furnished rooms by name: their meshes, their boxes and where a sensor may stand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.mesh import Mesh
+from puckbench.scenes.builder import Furniture, build
+from puckbench.scenes.placing import Maker, Room, lamp_grid
+from puckbench.scenes.room_table import ROOMS, RoomSpec
+from puckbench.scenes.workshop import Workshop
+from puckbench.seeding import generator
+
+SENSOR_HEIGHT = 1.3
+
+
+def make_room(
+    name: str, seed: int, detail: float = 1.0, furniture: Furniture | None = None
+) -> Mesh:
+    """The labelled mesh of a room.
+
+    detail: factor on the tessellation of curved parts. furniture: by semantic class ("chair"),
+    meshes (metres, z up, front to -y) that take the place of the generated pieces of that class.
+    Raises InputError for an unknown name.
+    """
+    spec = _spec(name)
+    shop = Workshop(generator(seed, "room", name), detail)
+    outline = np.array(spec.outline)
+    room = Room(shop, outline, spec.height, spec.openings, spec.origin, furniture or {})
+    for order in (*spec.furnishing, *lamp_grid(*_lamps(spec, outline))):
+        room.put(order)
+    return build(room.item)
+
+
+def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
+    """Where a sensor may stand in a room: 1.3 m up, moved by up to 5 cm by the seed."""
+    spec = _spec(name)
+    x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
+    return (float(x), float(y), SENSOR_HEIGHT)
+
+
+def room_box(name: str) -> Floats:
+    """The room's box (2, 3) between its walls, floor and ceiling, without recesses."""
+    spec = _spec(name)
+    outline = np.array(spec.outline)
+    return np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), spec.height]])
+
+
+def _spec(name: str) -> RoomSpec:
+    if name not in ROOMS:
+        raise InputError(f"room {name!r}: unknown; there are {', '.join(ROOMS)}")
+    return ROOMS[name]
+
+
+def _lamps(spec: RoomSpec, outline: Floats) -> tuple[Maker, Floats, float, float]:
+    maker, spacing = spec.lamps
+    x, y = np.ptp(outline, axis=0)
+    return maker, outline, spacing, 90.0 if y > x else 0.0

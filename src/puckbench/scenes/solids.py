@@ -1,0 +1,261 @@
+"""Solids with labelled faces: boxes, extrusions, turned and swept bodies, quadrics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.scenes.outlines import Outline, Stretch, arc, fill, line, loop
+from puckbench.scenes.surfaces import (
+    FREEFORM,
+    PLANE,
+    Shape,
+    Surface,
+    frame_along,
+    freeform,
+    grid,
+    join,
+    planar,
+)
+
+_BOX_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
+_BOX_QUADS = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
+_BOX_TRIANGLES = _BOX_QUADS[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+_BOX_NORMALS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
+_BOX_FRAMES = np.stack([frame_along(np.array(n, dtype=float), np.zeros(3)) for n in _BOX_NORMALS])
+
+
+def box(x: float, y: float, z: float) -> Surface:
+    """Box of the given sizes, standing on z = 0, centred in x and y."""
+    vertices = _BOX_CORNERS * (x, y, z)
+    frames = _BOX_FRAMES.copy()
+    frames[:, :3, 3] = vertices[_BOX_QUADS[:, 0]]
+    return Surface(vertices, _BOX_TRIANGLES, np.repeat(np.arange(6), 2), (PLANE,) * 6, frames)
+
+
+def flat(outline: Outline, holes: Sequence[Outline] = ()) -> Surface:
+    """Plane piece at z = 0 facing up, bounded by a counter-clockwise outline."""
+    vertices, triangles = fill(loop(outline), [loop(hole) for hole in holes])
+    return planar(np.column_stack([vertices, np.zeros(len(vertices))]), triangles)
+
+
+def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> Surface:
+    """Closed outline (counter-clockwise, with holes) extruded from z = 0 up to `height`."""
+    lid = flat(outline, holes)
+    base = lid.turned_inside_out()
+    sides = [_side(stretch, height) for stretch in outline]
+    bores = [_side(stretch, height).turned_inside_out() for hole in holes for stretch in hole]
+    return join([lid.at(z=height), base, *sides, *bores])
+
+
+def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
+    """Body turned about z. profile: (r, z) points, r >= 0, the outside on its right hand.
+
+    A closed body starts at the axis below, goes out, up and back to the axis. Lines give planes,
+    cylinders and cones, arcs give spheres and tori, curves are freeform.
+    """
+    closed = degrees >= 360.0
+    angles = np.radians(np.linspace(0, degrees, steps, endpoint=False))
+    if not closed:
+        angles = np.radians(np.linspace(0, degrees, steps + 1))
+    return join([_turned(stretch, angles, closed) for stretch in profile])
+
+
+def cylinder(radius: float, height: float, steps: int) -> Surface:
+    """Closed cylinder standing on z = 0."""
+    return revolve(line((0, 0), (radius, 0), (radius, height), (0, height)), steps)
+
+
+def cone(bottom: float, top: float, height: float, steps: int) -> Surface:
+    """Closed cone or frustum standing on z = 0, with radius `bottom` there and `top` above."""
+    points = [(0.0, 0.0), (bottom, 0.0), (top, height), (0.0, height)]
+    kept = [p for p, q in zip(points, [*points[1:], None], strict=True) if p != q]
+    return revolve(line(*kept), steps)
+
+
+def sphere(radius: float, steps: int) -> Surface:
+    """Sphere around the origin."""
+    return revolve(arc((0, 0), radius, -90, 90, max(steps // 2, 4)), steps)
+
+
+def torus(major: float, minor: float, steps: int, around: int) -> Surface:
+    """Torus around the origin, its axis z; `around` segments around the tube."""
+    return revolve(arc((major, 0), minor, 0, 360, around), steps)
+
+
+def superquadric(
+    sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
+) -> Surface:
+    """Superellipsoid around the origin with half axes `sizes`.
+
+    exponents (e1, e2): |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; (1, 1) is an
+    ellipsoid, small exponents make a rounded box.
+    """
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, max(steps // 2, 4) + 1)[:, None]
+    longitude = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
+    ring = _power(np.cos(latitude), exponents[0])
+    ring[[0, -1]] = 0.0
+    x = sizes[0] * ring * _power(np.cos(longitude), exponents[1])
+    y = sizes[1] * ring * _power(np.sin(longitude), exponents[1])
+    z = sizes[2] * _power(np.sin(latitude), exponents[0]) * np.ones_like(longitude)
+    shape = Shape("superquadric", sizes, exponents)
+    points = np.stack([x, y, z], axis=-1)
+    return grid(points.swapaxes(0, 1), shape, closed=(True, False))
+
+
+def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
+    """Round tube along a path (n, 3); radius: one for all or one per point. Freeform, flat ends."""
+    sections = _rings(path, np.broadcast_to(radius, len(path)), steps, closed)
+    if closed:
+        return grid(sections, closed=(True, True)).turned_inside_out()
+    return loft(sections)
+
+
+def loft(sections: Floats) -> Surface:
+    """Skin over closed sections (k, n, 3), with the first and last closed by fans. Freeform.
+
+    Sections run counter-clockwise when seen against the direction of travel.
+    """
+    skin = grid(sections.swapaxes(0, 1), closed=(True, False))
+    return join([skin, _fan(sections[0]).turned_inside_out(), _fan(sections[-1])])
+
+
+def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
+    """Round pipe along a polyline: straight cylinders and torus elbows of bend radius `bend`."""
+    path = np.array(points, dtype=np.float64)
+    starts, parts = path.copy(), []
+    ends = path.copy()
+    for i in range(1, len(path) - 1):
+        elbow, starts[i], ends[i] = _elbow(path[i - 1 : i + 2], radius, bend, steps)
+        parts.append(elbow)
+    caps = [(ends[0], starts[1] - ends[0], True), (starts[-1], starts[-1] - ends[-2], False)]
+    parts += [_straight(ends[i], starts[i + 1], radius, steps) for i in range(len(path) - 1)]
+    return join(
+        [*parts, *(_cap(centre, axis, radius, steps, first) for centre, axis, first in caps)]
+    )
+
+
+def sheet(points: Floats, thickness: float) -> Surface:
+    """Thin freeform plate over a grid of points (m, n, 3), closed at its rim."""
+    rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    normal = np.cross(rows, columns)
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = normal / np.where(length > 1e-12, length, 1.0)
+    upper, lower = points + normal * thickness / 2, points - normal * thickness / 2
+    rim = [
+        np.concatenate([side[0], side[1:, -1], side[-1, -2::-1], side[-2:0:-1, 0]])
+        for side in (upper, lower)
+    ]
+    edge = grid(np.stack(rim), closed=(False, True)).turned_inside_out()
+    return join([grid(upper), grid(lower).turned_inside_out(), edge])
+
+
+def _power(values: Floats, exponent: float) -> Floats:
+    return np.asarray(np.sign(values) * np.abs(values) ** exponent)
+
+
+def _side(stretch: Stretch, height: float) -> Surface:
+    """The wall over a stretch of an outline, its front on the stretch's right hand."""
+    bottom = np.column_stack([stretch.points, np.zeros(len(stretch.points))])
+    points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
+    if stretch.kind == "arc":
+        frame = np.eye(4)
+        frame[:2, 3] = stretch.centre
+        return grid(points, Shape("cylinder", (stretch.radius,)), frame)
+    if stretch.kind == "curve":
+        return grid(points)
+    along = points[-1, 0] - points[0, 0]
+    return grid(points, PLANE, frame_along(np.cross(along, (0.0, 0.0, 1.0)), points[0, 0]))
+
+
+def _turned(stretch: Stretch, angles: Floats, closed: bool) -> Surface:
+    """A stretch of a profile turned about z."""
+    r, z = stretch.points[:, 0], stretch.points[:, 1]
+    x, y = np.cos(angles)[:, None] * r, np.sin(angles)[:, None] * r
+    points = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
+    shape, frame = _turned_shape(stretch)
+    return grid(points, shape, frame, closed=(closed, False))
+
+
+def _turned_shape(stretch: Stretch) -> tuple[Shape, Floats]:
+    """The primitive that a stretch of a profile sweeps, and its frame."""
+    (r0, z0), (r1, z1) = stretch.points[[0, -1]]
+    frame = np.eye(4)
+    if stretch.kind == "arc":
+        frame[2, 3] = stretch.centre[1]
+        if abs(stretch.centre[0]) < 1e-12:
+            return Shape("sphere", (stretch.radius,)), frame
+        lengths = (stretch.centre[0], stretch.radius)
+        return (Shape("torus", lengths), frame) if stretch.centre[0] > 0 else (FREEFORM, frame)
+    if stretch.kind == "curve":
+        return FREEFORM, frame
+    if abs(z1 - z0) < 1e-12:
+        return PLANE, frame_along(np.array([0, 0, -1.0 if r1 > r0 else 1.0]), np.array([0, 0, z0]))
+    if abs(r1 - r0) < 1e-12:
+        return Shape("cylinder", (float(r0),)), frame
+    slope = (r1 - r0) / (z1 - z0)
+    apex = np.array([0.0, 0.0, z0 - r0 / slope])
+    axis = np.array([0.0, 0.0, np.sign(slope)])
+    return Shape("cone", (), (float(np.arctan(abs(slope))),)), frame_along(axis, apex)
+
+
+def _fan(ring: Floats) -> Surface:
+    """Fan that closes a ring (n, 3), front where the ring runs counter-clockwise."""
+    count = len(ring)
+    vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
+    index = np.arange(count)
+    triangles = np.column_stack([index, np.roll(index, -1), np.full(count, count)])
+    return freeform(vertices, triangles)
+
+
+def _rings(path: Floats, radii: Floats, steps: int, closed: bool) -> Floats:
+    """Circles (n, steps, 3) around a path, turned as little as possible from one to the next."""
+    ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    if not closed:
+        ahead[0], ahead[-1] = path[1] - path[0], path[-1] - path[-2]
+    tangent = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    side = np.empty_like(tangent)
+    side[0] = frame_along(tangent[0], np.zeros(3))[:3, 0]
+    for i in range(1, len(path)):
+        across = side[i - 1] - (side[i - 1] @ tangent[i]) * tangent[i]
+        side[i] = across / np.linalg.norm(across)
+    other = np.cross(tangent, side)
+    angles = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :, None]
+    circle = np.cos(angles) * side[:, None] + np.sin(angles) * other[:, None]
+    return np.asarray(path[:, None] + radii[:, None, None] * circle)
+
+
+def _straight(start: Floats, end: Floats, radius: float, steps: int) -> Surface:
+    """Cylinder without ends from point to point."""
+    length = float(np.linalg.norm(end - start))
+    side = revolve(line((radius, 0), (radius, length)), steps)
+    return side.moved(frame_along(end - start, start))
+
+
+def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -> Surface:
+    disc = revolve(line((radius, 0), (0, 0)), steps)
+    return disc.moved(frame_along(-axis if first else axis, centre))
+
+
+def _elbow(
+    corner: Floats, radius: float, bend: float, steps: int
+) -> tuple[Surface, Floats, Floats]:
+    """Torus section that rounds a corner (3, 3), with the points where it begins and ends."""
+    before, at, after = corner
+    towards = (before - at) / np.linalg.norm(before - at)
+    onwards = (after - at) / np.linalg.norm(after - at)
+    half = np.arccos(np.clip(towards @ onwards, -1, 1)) / 2
+    begin, finish = at + towards * bend / np.tan(half), at + onwards * bend / np.tan(half)
+    middle = towards + onwards
+    centre = at + middle / np.linalg.norm(middle) * bend / np.sin(half)
+    x = (begin - centre) / bend
+    z = np.cross(x, -towards)
+    frame = np.eye(4)
+    frame[:3] = np.column_stack([x, np.cross(z, x), z, centre])
+    sweep = 180.0 - 2 * np.degrees(half)
+    section = arc((bend, 0), radius, 0, 360, steps)
+    return revolve(section, max(3, steps // 2), sweep).moved(frame), begin, finish

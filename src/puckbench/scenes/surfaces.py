@@ -1,0 +1,253 @@
+"""Triangulated surfaces whose triangles know the geometric primitive that they lie on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.mesh import Primitive
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A primitive in its own frame: a plane is z = 0, axes are z, centres and apexes the origin.
+
+    lengths scale with the frame (radii, half sizes); ratios do not (angles, exponents).
+    """
+
+    kind: str
+    lengths: tuple[float, ...] = ()
+    ratios: tuple[float, ...] = ()
+
+
+PLANE = Shape("plane")
+FREEFORM = Shape("freeform")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles on primitives.
+
+    vertices: (v, 3) float64. triangles: (t, 3). shape_id: (t,) index into `shapes`.
+    frames: (s, 4, 4), the pose of each shape; a frame is a similarity (turn, move, even scale).
+    Fronts of triangles are counter-clockwise and face outwards.
+    """
+
+    vertices: Floats
+    triangles: Ints
+    shape_id: Ints
+    shapes: tuple[Shape, ...]
+    frames: Floats
+
+    def __add__(self, other: Surface) -> Surface:
+        return join([self, other])
+
+    def moved(self, pose: Floats) -> Surface:
+        """The surface under a similarity (4, 4); a mirroring one keeps fronts outside."""
+        flip = float(np.linalg.det(pose[:3, :3])) < 0
+        return replace(
+            self,
+            vertices=self.vertices @ pose[:3, :3].T + pose[:3, 3],
+            triangles=self.triangles[:, ::-1] if flip else self.triangles,
+            frames=pose @ self.frames,
+        )
+
+    def at(
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+        *,
+        turn: float = 0.0,
+        tilt: float = 0.0,
+        roll: float = 0.0,
+        scale: float = 1.0,
+    ) -> Surface:
+        """The surface scaled, rolled about y, tilted about x, turned about z (degrees), moved."""
+        return self.moved(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
+
+    def mirrored(self, axis: int = 0) -> Surface:
+        """The mirror image across the plane through the origin normal to `axis`."""
+        mirror = np.eye(4)
+        mirror[axis, axis] = -1.0
+        return self.moved(mirror)
+
+    def turned_inside_out(self) -> Surface:
+        """The same surface with its fronts on the other side (the shell of a room, a bore)."""
+        planes = np.array([shape.kind == "plane" for shape in self.shapes], dtype=bool)
+        frames = self.frames.copy()
+        frames[planes] = frames[planes] @ np.diag([1.0, -1.0, -1.0, 1.0])
+        return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
+
+    def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
+        """The surface with its vertices (v, 3) changed at will: it becomes freeform."""
+        return freeform(change(self.vertices), self.triangles)
+
+    def bounds(self) -> Floats:
+        """Corners of the axis-aligned bounding box, (2, 3)."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def join(surfaces: list[Surface]) -> Surface:
+    """One surface of several."""
+    vertex_counts = [len(one.vertices) for one in surfaces]
+    shape_counts = [len(one.shapes) for one in surfaces]
+    first_vertex = np.cumsum([0, *vertex_counts])
+    first_shape = np.cumsum([0, *shape_counts])
+    return Surface(
+        np.concatenate([one.vertices for one in surfaces]),
+        np.concatenate(
+            [one.triangles + first for one, first in zip(surfaces, first_vertex, strict=False)]
+        ),
+        np.concatenate(
+            [one.shape_id + first for one, first in zip(surfaces, first_shape, strict=False)]
+        ),
+        tuple(shape for one in surfaces for shape in one.shapes),
+        np.concatenate([one.frames for one in surfaces]),
+    )
+
+
+def pose(
+    x: float = 0.0,
+    y: float = 0.0,
+    z: float = 0.0,
+    *,
+    turn: float = 0.0,
+    tilt: float = 0.0,
+    roll: float = 0.0,
+    scale: float = 1.0,
+) -> Floats:
+    """Similarity (4, 4): scale, roll about y, tilt about x, turn about z (degrees), then move."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def rotation(axis: int, degrees: float) -> Floats:
+    """Rotation matrix (3, 3) about a coordinate axis."""
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[[first, second], [first, second]] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
+    return matrix
+
+
+def frame_along(axis: Floats, origin: Floats) -> Floats:
+    """A frame (4, 4) at `origin` (3,) with its z axis along `axis` (3,)."""
+    z = axis / np.linalg.norm(axis)
+    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3, :4] = np.column_stack([x, np.cross(z, x), z, origin])
+    return matrix
+
+
+def one_shape(
+    vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
+) -> Surface:
+    """Surface on a single shape; triangles without area are dropped."""
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    kept = triangles[size > 1e-12]
+    frames = (np.eye(4) if frame is None else frame)[None]
+    return Surface(vertices, kept, np.zeros(len(kept), dtype=np.int64), (shape,), frames)
+
+
+def freeform(vertices: Floats, triangles: Ints) -> Surface:
+    """Surface without a primitive of its own."""
+    return one_shape(vertices, triangles, FREEFORM)
+
+
+def planar(vertices: Floats, triangles: Ints) -> Surface:
+    """Surface of coplanar triangles, whose plane is that of the largest."""
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    doubled = np.cross(b - a, c - a)
+    largest = int(np.argmax(np.sum(doubled**2, axis=1)))
+    return one_shape(vertices, triangles, PLANE, frame_along(doubled[largest], a[largest]))
+
+
+def grid(
+    points: Floats,
+    shape: Shape = FREEFORM,
+    frame: Floats | None = None,
+    *,
+    closed: tuple[bool, bool] = (False, False),
+) -> Surface:
+    """Surface through a grid of points (m, n, 3), its front where rows x columns points.
+
+    closed: whether the last row (column) is joined to the first.
+    """
+    rows, columns, _ = points.shape
+    index = np.arange(rows * columns).reshape(rows, columns)
+    index = np.vstack([index, index[:1]]) if closed[0] else index
+    index = np.hstack([index, index[:, :1]]) if closed[1] else index
+    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
+    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return one_shape(points.reshape(-1, 3), triangles, shape, frame)
+
+
+def primitive(shape: Shape, frame: Floats) -> Primitive:
+    """The shape's parameters in the coordinates that its frame (4, 4) leads to."""
+    scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
+    axes = frame[:3, :3] / scale
+    return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))
+
+
+def _plane(_: Shape, origin: Floats, axes: Floats, __: float) -> dict[str, Any]:
+    return {"normal": axes[:, 2].tolist(), "offset": float(axes[:, 2] @ origin)}
+
+
+def _cylinder(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
+    radius = shape.lengths[0] * scale
+    return {"point": origin.tolist(), "axis": axes[:, 2].tolist(), "radius": radius}
+
+
+def _sphere(shape: Shape, origin: Floats, _: Floats, scale: float) -> dict[str, Any]:
+    return {"centre": origin.tolist(), "radius": shape.lengths[0] * scale}
+
+
+def _cone(shape: Shape, origin: Floats, axes: Floats, _: float) -> dict[str, Any]:
+    half_angle = shape.ratios[0]
+    return {"apex": origin.tolist(), "axis": axes[:, 2].tolist(), "half_angle": half_angle}
+
+
+def _torus(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
+    major, minor = (length * scale for length in shape.lengths)
+    radii = {"major_radius": major, "minor_radius": minor}
+    return {"centre": origin.tolist(), "axis": axes[:, 2].tolist(), **radii}
+
+
+def _superquadric(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
+    sizes = [length * scale for length in shape.lengths]
+    return {
+        "centre": origin.tolist(),
+        "axes": axes.T.tolist(),
+        "sizes": sizes,
+        "exponents": list(shape.ratios),
+    }
+
+
+def _freeform(_: Shape, __: Floats, ___: Floats, ____: float) -> dict[str, Any]:
+    return {}
+
+
+_PARAMETERS: dict[str, Callable[[Shape, Floats, Floats, float], dict[str, Any]]] = {
+    "plane": _plane,
+    "cylinder": _cylinder,
+    "sphere": _sphere,
+    "cone": _cone,
+    "torus": _torus,
+    "superquadric": _superquadric,
+    "freeform": _freeform,
+}

@@ -1,0 +1,123 @@
+"""The workshop that makes furniture and objects: solids at one fineness, and chance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.scenes import outlines, solids
+from puckbench.scenes.outlines import Outline, Point
+from puckbench.scenes.surfaces import Surface
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Workshop:
+    """Solids whose curved faces are tessellated by size, and a source of random choices.
+
+    detail: factor on the number of segments (1: segments of about 12 mm, 16 to 96 per turn).
+    unit: size in metres of what is being made, when it is to be tessellated as if that large.
+    """
+
+    rng: np.random.Generator
+    detail: float = 1.0
+    unit: float = 1.0
+
+    def steps(self, radius: float) -> int:
+        """Segments of a full turn at this radius, a multiple of 4."""
+        wanted = np.clip(2 * np.pi * radius * self.unit / 0.012, 16, 96) * self.detail
+        return max(8, 4 * round(float(wanted) / 4))
+
+    def pick(self, choices: Sequence[T]) -> T:
+        """One of the choices."""
+        return choices[int(self.rng.integers(len(choices)))]
+
+    def between(self, low: float, high: float) -> float:
+        """A number between two."""
+        return float(self.rng.uniform(low, high))
+
+    def chance(self, probability: float) -> bool:
+        """True with the given probability."""
+        return bool(self.rng.random() < probability)
+
+    def box(self, x: float, y: float, z: float) -> Surface:
+        """Box standing on z = 0, centred in x and y."""
+        return solids.box(x, y, z)
+
+    def slab(self, x: float, y: float, z: float, radius: float) -> Surface:
+        """Box standing on z = 0 with its four upright edges rounded."""
+        steps = max(2, self.steps(radius) // 4)
+        return solids.extrude(outlines.rounded_rectangle(x, y, radius, steps), z)
+
+    def cylinder(self, radius: float, height: float) -> Surface:
+        """Cylinder standing on z = 0."""
+        return solids.cylinder(radius, height, self.steps(radius))
+
+    def rod(self, start: Sequence[float], end: Sequence[float], radius: float) -> Surface:
+        """Cylinder with flat ends from point to point."""
+        return solids.pipe([start, end], radius, radius, self.steps(radius))
+
+    def pipe(self, points: Sequence[Sequence[float]], radius: float, bend: float) -> Surface:
+        """Pipe along a polyline with elbows of bend radius `bend`."""
+        return solids.pipe(points, radius, bend, self.steps(radius))
+
+    def cone(self, bottom: float, top: float, height: float) -> Surface:
+        """Cone or frustum standing on z = 0."""
+        return solids.cone(bottom, top, height, self.steps(max(bottom, top)))
+
+    def sphere(self, radius: float) -> Surface:
+        """Sphere around the origin."""
+        return solids.sphere(radius, self.steps(radius))
+
+    def torus(self, major: float, minor: float) -> Surface:
+        """Torus around the origin, its axis z."""
+        return solids.torus(major, minor, self.steps(major), self.steps(minor))
+
+    def superquadric(
+        self, sizes: tuple[float, float, float], exponents: tuple[float, float] = (1.0, 1.0)
+    ) -> Surface:
+        """Superellipsoid around the origin with half axes `sizes`."""
+        return solids.superquadric(sizes, exponents, self.steps(0.35 * max(sizes)))
+
+    def cushion(self, x: float, y: float, z: float, roundness: float = 0.35) -> Surface:
+        """Rounded box (a superquadric) standing on z = 0, centred in x and y."""
+        sizes = (x / 2, y / 2, z / 2)
+        return self.superquadric(sizes, (roundness, roundness)).at(z=z / 2)
+
+    def turned(self, profile: Outline, degrees: float = 360.0) -> Surface:
+        """Body turned about z from a profile of (r, z) points, the outside on its right hand."""
+        radius = max(float(stretch.points[:, 0].max()) for stretch in profile)
+        return solids.revolve(profile, self.steps(radius), degrees)
+
+    def vessel(self, points: Sequence[Point], wall: float) -> Surface:
+        """Open vessel turned about z, its smooth outside through (r, z) points, bottom to rim."""
+        outside = outlines.catmull_rom(
+            np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8)
+        )
+        inside = np.maximum(outside - (wall, 0.0), 0.0)[::-1]
+        floor = outside[0, 1] + wall
+        inside = inside[inside[:, 1] > floor]
+        (r0, z0), (r1, z1) = outside[0], outside[-1]
+        low = float(inside[-1, 0])
+        profile = (
+            *outlines.line((0.0, z0), (r0, z0)),
+            outlines.Stretch("curve", outside),
+            *outlines.line((r1, z1), (r1 - wall, z1)),
+            outlines.Stretch("curve", np.concatenate([[(r1 - wall, z1)], inside])),
+            *outlines.line((low, float(inside[-1, 1])), (low, floor), (0.0, floor)),
+        )
+        return self.turned(profile)
+
+    def tube(self, path: Floats, radius: float | Floats, *, closed: bool = False) -> Surface:
+        """Round freeform tube along a path (n, 3)."""
+        return solids.tube(path, radius, self.steps(float(np.max(radius))), closed=closed)
+
+    def smooth(self, points: Sequence[Sequence[float]], steps: int = 8) -> Floats:
+        """Smooth path (m, k) through points."""
+        wanted = max(2, round(steps * self.detail))
+        return outlines.catmull_rom(np.array(points, dtype=np.float64), wanted)
