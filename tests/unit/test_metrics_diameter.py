@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import pdist
 
+from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.metrics.diameter import diameter
 from puckbench.seeding import generator
@@ -18,15 +19,15 @@ POINTS = st.integers(2, 60).flatmap(
 
 @settings(max_examples=100, deadline=None)
 @given(points=POINTS)
-def test_diameter_is_the_largest_of_all_pairs(points):
+def test_diameter_is_the_largest_of_all_pairs(points: Floats) -> None:
     assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)
 
 
-def unit(vectors):
+def unit(vectors: Floats) -> Floats:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def triangle_of_clusters(random, n):
+def triangle_of_clusters(random: np.random.Generator, n: int) -> Floats:
     angle = random.integers(0, 3, n) * 2 * np.pi / 3
     return np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]) + random.normal(
         0, 0.05, (n, 3)
@@ -44,22 +45,22 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES))
-def test_diameter_of_many_points_on_a_shape(shape):
+def test_diameter_of_many_points_on_a_shape(shape: str) -> None:
     points = SHAPES[shape](generator(5, shape), 3000)
     assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)
 
 
-def test_diameter_of_a_million_points_in_a_cube_is_its_diagonal():
+def test_diameter_of_a_million_points_in_a_cube_is_its_diagonal() -> None:
     points = generator(6, "cube").random((1_000_000, 3))
     points[[7, 500_000]] = [[0, 0, 0], [1, 1, 1]]
     assert diameter(points) == 3**0.5
 
 
-def test_a_single_point_has_no_diameter():
+def test_a_single_point_has_no_diameter() -> None:
     assert diameter(np.array([[1.0, 2.0, 3.0]])) == 0
     assert diameter(np.ones((100, 3))) == 0
 
 
-def test_no_points_are_refused():
+def test_no_points_are_refused() -> None:
     with pytest.raises(InputError, match="empty"):
         diameter(np.zeros((0, 3)))

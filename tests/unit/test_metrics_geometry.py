@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from puckbench.cloud import PointCloud
+from puckbench.cloud import Floats, PointCloud
 from puckbench.errors import InputError
 from puckbench.metrics.geometry import distortion, squared_errors
 from puckbench.metrics.psnr import mpeg_psnr
@@ -21,14 +22,14 @@ DATA = Path(__file__).parents[1] / "data" / "pc_error"
 EXPECTED = json.loads((DATA / "expected.json").read_text())["values"]
 
 
-def load_pair(name):
+def load_pair(name: str) -> tuple[PointCloud, Floats]:
     with np.load(DATA / f"{name}.npz") as pair:
         values = {key: pair[key].astype(np.float64) for key in pair.files}
     return PointCloud(values["reference"], values["normals"]), values["decoded"]
 
 
 @pytest.mark.parametrize("name", sorted(EXPECTED))
-def test_agrees_with_pc_error(name):
+def test_agrees_with_pc_error(name: str) -> None:
     reference, decoded = load_pair(name)
     errors = squared_errors(reference, decoded)
     measured = distortion(reference, decoded)
@@ -41,18 +42,18 @@ def test_agrees_with_pc_error(name):
     )
 
 
-def floor(size, step):
+def floor(size: int, step: float) -> Floats:
     x, y = np.meshgrid(np.arange(size) * step, np.arange(size) * step)
     return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
-def up(points):
+def up(points: Floats) -> Floats:
     return np.tile([0.0, 0.0, 1.0], (len(points), 1))
 
 
-def test_a_floor_raised_by_h_is_h_away_to_point_and_to_plane():
+def test_a_floor_raised_by_h_is_h_away_to_point_and_to_plane() -> None:
     points = floor(20, 1.0)
-    values = distortion(PointCloud(points, up(points)), points + [0, 0, 0.25])
+    values = distortion(PointCloud(points, up(points)), points + np.array([0, 0, 0.25]))
     for kind, largest in (("point", "d1_mse"), ("plane", "d2_mse")):
         names = (f"acd_ab_{kind}", f"acd_ba_{kind}", f"cd_{kind}", largest)
         assert [values[name] for name in names] == [0.0625] * 4
@@ -60,14 +61,14 @@ def test_a_floor_raised_by_h_is_h_away_to_point_and_to_plane():
         assert values[f"hausdorff_sq_{kind}"] == 0.0625
 
 
-def test_a_floor_moved_within_its_plane_has_no_error_to_plane():
+def test_a_floor_moved_within_its_plane_has_no_error_to_plane() -> None:
     points = floor(20, 1.0)
-    values = distortion(PointCloud(points, up(points)), points + [0.125, 0, 0])
+    values = distortion(PointCloud(points, up(points)), points + np.array([0.125, 0, 0]))
     assert values["cd_point"] == 0.125**2
     assert values["d2_mse"] == values["hausdorff_plane"] == 0
 
 
-def test_chamfer_and_hausdorff_of_three_points_by_hand():
+def test_chamfer_and_hausdorff_of_three_points_by_hand() -> None:
     reference = PointCloud(np.array([[0.0, 0, 0], [10, 0, 0]]))
     values = distortion(reference, np.array([[0.0, 3, 0]]))
     assert values["acd_ab_point"] == (9 + 109) / 2
@@ -78,7 +79,7 @@ def test_chamfer_and_hausdorff_of_three_points_by_hand():
     assert "cd_plane" not in values
 
 
-def test_every_one_of_many_equidistant_neighbours_counts():
+def test_every_one_of_many_equidistant_neighbours_counts() -> None:
     kinds = ((1, 4, 8), (4, 4, 7), (0, 0, 9), (3, 6, 6))
     sphere = {
         tuple(sign * value for sign, value in zip(signs, order, strict=True))
@@ -93,14 +94,14 @@ def test_every_one_of_many_equidistant_neighbours_counts():
     assert values["acd_ab_plane"] == pytest.approx(81 / 3, rel=1e-15)
 
 
-def test_a_point_between_two_walls_gets_the_plain_mean_of_their_normals():
+def test_a_point_between_two_walls_gets_the_plain_mean_of_their_normals() -> None:
     reference = PointCloud(np.array([[1.0, 0, 0], [0, 1, 0]]), np.array([[1.0, 0, 0], [0, 1, 0]]))
     values = distortion(reference, np.zeros((1, 3)))
     assert values["acd_ab_plane"] == 0.25
     assert values["acd_ba_plane"] == 1
 
 
-def test_duplicates_are_measured_once():
+def test_duplicates_are_measured_once() -> None:
     reference, decoded = load_pair("sparser")
     values = distortion(reference, decoded)
     repeated = PointCloud(np.tile(reference.xyz, (2, 1)), np.tile(reference.normals, (2, 1)))
@@ -108,7 +109,7 @@ def test_duplicates_are_measured_once():
     assert (values["points_a"], values["points_b"]) == (600, 150)
 
 
-def test_clouds_without_normals_are_measured_alike_both_ways():
+def test_clouds_without_normals_are_measured_alike_both_ways() -> None:
     reference, decoded = load_pair("grid_ties")
     there = distortion(PointCloud(reference.xyz), decoded)
     back = distortion(PointCloud(decoded), reference.xyz)
@@ -117,7 +118,7 @@ def test_clouds_without_normals_are_measured_alike_both_ways():
     assert there["hausdorff_point"] == back["hausdorff_point"]
 
 
-def test_equal_clouds_have_no_error():
+def test_equal_clouds_have_no_error() -> None:
     reference, _ = load_pair("room_quantised")
     values = distortion(reference, reference.xyz[::-1])
     assert not any(value for key, value in values.items() if not key.startswith("points"))
@@ -128,10 +129,11 @@ CELLS = st.integers(1, 40).flatmap(
 )
 
 
-def brute_force(a, normals, b):
+def brute_force(a: Floats, normals: Floats, b: Floats) -> dict[str, float]:
     """The rules of pc_error on few distinct points of a coarse grid."""
     ab = cdist(a, b, "sqeuclidean")
-    nearest_ab, nearest_ba = ab == ab.min(axis=1)[:, None], ab.T == ab.min(axis=0)[:, None]
+    nearest_ab = np.equal(ab, ab.min(axis=1)[:, None])
+    nearest_ba = np.equal(ab.T, ab.min(axis=0)[:, None])
     takers = np.where(nearest_ab.any(axis=0)[:, None], nearest_ab.T, nearest_ba)
     normals_b = takers @ normals / takers.sum(axis=1)[:, None]
     return {
@@ -143,14 +145,16 @@ def brute_force(a, normals, b):
     }
 
 
-def mean_projection(queries, points, normals, nearest):
+def mean_projection(
+    queries: Floats, points: Floats, normals: Floats, nearest: NDArray[np.bool_]
+) -> float:
     along = np.einsum("ijk,jk->ij", queries[:, None] - points[None], normals)
     return np.mean((along**2 * nearest).sum(axis=1) / nearest.sum(axis=1))
 
 
 @settings(max_examples=100, deadline=None)
 @given(a=CELLS, b=CELLS, seed=st.integers(0, 2**31))
-def test_distortion_is_that_of_brute_force_in_any_order(a, b, seed):
+def test_distortion_is_that_of_brute_force_in_any_order(a: Floats, b: Floats, seed: int) -> None:
     random = generator(seed, "normals")
     a, b = np.unique(a, axis=0), np.unique(b, axis=0)
     normals = random.normal(size=a.shape)
@@ -161,7 +165,7 @@ def test_distortion_is_that_of_brute_force_in_any_order(a, b, seed):
 
 
 @pytest.mark.parametrize("name", ["denser", "voxels", "random"])
-def test_values_do_not_depend_on_the_order_of_the_points(name):
+def test_values_do_not_depend_on_the_order_of_the_points(name: str) -> None:
     reference, decoded = load_pair(name)
     random = generator(1, "order")
     shuffled = reference.select(random.permutation(len(reference)))
@@ -180,6 +184,8 @@ def test_values_do_not_depend_on_the_order_of_the_points(name):
         (np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((1, 3)), "1 normals for 2 points"),
     ],
 )
-def test_unusable_clouds_are_refused(points, normals, decoded, message):
+def test_unusable_clouds_are_refused(
+    points: Floats, normals: Floats | None, decoded: Floats, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         distortion(PointCloud(points, normals), decoded)

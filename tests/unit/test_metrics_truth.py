@@ -16,7 +16,7 @@ FLOOR = Mesh(
 SEEN = PointCloud(np.array([[1.0, 1, 0], [7, 7, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]]))
 
 
-def test_decoded_points_between_visible_ones_are_measured_to_the_surface():
+def test_decoded_points_between_visible_ones_are_measured_to_the_surface() -> None:
     decoded = np.array([[4.0, 2, 0.5], [2, 4, -0.5]])
     values = truth_distortion(SEEN, FLOOR, decoded)
     assert values["truth_acd_ba_point"] == values["truth_acd_ba_plane"] == 0.25
@@ -27,19 +27,19 @@ def test_decoded_points_between_visible_ones_are_measured_to_the_surface():
     assert values["truth_hausdorff_point"] == 34.25**0.5
 
 
-def test_beside_the_surface_the_error_to_plane_is_less_than_to_point():
+def test_beside_the_surface_the_error_to_plane_is_less_than_to_point() -> None:
     values = truth_distortion(SEEN, FLOOR, np.array([[-3.0, 4, 4]]))
     assert values["truth_acd_ba_point"] == 25
     assert values["truth_acd_ba_plane"] == 16
 
 
-def test_without_a_mesh_the_visible_points_are_the_truth():
+def test_without_a_mesh_the_visible_points_are_the_truth() -> None:
     decoded = generator(1, "decoded").random((50, 3)) * 8
     ordinary = distortion(SEEN, decoded)
     assert truth_distortion(SEEN, None, decoded) == {f"truth_{k}": v for k, v in ordinary.items()}
 
 
-def test_without_true_normals_there_is_nothing_to_plane():
+def test_without_true_normals_there_is_nothing_to_plane() -> None:
     values = truth_distortion(PointCloud(SEEN.xyz), FLOOR, np.array([[4.0, 2, 0.5]]))
     assert "truth_cd_point" in values
     assert not [key for key in values if "plane" in key]
@@ -55,13 +55,15 @@ def test_without_true_normals_there_is_nothing_to_plane():
         ([10, 3, 0], [8, 3, 0]),
     ],
 )
-def test_closest_point_over_a_face_an_edge_and_a_corner(point, closest):
+def test_closest_point_over_a_face_an_edge_and_a_corner(
+    point: list[float], closest: list[float]
+) -> None:
     found = closest_surface_points(FLOOR, np.array([point], dtype=np.float64))
     np.testing.assert_array_equal(found.xyz, [closest])
     np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
 
 
-def test_closest_points_are_exact_far_from_the_origin():
+def test_closest_points_are_exact_far_from_the_origin() -> None:
     away = np.array([40_000.0, -30_000.0, 500.0])
     points = generator(2, "above").random((100, 3)) * [8, 8, 1]
     far = Mesh(FLOOR.vertices + away, FLOOR.triangles)
@@ -69,7 +71,7 @@ def test_closest_points_are_exact_far_from_the_origin():
     np.testing.assert_allclose(found.xyz - away, points * [1, 1, 0], atol=1e-10)
 
 
-def test_points_off_a_sphere_are_its_radius_less_away():
+def test_points_off_a_sphere_are_its_radius_less_away() -> None:
     trimesh = pytest.importorskip("trimesh")
     ball = trimesh.creation.icosphere(subdivisions=5)
     mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64))
@@ -78,14 +80,14 @@ def test_points_off_a_sphere_are_its_radius_less_away():
     np.testing.assert_allclose(found.xyz, corners, atol=1e-15)
 
 
-def test_triangles_without_area_are_left_out():
+def test_triangles_without_area_are_left_out() -> None:
     triangles = np.array([[0, 0, 1], [0, 1, 2], [0, 2, 3]])
     found = closest_surface_points(Mesh(FLOOR.vertices, triangles), np.array([[4.0, 0, 1]]))
     assert found.triangles.tolist() == [1]
     np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
 
 
-def test_a_mesh_is_brought_into_the_frame_of_a_scaled_cloud():
+def test_a_mesh_is_brought_into_the_frame_of_a_scaled_cloud() -> None:
     cloud = PointCloud(np.zeros((1, 3)), about={"scale": 170.5, "offset": [-1.0, 2.0, 0.5]})
     moved = mesh_in_frame(FLOOR, cloud.about["scale"], cloud.about["offset"])
     np.testing.assert_allclose(cloud.to_metres(moved.vertices), FLOOR.vertices, atol=1e-12)

@@ -6,7 +6,9 @@ neighbours; a measure that picks one of them depends on the library and on the o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -59,27 +61,22 @@ class Points:
         self._tree: Any = KDTree(points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: Floats) -> Neighbours:
-        """Neighbours of each query (m, 3), complete as to ties whatever their number."""
-        index, squared = self._sorted_neighbours(queries, 2)
-        tied = np.zeros(len(queries), np.bool_)
-        if len(self._points) > 1:
-            tied = squared[:, 1] - squared[:, 0] < SAME_DISTANCE
-        lone = np.flatnonzero(~tied)
-        ones = np.ones(len(lone), np.int64)
-        groups = [_Group(lone, index[lone, :1], ones, ones)]
-        groups += self._tied_groups(queries, np.flatnonzero(tied))
-        return _join(squared[:, 0].copy(), groups)
+        """Neighbours of each query (m, 3), complete as to ties whatever their number.
 
-    def _tied_groups(self, queries: Floats, rows: Rows) -> list[_Group]:
-        """Look at ever more neighbours until the last one is farther than the nearest."""
-        groups, k = [], LOOKED_AT_FIRST
-        while len(rows):
+        Few neighbours are looked at first, more only for the queries where all of those tie.
+        """
+        nearest, rows, groups = np.empty(len(queries)), np.arange(len(queries)), []
+        for k in _growing_numbers():
             index, squared = self._sorted_neighbours(queries[rows], k)
+            nearest[rows] = squared[:, 0]
             counts, exact = _count_ties(squared)
-            done = (exact < k) | (k >= len(self._points))
+            tied = counts == k if k < LOOKED_AT_FIRST else exact == k
+            done = ~tied | (k >= len(self._points))
             groups.append(_Group(rows[done], index[done], counts[done], exact[done]))
-            rows, k = rows[~done], 4 * k
-        return groups
+            rows = rows[~done]
+            if not len(rows):
+                break
+        return _join(nearest, groups)
 
     def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
         """Indices and squared distances, (m, min(k, n)), sorted by our own float64 distances."""
@@ -87,6 +84,11 @@ class Points:
         _, index = self._tree.query(queries, k=k, sqr_dists=True)
         index = index.reshape(len(queries), k)
         return index, _sort_by_distance(queries, self._points, index)
+
+
+def _growing_numbers() -> Iterator[int]:
+    yield from (2, 5, LOOKED_AT_FIRST)
+    yield from (LOOKED_AT_MOST * 4**power for power in count())
 
 
 @compiled
