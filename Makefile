@@ -41,6 +41,7 @@ data: setup
 	$(IN_VENV) python -m puckbench data
 
 lock: setup
+	@command -v uv >/dev/null || { echo 'make lock needs uv on PATH (pip install uv)' >&2; exit 2; }
 	$(BIN)/python envs/lock.py $(LOCK)
 
 clean:

@@ -113,15 +113,18 @@ print(hashlib.sha256(b"".join(pathlib.Path(name).read_bytes() for name in sys.ar
 is_done() { [ "$(cat ".venv/.done-$1" 2>/dev/null)" = "$2" ]; }
 mark_done() { printf '%s\n' "$2" >".venv/.done-$1.new" && mv ".venv/.done-$1.new" ".venv/.done-$1"; }
 
-install_lock() { # name: the packages of envs/<name>.lock, on top of those of the run
-    key=$(hash_of envs/*.lock)
-    ! is_done "$1" "$key" || return 0
-    say "installing the pinned packages of envs/$1.lock into .venv (the first time takes minutes)"
+install_locks() { # names: the packages of envs/<name>.lock, all in one go
+    key=$(hash_of envs/*.lock envs/cuda.constraints)
+    new=
+    for name in "$@"; do is_done "$name" "$key" || new="$new $name"; done
+    [ -n "$new" ] || return 0
+    say "installing the pinned packages of$new into .venv (1.5 GB at first; takes minutes)"
     : >.venv/.installing
     pip_install "$(grep '^setuptools==' envs/requirements.lock)"
-    pip_install --requirement envs/requirements.lock --requirement "envs/$1.lock"
+    # shellcheck disable=SC2046  # two words per lock
+    pip_install $(printf -- '--requirement envs/%s.lock ' "$@")
     rm .venv/.installing
-    mark_done "$1" "$key"
+    for name in "$@"; do mark_done "$name" "$key"; done
 }
 
 install_puckbench() {
@@ -137,5 +140,5 @@ done
 if is_whole && is_wanted; then python=.venv/bin/python; else choose_python; fi
 require_libraries
 [ "$python" = .venv/bin/python ] || make_venv
-for group in requirements "$@"; do install_lock "$group"; done
+install_locks requirements "$@"
 install_puckbench
