@@ -80,7 +80,7 @@ require_libraries() {
 
 # ---- the virtual environment
 
-version() { "$1" -c 'import sys; print(sys.version_info[:2])'; }
+version() { "$1" -c 'import sys; print(sys.version_info[:2])' 2>/dev/null; }
 is_wanted() { [ -z "${PYTHON:-}" ] || [ "$(version "$PYTHON")" = "$(version .venv/bin/python)" ]; }
 is_whole() {
     # .home is written last and holds the place, since a moved environment's commands point to the old one;
