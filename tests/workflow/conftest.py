@@ -96,7 +96,7 @@ class Bench:
             "--snakefile",
             str(ROOT / "workflow/Snakefile"),
         ]
-        return [*program, "--cores", "2", "--configfile", "config.yaml", *arguments]
+        return [*program, "--configfile", "config.yaml", "--cores", "2", *arguments]
 
     def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run the workflow to its end, whatever that is."""
