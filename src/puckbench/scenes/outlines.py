@@ -62,6 +62,14 @@ def curve(points: Sequence[Point], steps: int) -> Outline:
     return (Stretch("curve", smooth),)
 
 
+def closed_curve(points: Sequence[Point], steps: int) -> Outline:
+    """Smooth closed curve through the points, counter-clockwise when they are."""
+    ring = np.array(points, dtype=np.float64)
+    wrapped = np.concatenate([ring[-2:], ring, ring[:3]])
+    smooth = catmull_rom(wrapped, steps)[2 * steps : (2 + len(ring)) * steps + 1]
+    return (Stretch("curve", smooth),)
+
+
 def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
     """Closed polygon with corners rounded by arcs of `radius`, `steps` segments each."""
     corners = np.array(points, dtype=np.float64)

@@ -1,0 +1,345 @@
+"""Chairs, tables, lamps and vessels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.scenes import outlines
+from puckbench.scenes.builder import Item, Piece
+from puckbench.scenes.furniture import fixtures, seating, small, tables
+from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.solids import extrude
+from puckbench.scenes.surfaces import Surface, join
+from puckbench.scenes.workshop import Workshop
+
+
+def chair(shop: Workshop, member: int) -> Item:
+    """Office chair, plain chair, moulded chair, stool, armchair or auditorium seat."""
+    makers = (
+        seating.office_chair,
+        seating.chair,
+        seating.shell_chair,
+        seating.stool,
+        _armchair,
+        seating.row_seat,
+    )
+    return makers[member % len(makers)](shop)
+
+
+def _armchair(shop: Workshop) -> Item:
+    return seating.sofa(shop, 1)
+
+
+def table(shop: Workshop, member: int) -> Item:
+    """Bare table: round, coffee, meeting, workbench, desk or trestle."""
+    makers = (
+        _round,
+        tables.coffee_table,
+        tables.meeting_table,
+        tables.workbench,
+        tables.desk,
+        _trestle,
+    )
+    return makers[member % len(makers)](shop)[:1]
+
+
+def _round(shop: Workshop) -> Item:
+    return tables.round_table(shop, shop.between(0.35, 0.7), shop.between(0.5, 1.05))
+
+
+def _trestle(shop: Workshop) -> Item:
+    """Board on two A-shaped trestles."""
+    width, height = shop.between(1.4, 2.0), shop.between(0.7, 0.8)
+    top = shop.slab(width, 0.75, 0.03, 0.12).at(z=height)
+    legs = [
+        shop.rod((a * width * 0.34, b * 0.32, 0), (a * width * 0.34, b * 0.08, height), 0.022)
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
+    bars = [
+        shop.rod((a * width * 0.34, -0.24, 0.22), (a * width * 0.34, 0.24, 0.22), 0.015)
+        for a in (-1, 1)
+    ]
+    beam = shop.rod((-width * 0.34, 0, 0.22), (width * 0.34, 0, 0.22), 0.018)
+    return [Piece("trestle_table", "table", join([top, *legs, *bars, beam]))]
+
+
+def lamp(shop: Workshop, member: int) -> Item:
+    """Desk lamp, pendant, floor lamp, table lamp, globe or lantern."""
+    makers = (small.desk_lamp, fixtures.pendant_lamp, _floor_lamp, _table_lamp, _arc_lamp, _lantern)
+    return makers[member % len(makers)](shop)
+
+
+def _open_shade(shop: Workshop, low: float, high: float, height: float) -> Surface:
+    """Lampshade open at both ends."""
+    wall = 0.004
+    ring = outlines.line((low, 0), (high, height), (high - wall, height), (low - wall, 0), (low, 0))
+    return shop.turned(ring)
+
+
+def _floor_lamp(shop: Workshop) -> Item:
+    height = shop.between(1.3, 1.6)
+    foot = shop.turned(
+        (
+            *outlines.line((0, 0), (0.15, 0)),
+            *outlines.arc((0.13, 0.0), 0.02, 0, 90, 6),
+            *outlines.line((0.13, 0.02), (0.0, 0.03)),
+        )
+    )
+    shade = _open_shade(shop, shop.between(0.18, 0.24), shop.between(0.1, 0.17), 0.26).at(z=height)
+    spokes = [
+        shop.rod((0, 0, height + 0.05), (0.17 * np.cos(t), 0.17 * np.sin(t), height + 0.05), 0.004)
+        for t in np.radians((0, 120, 240))
+    ]
+    return clutter(
+        "floor_lamp",
+        foot,
+        shop.cylinder(0.013, height + 0.06),
+        shade,
+        *spokes,
+        shop.sphere(0.04).at(z=height + 0.1),
+    )
+
+
+def _table_lamp(shop: Workshop) -> Item:
+    a, b = shop.between(0.07, 0.12), shop.between(0.03, 0.06)
+    body = shop.turned(
+        (
+            *outlines.line((0, 0), (0.08, 0)),
+            *outlines.curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10),
+            *outlines.line((0.02, 0.28), (0, 0.28)),
+        )
+    )
+    shade = _open_shade(shop, 0.17, shop.between(0.08, 0.17), 0.2).at(z=0.27)
+    bar = shop.rod((-0.165, 0, 0.3), (0.165, 0, 0.3), 0.004)
+    return clutter(
+        "table_lamp",
+        body,
+        shade,
+        bar,
+        shop.cylinder(0.006, 0.1).at(z=0.27),
+        shop.sphere(0.035).at(z=0.38),
+    )
+
+
+def _arc_lamp(shop: Workshop) -> Item:
+    path = shop.smooth([(0, 0, 0.02), (0, 0, 0.9), (0.25, 0, 1.6), (0.75, 0, 1.75), (1.05, 0, 1.4)])
+    globe = shop.sphere(shop.between(0.14, 0.2)).at(1.07, 0, 1.25)
+    return clutter("arc_lamp", shop.cylinder(0.17, 0.04), shop.tube(path, 0.014), globe)
+
+
+def _lantern(shop: Workshop) -> Item:
+    base = shop.turned(outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05)))
+    glass = shop.superquadric((0.06, 0.06, 0.08), (0.7, 1.0)).at(z=0.12)
+    roof = shop.cone(0.09, 0.03, 0.06).at(z=0.2)
+    posts = [
+        shop.rod(
+            (0.08 * np.cos(t), 0.08 * np.sin(t), 0.02),
+            (0.08 * np.cos(t), 0.08 * np.sin(t), 0.21),
+            0.005,
+        )
+        for t in np.radians((0, 90, 180, 270))
+    ]
+    return clutter(
+        "lantern", base, glass, roof, *posts, shop.torus(0.03, 0.005).at(z=0.285, tilt=90)
+    )
+
+
+def bottle(shop: Workshop, member: int) -> Item:
+    """Bottle: wine, beer, flask, jar with lid, canister with a handle, or spray bottle."""
+    neck = shop.between(0.012, 0.018)
+    body = shop.between(0.034, 0.05)
+    waist = body * shop.between(0.75, 1.0)
+    points: list[outlines.Point] = [
+        (body * 0.92, 0.0),
+        (body, 0.02),
+        (waist, 0.08),
+        (body, shop.between(0.12, 0.17)),
+        (neck * 1.3, shop.between(0.2, 0.23)),
+        (neck, 0.25),
+        (neck, shop.between(0.27, 0.31)),
+    ]
+    if member % 3 == 2:
+        points = [
+            (body, 0.0),
+            (body * 1.05, 0.05),
+            (body, 0.11),
+            (body * 0.8, 0.13),
+            (body * 0.78, 0.15),
+        ]
+    top = points[-1]
+    parts = [shop.vessel(points, 0.003), shop.torus(top[0], 0.0025).at(z=top[1] - 0.012)]
+    if member % 3 != 1:
+        parts.append(shop.cylinder(top[0] + 0.003, 0.025).at(z=top[1] - 0.006))
+    if member % 4 == 3:
+        grip = [
+            (body * 0.9, 0, 0.05),
+            (body + 0.035, 0, 0.07),
+            (body + 0.035, 0, 0.13),
+            (body * 0.7, 0, 0.16),
+        ]
+        parts.append(shop.tube(shop.smooth(grip), 0.007))
+    return clutter("bottle", *parts)
+
+
+def cup(shop: Workshop, member: int) -> Item:
+    """Cup with a handle: straight, tapered or bellied; some on a saucer."""
+    low, rim, height = (
+        shop.between(0.025, 0.038),
+        shop.between(0.036, 0.05),
+        shop.between(0.06, 0.1),
+    )
+    belly = max(low, rim) * shop.between(0.95, 1.15)
+    shapes: tuple[list[outlines.Point], ...] = (
+        [(rim, 0.0), (rim, height * 0.5), (rim, height)],
+        [(low, 0.0), ((low + rim) / 2, height * 0.5), (rim, height)],
+        [(low, 0.0), (belly, height * 0.35), (belly, height * 0.6), (rim, height)],
+    )
+    points = shapes[member % 3]
+    side = points[1][0]
+    reach = shop.between(0.022, 0.034)
+    ear = [
+        (side * 0.96, 0, height * 0.82),
+        (side + reach * 0.7, 0, height * 0.86),
+        (side + reach, 0, height * 0.55),
+        (side + reach * 0.6, 0, height * 0.25),
+        (side * 0.94, 0, height * 0.22),
+    ]
+    parts = [shop.vessel(points, 0.003), shop.tube(shop.smooth(ear), 0.0045)]
+    if member % 2:
+        plate = shop.vessel([(0.03, 0.0), (0.05, 0.004), (0.075, 0.014)], 0.0025)
+        parts = [plate, *(part.at(z=0.0025) for part in parts)]
+    return clutter("cup", *parts)
+
+
+def vase(shop: Workshop, member: int) -> Item:
+    """Vase: plain, fluted, twisted or two-handled."""
+    heights = (0.0, 0.08, 0.18, 0.26, 0.32)
+    radii = [
+        shop.between(*span)
+        for span in ((0.04, 0.06), (0.07, 0.12), (0.06, 0.12), (0.025, 0.05), (0.04, 0.08))
+    ]
+    body = shop.vessel(list(zip(radii, heights, strict=True)), 0.005)
+    style = member % 4
+    if style in (1, 2):
+        waves, twist = int(shop.rng.integers(5, 12)), (8.0 if style == 2 else 0.0)
+        body = body.deformed(lambda points: _fluted(points, waves, twist))
+    if style == 3:
+        x = radii[3]
+        ear = [
+            (x * 0.9, 0, 0.285),
+            (x + 0.05, 0, 0.28),
+            (x + 0.055, 0, 0.22),
+            (radii[2] * 0.93, 0, 0.19),
+        ]
+        handle = shop.tube(shop.smooth(ear), 0.006)
+        body = join([body, handle, handle.mirrored()])
+    return clutter("vase", body)
+
+
+def _fluted(points: Floats, waves: int, twist: float) -> Floats:
+    angle = np.arctan2(points[:, 1], points[:, 0]) * waves + twist * points[:, 2] / 0.32
+    swell = 1 + 0.06 * np.cos(angle)
+    return points * np.column_stack([swell, swell, np.ones(len(points))])
+
+
+def guitar(shop: Workshop, member: int) -> Item:
+    """Guitar: acoustic with a sound hole, or electric with cutaways and pick-ups."""
+    electric = member % 2 == 1
+    lower, waist, upper = (
+        shop.between(0.18, 0.21),
+        shop.between(0.11, 0.13),
+        shop.between(0.13, 0.155),
+    )
+    half = [
+        (0.0, -0.26),
+        (lower * 0.7, -0.23),
+        (lower, -0.1),
+        (waist, 0.06),
+        (upper, 0.17),
+        (upper * 0.7, 0.24),
+    ]
+    half += [(0.09, 0.3), (0.035, 0.2)] if electric else [(0.04, 0.255)]
+    ring = [*half, *((-x, y) for x, y in half[:0:-1])]
+    depth = 0.045 if electric else 0.1
+    steps = max(4, shop.steps(0.1) // 6)
+    hole = [] if electric else [outlines.circle(0.05, shop.steps(0.05), (0.0, 0.08))]
+    body = extrude(outlines.closed_curve(ring, steps), depth, hole)
+    parts = [body, *_neck(shop, depth), shop.slab(0.14, 0.03, 0.012, 0.01).at(y=-0.12, z=depth)]
+    if electric:
+        parts += [shop.slab(0.09, 0.035, 0.01, 0.012).at(y=y, z=depth) for y in (-0.03, 0.08)]
+        parts += [shop.cylinder(0.012, 0.015).at(0.12, y, depth) for y in (-0.12, -0.17)]
+    else:
+        parts.append(shop.torus(0.055, 0.004).at(y=0.08, z=depth))
+    return clutter("guitar", *parts)
+
+
+def _neck(shop: Workshop, depth: float) -> list[Surface]:
+    """Neck, frets, head with pegs and the strings of a guitar whose top is at `depth`."""
+    half = extrude(
+        (
+            *outlines.arc((0, 0), 0.026, 180, 360, shop.steps(0.03) // 2),
+            *outlines.line((0.026, 0), (-0.026, 0)),
+        ),
+        0.5,
+    )
+    parts = [half.at(tilt=90).at(y=0.68, z=depth + 0.012)]
+    frets = 0.68 - 0.62 * (1 - 2 ** (-np.arange(1, 18) / 12))
+    parts += [
+        shop.box(0.05, 0.002, 0.003).at(y=float(y), z=depth + 0.011) for y in frets if y > 0.2
+    ]
+    parts.append(shop.slab(0.085, 0.17, 0.016, 0.015).at(y=0.76, z=depth - 0.008))
+    for k in range(3):
+        for side in (-1, 1):
+            y = 0.71 + 0.045 * k
+            parts.append(shop.cylinder(0.005, 0.016).at(side * 0.028, y, depth + 0.006))
+            parts.append(shop.superquadric((0.012, 0.008, 0.006)).at(side * 0.055, y, depth))
+    parts += [
+        shop.rod((0.0075 * s, -0.12, depth + 0.015), (0.0065 * s, 0.7, depth + 0.015), 0.0008)
+        for s in (-2.5, -1.5, -0.5, 0.5, 1.5, 2.5)
+    ]
+    return parts
+
+
+def spectacles(shop: Workshop, member: int) -> Item:
+    """Spectacles with round or squarish rims, bridge, temples and, for some, lenses."""
+    width, height = shop.between(0.022, 0.028), shop.between(0.016, 0.024)
+    power = (1.0, 0.6, 0.45)[member % 3]
+    angles = np.linspace(0, 2 * np.pi, shop.steps(0.03), endpoint=False)
+    x = width * np.sign(np.cos(angles)) * np.abs(np.cos(angles)) ** power
+    z = height * np.sign(np.sin(angles)) * np.abs(np.sin(angles)) ** power
+    rim = np.column_stack([x + width + 0.009, np.zeros_like(x), z])
+    thick = shop.between(0.0012, 0.0024)
+    right = [shop.tube(rim, thick, closed=True)]
+    outer = 2 * width + 0.009
+    temple = [
+        (outer, 0, height * 0.5),
+        (outer + 0.006, 0.004, height * 0.5),
+        (outer + 0.006, 0.09, height * 0.5),
+        (outer + 0.003, 0.115, height * 0.3),
+        (outer, 0.135, -height * 0.8),
+    ]
+    right.append(shop.tube(shop.smooth(temple), thick))
+    right.append(shop.superquadric((0.0015, 0.004, 0.006)).at(0.006, 0.006, -0.002))
+    if member % 2:
+        lens = extrude(
+            outlines.closed_curve(
+                [(float(a), float(b)) for a, b in zip(rim[:, 0], z, strict=True)], 1
+            ),
+            0.001,
+        )
+        right.append(lens.at(tilt=90).at(y=0.0005))
+    side = join(right)
+    bridge = shop.tube(
+        shop.smooth(
+            [
+                (-0.0092, 0, 0.003),
+                (-0.004, -0.001, 0.007),
+                (0.004, -0.001, 0.007),
+                (0.0092, 0, 0.003),
+            ]
+        ),
+        thick,
+    )
+    return clutter("spectacles", side, side.mirrored(), bridge)

@@ -1,0 +1,361 @@
+"""Hammers, screws, gears and pipe fittings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.scenes import outlines
+from puckbench.scenes.builder import Item
+from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.outlines import Outline
+from puckbench.scenes.solids import extrude, loft
+from puckbench.scenes.surfaces import Surface, grid, join
+from puckbench.scenes.workshop import Workshop
+
+
+def hammer(shop: Workshop, member: int) -> Item:
+    """Claw hammer, ball-peen hammer, mallet or sledge, on a shaped handle."""
+    head = (_claw, _ball_peen, _mallet, _sledge)[member % 4](shop)
+    return clutter("hammer", _handle(shop, shop.between(0.26, 0.34)), head)
+
+
+def _handle(shop: Workshop, length: float) -> Surface:
+    """Wooden handle of oval sections along -z, its top at z = 0.015."""
+    stations = np.array([0.0, 0.05, 0.3, 0.55, 0.8, 0.95, 1.0])
+    widths = np.array([0.010, 0.014, 0.011, 0.013, 0.017, 0.018, 0.012]) * shop.between(0.9, 1.15)
+    smooth = shop.smooth(np.column_stack([stations, widths]).tolist())
+    angles = np.linspace(0, 2 * np.pi, shop.steps(0.03), endpoint=False)
+    sections = np.empty((len(smooth), len(angles), 3))
+    sections[..., 0] = smooth[:, 1:] * 1.35 * np.cos(angles)
+    sections[..., 1] = smooth[:, 1:] * np.sin(angles)
+    sections[..., 2] = (0.015 - length * smooth[:, :1]) * np.ones(len(angles))
+    return loft(sections[::-1])
+
+
+def _claw(shop: Workshop) -> Surface:
+    face = shop.turned(
+        outlines.line(
+            (0, 0),
+            (0.012, 0),
+            (0.015, 0.004),
+            (0.015, 0.02),
+            (0.011, 0.028),
+            (0.011, 0.05),
+            (0, 0.05),
+        )
+    )
+    block = shop.slab(0.04, 0.028, 0.03, 0.006).at(z=-0.015)
+    drop = shop.between(0.02, 0.035)
+    path = shop.smooth([(-0.015, 0, 0), (-0.04, 0, 0.002), (-0.07, 0, -0.01), (-0.09, 0, -drop)])
+    t = np.linspace(0, 1, len(path))[:, None]
+    claws = []
+    for side in (-1, 1):
+        bent = path + np.column_stack([0 * t, side * (0.005 + 0.008 * t), 0 * t])
+        claws.append(shop.tube(bent, 0.009 - 0.006 * t[:, 0]))
+    return join([face.at(x=0.062, roll=-90), block, *claws])
+
+
+def _ball_peen(shop: Workshop) -> Surface:
+    face = outlines.line(
+        (0, 0),
+        (0.014, 0),
+        (0.016, 0.003),
+        (0.016, 0.018),
+        (0.010, 0.026),
+        (0.013, 0.034),
+        (0.013, 0.056),
+        (0.008, 0.064),
+    )
+    ball = outlines.arc((0, 0.076), 0.0144, -56, 90, max(6, shop.steps(0.02) // 2))
+    return shop.turned((*face, *ball)).at(x=0.045, roll=-90)
+
+
+def _mallet(shop: Workshop) -> Surface:
+    radius, length = shop.between(0.03, 0.042), shop.between(0.1, 0.13)
+    rounded = outlines.rounded([(-0.1, 0), (radius, 0), (radius, length), (-0.1, length)], 0.006, 6)
+    return shop.turned(_right_half(rounded)).at(x=length / 2, roll=-90)
+
+
+def _right_half(outline: Outline) -> Outline:
+    """The part of a profile from the axis below around to the axis above, cut at r = 0."""
+    points = outlines.loop(outline)
+    low, high = float(points[:, 1].min()), float(points[:, 1].max())
+    kept = [one for one in outline if one.points[:, 0].max() > 0 and one.points[:, 0].min() > 0]
+    first, last = kept[0].points[0], kept[-1].points[-1]
+    lines = (
+        outlines.line((0.0, low), (float(first[0]), low)),
+        outlines.line((float(last[0]), high), (0.0, high)),
+    )
+    return (*lines[0], *kept, *lines[1])
+
+
+def _sledge(shop: Workshop) -> Surface:
+    size = shop.between(0.04, 0.055)
+    octagon = outlines.polygon(
+        *[
+            (size * 0.54 * float(np.cos(t)), size * 0.54 * float(np.sin(t)))
+            for t in np.radians(np.arange(22.5, 360, 45))
+        ]
+    )
+    body = extrude(octagon, size * 2.2).at(x=size * 1.1, roll=-90)
+    caps = [
+        shop.superquadric((size * 0.46, size * 0.46, size * 0.12)).at(s * size * 1.1, roll=90)
+        for s in (-1, 1)
+    ]
+    return join([body, *caps])
+
+
+def screw(shop: Workshop, member: int) -> Item:
+    """Screw or bolt with a helical thread; its head is hexagonal, domed, countersunk or socketed."""
+    radius, length = shop.between(0.07, 0.11), shop.between(0.6, 0.9)
+    pitch = radius * shop.between(0.32, 0.5)
+    point = radius * 2.2 if member % 3 == 2 else radius * 0.3
+    profile = outlines.line(
+        (0, -point),
+        (radius * (0.0 if member % 3 == 2 else 0.75), -point),
+        (radius, 0),
+        (radius, length),
+        (0, length),
+    )
+    shank = shop.turned(profile[1:] if member % 3 == 2 else profile)
+    share = 1.0 if member % 2 else shop.between(0.55, 0.8)
+    head = (_hex_head, _dome_head, _flat_head, _socket_head)[member % 4](shop, radius * 2)
+    return clutter("screw", shank, _thread(shop, radius, pitch, length * share), head.at(z=length))
+
+
+def _thread(shop: Workshop, radius: float, pitch: float, length: float) -> Surface:
+    """Ridge wound about a cylinder from z = 0 to `length`, running out at both ends."""
+    turns = length / pitch
+    count = max(16, int(turns * shop.steps(0.03)))
+    along = np.linspace(0, 1, count)
+    height = pitch * 0.55 * np.clip(np.minimum(along, 1 - along) * turns / 0.7, 0, 1)
+    angle = 2 * np.pi * turns * along
+    ridge = np.array([(-0.45, -0.12), (-0.08, 1.0), (0.08, 1.0), (0.45, -0.12)])
+    r = radius + np.where(ridge[:, 1] > 0, height[:, None], -0.12 * pitch)
+    z = length * along[:, None] + ridge[:, 0] * pitch * np.clip(
+        height[:, None] / (0.55 * pitch), 0.02, 1
+    )
+    points = np.stack([r * np.cos(angle)[:, None], r * np.sin(angle)[:, None], z], axis=-1)
+    return grid(points)
+
+
+def _hex_head(shop: Workshop, size: float) -> Surface:
+    corners = [
+        (size * float(np.cos(t)), size * float(np.sin(t)))
+        for t in np.radians(np.arange(0, 360, 60))
+    ]
+    washer = shop.cylinder(size * 1.15, size * 0.12)
+    return extrude(outlines.polygon(*corners), size * 0.7).at(z=size * 0.1) + washer
+
+
+def _dome_head(shop: Workshop, size: float) -> Surface:
+    """Domed head with a slot (as two half domes and the floor between them)."""
+    radius = size * 1.3
+    dome = (
+        *outlines.line((0, 0), (size, 0)),
+        *outlines.arc(
+            (0, -((radius**2 - size**2) ** 0.5)),
+            radius,
+            float(np.degrees(np.arccos(size / radius))),
+            90,
+            12,
+        ),
+    )
+    ridge = [
+        shop.box(size * 0.12, size * 1.2, size * 0.35).at(x=s * size * 0.14, z=size * 0.2)
+        for s in (-1, 1)
+    ]
+    return join([shop.turned(dome), *ridge])
+
+
+def _flat_head(shop: Workshop, size: float) -> Surface:
+    """Countersunk head with a cross recess."""
+    side = shop.turned(
+        outlines.line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
+    )
+    a, b = size * 0.12, size * 0.5
+    cross = [
+        (-a, -b),
+        (a, -b),
+        (a, -a),
+        (b, -a),
+        (b, a),
+        (a, a),
+        (a, b),
+        (-a, b),
+        (-a, a),
+        (-b, a),
+        (-b, -a),
+        (-a, -a),
+    ]
+    plate = extrude(outlines.circle(size, shop.steps(size)), size * 0.2, [outlines.polygon(*cross)])
+    return side + plate.at(z=size * 0.05)
+
+
+def _socket_head(shop: Workshop, size: float) -> Surface:
+    corners = [
+        (size * 0.5 * float(np.cos(t)), size * 0.5 * float(np.sin(t)))
+        for t in np.radians(np.arange(0, 360, 60))
+    ]
+    ring = extrude(
+        outlines.circle(size * 0.9, shop.steps(size)), size * 0.8, [outlines.polygon(*corners)]
+    )
+    return ring.at(z=size * 0.2) + shop.cylinder(size * 0.9, size * 0.2)
+
+
+def gear(shop: Workshop, member: int) -> Item:
+    """Spur gear with a keyed bore, and a hub, lightening holes, a second gear or a shaft."""
+    teeth = int(shop.rng.integers(12, 34))
+    width = shop.between(0.08, 0.22)
+    bore, style = shop.between(0.08, 0.13), member % 4
+    holes: list[Outline] = [_keyed_bore(shop, bore)] if style != 3 else []
+    if style in (0, 1):
+        count = int(shop.rng.integers(4, 7))
+        spots = [
+            (0.27 * float(np.cos(t)), 0.27 * float(np.sin(t)))
+            for t in 2 * np.pi * np.arange(count) / count
+        ]
+        holes += [
+            outlines.circle(shop.between(0.05, 0.075), shop.steps(0.06), spot) for spot in spots
+        ]
+    parts = [extrude(_toothed(shop, teeth, 0.5), width, holes)]
+    if style == 1:
+        parts.append(
+            extrude(outlines.circle(bore * 1.6, shop.steps(bore)), width * 1.8, holes[:1]).at(
+                z=-width * 0.4
+            )
+        )
+    if style == 2:
+        parts.append(extrude(_toothed(shop, max(9, teeth // 2), 0.28), width, holes).at(z=width))
+    if style == 3:
+        parts.append(shop.cylinder(bore, width * 5).at(z=-width * 2))
+    return clutter("gear", *parts)
+
+
+def _toothed(shop: Workshop, teeth: int, radius: float) -> Outline:
+    """Outline of a spur gear: root arcs, straight flanks and tip arcs."""
+    step = 360.0 / teeth
+    root = radius * (1 - 4.2 / (teeth + 6))
+    steps = max(2, shop.steps(radius) // (4 * teeth) + 1)
+    outline: list[outlines.Stretch] = []
+    for k in range(teeth):
+        start = k * step
+        low = outlines.arc((0, 0), root, start, start + 0.36 * step, steps)
+        high = outlines.arc((0, 0), radius, start + 0.54 * step, start + 0.82 * step, steps)
+        following = np.radians(start + step)
+        ends = [
+            low[0].points[-1],
+            high[0].points[0],
+            high[0].points[-1],
+            root * np.array([np.cos(following), np.sin(following)]),
+        ]
+        up, down = (outlines.Stretch("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
+        outline += [*low, up, *high, down]
+    return tuple(outline)
+
+
+def _keyed_bore(shop: Workshop, radius: float) -> Outline:
+    """Round bore with a keyway, counter-clockwise."""
+    half = radius * 0.25
+    angle = float(np.degrees(np.arcsin(half / radius)))
+    x = float(np.sqrt(radius**2 - half**2))
+    ring = outlines.arc((0, 0), radius, angle, 360 - angle, shop.steps(radius))
+    return (
+        *ring,
+        *outlines.line((x, -half), (radius * 1.25, -half), (radius * 1.25, half), (x, half)),
+    )
+
+
+def pipe_fitting(shop: Workshop, member: int) -> Item:
+    """Elbow, tee, cross, reducer, flanged pipe or valve."""
+    makers = (_elbow, _tee, _cross, _reducer, _flanged, _valve)
+    return clutter("pipe_fitting", makers[member % len(makers)](shop, shop.between(0.1, 0.15)))
+
+
+def _collar(shop: Workshop, radius: float) -> Surface:
+    """Socket with a blind bore: its mouth at z = 0, reaching down to z = -2 radius."""
+    outer, depth = radius * shop.pick((1.25, 1.35)), radius * 1.1
+    bead = outlines.line(
+        (0, -depth),
+        (outer, -depth),
+        (outer, -0.12 * radius),
+        (outer * 0.94, 0),
+        (radius * 0.9, 0),
+        (radius * 0.9, -depth * 0.85),
+        (0, -depth * 0.85),
+    )
+    return shop.turned(bead)
+
+
+def _branch(shop: Workshop, radius: float, length: float) -> Surface:
+    """Pipe along z from the origin with a collar at its end."""
+    return shop.cylinder(radius, length - radius * 0.5) + _collar(shop, radius).at(z=length)
+
+
+def _elbow(shop: Workshop, radius: float) -> Surface:
+    bend = radius * shop.between(1.5, 2.5)
+    arm = bend + radius * 0.8
+    body = shop.pipe([(-arm, 0, 0), (0, 0, 0), (0, 0, arm)], radius, bend)
+    collars = [
+        _collar(shop, radius).at(z=arm + radius * 0.8),
+        _collar(shop, radius).at(x=-arm - radius * 0.8, roll=-90),
+    ]
+    return join([body, *collars])
+
+
+def _tee(shop: Workshop, radius: float) -> Surface:
+    length = radius * shop.between(2.6, 3.6)
+    side = radius * shop.between(0.7, 1.0)
+    arms = [_branch(shop, radius, length).at(roll=90), _branch(shop, radius, length).at(roll=-90)]
+    return join([*arms, _branch(shop, side, length)])
+
+
+def _cross(shop: Workshop, radius: float) -> Surface:
+    length = radius * shop.between(2.6, 3.4)
+    arms = [_branch(shop, radius, length).at(roll=angle) for angle in (0, 90, 180, 270)]
+    return join([*arms, shop.sphere(radius * 1.15)])
+
+
+def _reducer(shop: Workshop, radius: float) -> Surface:
+    small, length = radius * shop.between(0.5, 0.7), radius * shop.between(1.5, 2.5)
+    ends = [
+        _branch(shop, small, radius * 2).at(z=length),
+        _branch(shop, radius, radius * 2).at(tilt=180),
+    ]
+    return join([shop.cone(radius, small, length), *ends])
+
+
+def _flange(shop: Workshop, radius: float, bolts: int) -> Surface:
+    """Flange plate around a pipe, with bolt holes, standing on z = 0."""
+    spots = [
+        (1.65 * radius * float(np.cos(t)), 1.65 * radius * float(np.sin(t)))
+        for t in 2 * np.pi * np.arange(bolts) / bolts
+    ]
+    holes = [outlines.circle(radius * 0.8, shop.steps(radius))]
+    holes += [outlines.circle(radius * 0.2, shop.steps(radius * 0.2), spot) for spot in spots]
+    return extrude(outlines.circle(radius * 2.1, shop.steps(radius * 2)), radius * 0.4, holes)
+
+
+def _flanged(shop: Workshop, radius: float) -> Surface:
+    length, bolts = radius * shop.between(3, 5), int(shop.rng.integers(4, 9))
+    tube = outlines.line(
+        (radius, 0), (radius, length), (radius * 0.8, length), (radius * 0.8, 0), (radius, 0)
+    )
+    flange = _flange(shop, radius, bolts)
+    return join([shop.turned(tube), flange, flange.at(z=length - radius * 0.4)])
+
+
+def _valve(shop: Workshop, radius: float) -> Surface:
+    length = radius * 2.8
+    arms = [_branch(shop, radius, length).at(roll=90), _branch(shop, radius, length).at(roll=-90)]
+    stem = [shop.cylinder(radius * 0.6, radius * 1.6), shop.cylinder(radius * 0.25, radius * 3)]
+    wheel = shop.torus(radius * 1.3, radius * 0.16).at(z=radius * 2.9)
+    spokes = [
+        shop.rod(
+            (0, 0, radius * 2.9),
+            (radius * 1.3 * np.cos(t), radius * 1.3 * np.sin(t), radius * 2.9),
+            radius * 0.1,
+        )
+        for t in np.radians(np.arange(0, 360, 72))
+    ]
+    return join([*arms, shop.sphere(radius * 1.3), *stem, wheel, *spokes])

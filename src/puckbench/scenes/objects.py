@@ -1,0 +1,73 @@
+"""Objects in the spirit of CAPOD: 15 classes of parametric members, about one unit in size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.errors import InputError
+from puckbench.mesh import Mesh
+from puckbench.scenes.builder import Item, build, moved
+from puckbench.scenes.models import household, outdoors, tools
+from puckbench.scenes.surfaces import pose
+from puckbench.scenes.workshop import Workshop
+from puckbench.seeding import generator
+
+MEMBERS = 12
+
+
+@dataclass(frozen=True)
+class ObjectClass:
+    """A class of objects. unit: how many times its natural size it is tessellated as."""
+
+    make: Callable[[Workshop, int], Item]
+    unit: float = 1.0
+
+
+CLASSES: dict[str, ObjectClass] = {
+    "airplane": ObjectClass(outdoors.airplane, 0.2),
+    "bottle": ObjectClass(household.bottle, 8.0),
+    "car": ObjectClass(outdoors.car, 0.6),
+    "chair": ObjectClass(household.chair, 1.5),
+    "cup": ObjectClass(household.cup, 8.0),
+    "gear": ObjectClass(tools.gear, 1.0),
+    "guitar": ObjectClass(household.guitar, 2.0),
+    "hammer": ObjectClass(tools.hammer, 4.0),
+    "lamp": ObjectClass(household.lamp, 1.5),
+    "pipe_fitting": ObjectClass(tools.pipe_fitting, 1.5),
+    "screw": ObjectClass(tools.screw, 2.0),
+    "spectacles": ObjectClass(household.spectacles, 10.0),
+    "table": ObjectClass(household.table, 1.5),
+    "tree": ObjectClass(outdoors.tree, 0.6),
+    "vase": ObjectClass(household.vase, 3.0),
+}
+OBJECTS: tuple[str, ...] = tuple(
+    f"{name}_{member:02d}" for name in CLASSES for member in range(1, MEMBERS + 1)
+)
+
+
+def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
+    """The labelled mesh of an object ("chair_03"), its longest side 1, standing on z = 0.
+
+    detail: factor on the tessellation of curved parts. Raises InputError for an unknown name.
+    """
+    if name not in OBJECTS:
+        last = OBJECTS[-1].rpartition("_")[2]
+        raise InputError(
+            f"object {name!r}: expected one of {', '.join(CLASSES)} and _01 to _{last}"
+        )
+    kind, _, member = name.rpartition("_")
+    spec = CLASSES[kind]
+    shop = Workshop(generator(seed, "object", name), detail, spec.unit)
+    return build(_normalised(spec.make(shop, int(member) - 1)))
+
+
+def _normalised(item: Item) -> Item:
+    """The item scaled to a longest side of 1, its footprint centred and its lowest point at 0."""
+    corners = np.stack([piece.placed().bounds() for piece in item])
+    low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+    scale = 1.0 / float((high - low).max())
+    x, y = -(low + high)[:2] / 2 * scale
+    return moved(item, pose(float(x), float(y), -float(low[2]) * scale, scale=scale))
