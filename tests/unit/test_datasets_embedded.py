@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puckbench.datasets.embedded import EmbeddedRooms
+from puckbench.datasets.calibration import Calibration
+from puckbench.datasets.embedded_objects import EmbeddedObjects
+from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.errors import InputError
 
 SMALL = "copy_room_1"
@@ -76,3 +78,28 @@ def test_real_furniture_replaces_the_generated_and_is_credited(tmp_path: Path) -
     assert set(chairs) == {3}
     assert "Ada" in scene.about["credit"]
     assert rooms.files("office_1") == [tmp_path / "Test.sh3f"]
+
+
+def test_objects_are_chosen_by_class_and_member() -> None:
+    assert len(EmbeddedObjects().names()) == 15 * 12
+    objects = EmbeddedObjects(classes=("chair", "cup"), members=2)
+    assert objects.names() == ["chair_01", "chair_02", "cup_01", "cup_02"]
+    with pytest.raises(InputError, match="classes: unknown name 'char'"):
+        EmbeddedObjects(classes=("char",)).names()
+    with pytest.raises(InputError, match="members: 13 is not from 1 to 12"):
+        EmbeddedObjects(members=13).names()
+
+
+def test_an_object_has_its_class_as_group() -> None:
+    scene = EmbeddedObjects(seed=2).load("pipe_fitting_03")
+    assert scene.mesh is not None
+    assert scene.group == "pipe_fitting"
+    assert np.ptp(scene.mesh.bounds(), axis=0).max() == pytest.approx(1)
+
+
+def test_a_calibration_scene_has_the_sensor_at_its_distance() -> None:
+    scene = Calibration(scenes=("wall_floor_5m",)).load("wall_floor_5m")
+    assert scene.mesh is not None
+    assert scene.origin is not None
+    assert scene.origin[1] == 5
+    assert scene.mesh.areas().sum() == pytest.approx(1.6 * 2.2 + 1.6 * 5)

@@ -11,11 +11,11 @@ from puckbench.errors import InputError
 from puckbench.plugins import load_class
 
 REGISTRY = {
-    "calibration": "puckbench.datasets.embedded:Calibration",
+    "calibration": "puckbench.datasets.calibration:Calibration",
     "capod": "puckbench.datasets.capod:Capod",
     "captured_rooms": "puckbench.datasets.captured_rooms:CapturedRooms",
-    "embedded_objects": "puckbench.datasets.embedded:EmbeddedObjects",
-    "embedded_rooms": "puckbench.datasets.embedded:EmbeddedRooms",
+    "embedded_objects": "puckbench.datasets.embedded_objects:EmbeddedObjects",
+    "embedded_rooms": "puckbench.datasets.embedded_rooms:EmbeddedRooms",
     "mesh_folder": "puckbench.datasets.mesh_folder:MeshFolder",
     "s3dis": "puckbench.datasets.s3dis:S3DIS",
     "sweethome3d": "puckbench.datasets.sweethome3d:SweetHome3D",
