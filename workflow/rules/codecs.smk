@@ -8,7 +8,7 @@ rule encode:
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.json",
+        record=f"{RESULTS}/coded/{CELL}.bin.json",
     params:
         entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
         repeats=bench.config["timing"]["repeats"],

@@ -5,7 +5,7 @@ rule evaluate:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.json",
+        record=f"{RESULTS}/coded/{CELL}.bin.json",
     output:
         f"{RESULTS}/metrics/{CELL}.json",
     params:

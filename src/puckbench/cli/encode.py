@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments
-from puckbench.cloud import read_cloud, sidecar
+from puckbench.cloud import read_cloud
 from puckbench.codecs.measure import measured
 from puckbench.files import write_bytes, write_json
 
@@ -15,9 +15,7 @@ from puckbench.files import write_bytes, write_json
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("cloud", type=Path, help="cloud to code (.ply)")
-    parser.add_argument(
-        "out", type=Path, help="stream to write; what it cost goes beside it (.json)"
-    )
+    parser.add_argument("out", type=Path, help="stream to write; what it cost goes beside it")
     parser.add_argument("--rate", required=True, help="r1 is the smallest bitrate")
     codec_arguments(parser, required=True)
 
@@ -37,6 +35,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "encode_s": coded.seconds,
         "encode_peak_mib": coded.peak_mib,
     }
-    write_json(sidecar(options.out), record)
+    write_json(record_file(options.out), record)
     write_bytes(options.out, coded.result)
     return record
+
+
+def record_file(stream: Path) -> Path:
+    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
+    return stream.with_name(f"{stream.name}.json")

@@ -10,7 +10,8 @@ from typing import Any
 from puckbench import __version__
 from puckbench.cli.codec_options import codec_arguments
 from puckbench.cli.decode import decode_file
-from puckbench.cloud import Floats, PointCloud, read_cloud, sidecar
+from puckbench.cli.encode import record_file
+from puckbench.cloud import Floats, PointCloud, read_cloud
 from puckbench.files import read_json, write_json
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
@@ -79,7 +80,7 @@ def _decoded(options: argparse.Namespace) -> tuple[Floats, dict[str, Any]]:
     if options.decoded.suffix == ".ply":
         return read_cloud(options.decoded).xyz, {}
     points, record = decode_file(options.decoded, options)
-    beside = sidecar(options.decoded)
+    beside = record_file(options.decoded)
     return points, {**(read_json(beside) if beside.exists() else {}), **record}
 
 
