@@ -1,4 +1,4 @@
-"""A tiny benchmark of its own folder: one object, one room in three forms, two codecs, two rates."""
+"""A tiny benchmark in a folder of its own: an object, a room in three forms, two codecs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CONFIG: dict[str, Any] = {
     "results": "results",
     "seed": 1,
     "scenes": {
-        "objects": {"loader": "embedded_objects", "options": {"objects": ["chair_01"]}},
+        "objects": {"loader": "embedded_objects", "select": ["chair_01"]},
         "rooms": {
             "loader": "embedded_rooms",
             "options": {"rooms": ["copy_room_1"], "detail": 0.3},
