@@ -53,6 +53,16 @@ def test_colours_and_weights_after_the_coordinates_are_passed_over() -> None:
     assert polygons.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
 
+def test_every_face_has_the_material_in_use_before_it() -> None:
+    text = f"{SQUARE}f 1 2 3\nusemtl red\nusemtl  blue sky\nf 1 2 3\ns off\nf 1 3 4\n"
+    text += "usemtl red\nl 1 2\nf 1 2 4\nusemtl green\n"
+    polygons = parse_obj(text.encode(), "test")
+    assert polygons.materials == ("red", "blue sky", "green")
+    assert polygons.material_id is not None
+    assert polygons.material_id.tolist() == [-1, 1, 1, 0]
+    assert parse_obj(f"{SQUARE}f 1 2 3\n".encode(), "test").material_id is None
+
+
 def test_what_has_no_surface_is_counted_as_skipped(tmp_path: Path) -> None:
     path = tmp_path / "mixed.obj"
     path.write_text(

@@ -18,6 +18,7 @@ REGISTRY = {
     "embedded_rooms": "puckbench.datasets.embedded_rooms:EmbeddedRooms",
     "mesh_folder": "puckbench.datasets.mesh_folder:MeshFolder",
     "s3dis": "puckbench.datasets.s3dis:S3DIS",
+    "stanford2d3d": "puckbench.datasets.stanford2d3d:Stanford2D3D",
     "sweethome3d": "puckbench.datasets.sweethome3d:SweetHome3D",
 }
 

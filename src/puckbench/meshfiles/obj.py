@@ -24,7 +24,7 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read the vertices and faces of an OBJ file; nothing else of it has an extent.
+    """Read the vertices, faces and names of materials; nothing else of an OBJ file has an extent.
 
     Faces may be ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``, of any size, with indices from 1 or
     negative ones that count back from the last vertex given. Polylines, points and
@@ -39,12 +39,20 @@ def parse_obj(data: bytes, what: str) -> Polygons:
     kinds = [line.partition(b" ")[0] for line in lines]
     faces = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"f"]
     points = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"v"]
+    materials, material_id = _materials(lines, kinds) if b"usemtl" in data else ((), None)
     del lines
     sizes = np.fromiter((len(face.split()) for face in faces), dtype=np.int64, count=len(faces))
     corners = _corners(faces, what)
     if len(corners) and corners.min() < 0:
         corners = _absolute(corners, sizes, kinds)
-    return Polygons(_vertices(points, what), corners - 1, sizes, skipped=_skipped(kinds))
+    return Polygons(
+        _vertices(points, what),
+        corners - 1,
+        sizes,
+        skipped=_skipped(kinds),
+        materials=materials,
+        material_id=material_id,
+    )
 
 
 def _lines(data: bytes) -> list[bytes]:
@@ -71,6 +79,16 @@ def _corners(lines: list[bytes], what: str) -> Integers:
     except (ValueError, OverflowError) as error:
         bad = next((line for line in lines if not all(map(_is_corner, line.split()))), b"")
         raise InputError(f"{what}: not a face: {_shown(bad)}") from error
+
+
+def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Integers]:
+    """Names of the materials and, per face, which of them is in use; -1 before the first."""
+    changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
+    numbers: dict[bytes, int] = {}
+    chosen = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]
+    faces = np.flatnonzero(np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_))
+    material_id = np.array([-1, *chosen], dtype=np.int64)[np.searchsorted(changes, faces)]
+    return tuple(name.decode("utf-8", "replace") for name in numbers), material_id
 
 
 def _absolute(corners: Integers, sizes: Integers, kinds: list[bytes]) -> Integers:

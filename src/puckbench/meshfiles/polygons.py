@@ -21,7 +21,8 @@ class Polygons:
     vertices: (v, 3) float64. corners: (sum of sizes,) int64 vertex indices, face after face.
     sizes: (f,) int64 corners per face. up: the axis the format prescribes, None where it does
     not say. labels: per face, only in files of our own. skipped: what the reader left out, by
-    name, with its count.
+    name, with its count. materials: names that the file gives to materials of faces.
+    material_id: (f,) index into `materials`, -1 for none; None where the file names none.
     """
 
     vertices: Floats
@@ -30,6 +31,8 @@ class Polygons:
     up: str | None = None
     labels: Labels | None = None
     skipped: dict[str, int] = field(default_factory=dict)
+    materials: tuple[str, ...] = ()
+    material_id: Integers | None = None
 
 
 def uniform(vertices: Floats, faces: Integers) -> Polygons:

@@ -1,0 +1,196 @@
+"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017): rooms to scan, as the thesis."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_mesh
+from puckbench.datasets.s3dis import S3DIS
+from puckbench.datasets.scene import Scene, found
+from puckbench.datasets.tripods import (
+    camera_position,
+    listed_file,
+    listed_positions,
+    pose_files,
+)
+from puckbench.errors import InputError
+
+AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")
+
+_NUMBER = re.compile(r"_\d+$")
+_LICENCE = "terms of Stanford's 2D-3D-S, not redistributable"
+_CREDIT = (
+    'I. Armeni, A. Sax et al., "Joint 2D-3D-Semantic Data for Indoor Scene Understanding", '
+    "arXiv:1702.01105, 2017"
+)
+_ASK_FOR_MESHES = (
+    "2D-3D-S should lie there, with area_1, ..., area_6 in it; Stanford gives it under its own "
+    "licence, ask with the form that the project alexsax/2D-3D-Semantics on GitHub names"
+)
+_ASK_FOR_CLOUDS = (
+    "S3DIS should lie there, version 1.2, not the aligned one, with Area_1, ..., Area_6 in it; "
+    "Stanford gives it under its own licence, ask with the form of the S3DIS project, "
+    "buildingparser.stanford.edu"
+)
+_ASK_FOR_POSITIONS = (
+    "the folder s3dis_locations of the thesis's repository branislavjenco/thesis-code on GitHub "
+    "should lie there; without the option 'positions' the cameras' poses of 2D-3D-S are used"
+)
+# Less of a room's own triangles in its box, or a scanner farther from it, means that mesh and box
+# have different frames.
+_LEAST_SHARE = 0.5
+_FARTHEST_M = 10.0
+
+
+@dataclass(frozen=True)
+class _Room:
+    """A room of an area: where its mesh is, and the files that tell where a scanner can stand."""
+
+    area: str
+    room: str
+    mesh: Path
+    places: tuple[Path, ...]
+
+    @property
+    def in_s3dis(self) -> str:
+        """Its name among the scenes of S3DIS, which has one Area_5."""
+        return f"Area_{self.area[0]}_{self.room}"
+
+
+@dataclass(frozen=True)
+class Stanford2D3D:
+    """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
+
+    path: the folder that holds the areas. s3dis: the folder of S3DIS v1.2, not aligned, whose
+    room files give the rooms' boxes. positions: a folder with ``locations_pruned<n>.json``, one
+    scanner position per room (the thesis's); by default the position of the room's cameras
+    that is nearest the middle of its box. areas: names of areas to use; by default those that
+    are there. margin_m: geometry is kept so far beyond the room's box, for what a scan sees
+    through doors. Scenes are called area_1_office_1 and grouped by room type. A room that lies
+    in both 5a and 5b is two scenes with one box, as in the thesis.
+    """
+
+    path: str
+    s3dis: str
+    positions: str | None = None
+    areas: tuple[str, ...] | None = None
+    margin_m: float = 10.0
+
+    def __post_init__(self) -> None:
+        if self.margin_m < 0:
+            raise InputError(f"margin_m: {self.margin_m} is below 0")
+
+    def names(self) -> list[str]:
+        """Area and room of every room that has a scanner position; reads no mesh and no cloud."""
+        return sorted(self._table)
+
+    def files(self, name: str) -> list[Path]:
+        """The area's mesh, the room's cloud, and the list of positions or the room's poses."""
+        room = found(self._table, name, self.path)
+        return [room.mesh, *self._clouds.files(room.in_s3dis), *room.places]
+
+    def load(self, name: str) -> Scene:
+        """Read the area's mesh and cut out what lies near the room."""
+        room = found(self._table, name, self.path)
+        box = self._clouds.load(room.in_s3dis).box
+        if box is None:
+            raise ValueError(f"{room.in_s3dis} has no box")
+        origin = self._origin(room, box)
+        area = read_area_mesh(room.mesh, room.area)
+        self._check_frame(name, room, area, box)
+        mesh = area.near(box, self.margin_m)
+        about = {
+            "source": f"2D-3D-S area_{room.area}/{room.room}",
+            "licence": _LICENCE,
+            "credit": _CREDIT,
+            "triangles": len(mesh.triangles),
+            "triangles_of_area": len(area.mesh.triangles),
+            "positions": "poses" if self.positions is None else "listed",
+            "origin_in_box": _outside(origin, box) == 0,
+        }
+        x, y, z = origin.tolist()
+        group = _NUMBER.sub("", room.room)
+        return Scene(name, group, mesh=mesh, origin=(x, y, z), box=box, about=about)
+
+    def _origin(self, room: _Room, box: Floats) -> Floats:
+        """The room's position nearest the middle of its box, in the frame of S3DIS."""
+        if self.positions is None:
+            places = [camera_position(path) for path in room.places]
+        else:
+            places = [listed_positions(room.places[0], room.area)[room.room]]
+        moved = in_frame_of_s3dis(np.array(places), room.area)
+        nearest = moved[np.argmin(np.linalg.norm(moved - box.mean(axis=0), axis=1))]
+        if _outside(nearest, box) > _FARTHEST_M:
+            raise InputError(
+                f"{room.places[0]}: the scanner would stand {_outside(nearest, box):.1f} m outside "
+                f"the box of {room.in_s3dis} in {self.s3dis} (its version that is not aligned?)"
+            )
+        return np.asarray(nearest)
+
+    def _check_frame(self, name: str, room: _Room, area: AreaMesh, box: Floats) -> None:
+        share = area.share_inside(room.room, box)
+        if share < _LEAST_SHARE:
+            raise InputError(
+                f"{room.mesh}: {share:.0%} of {name} lies in its box from {self.s3dis}, "
+                f"at least {_LEAST_SHARE:.0%} should (S3DIS v1.2, not its aligned version?)"
+            )
+
+    @cached_property
+    def _clouds(self) -> S3DIS:
+        if not Path(self.s3dis).is_dir():
+            raise InputError(f"{self.s3dis}: no such folder ({_ASK_FOR_CLOUDS})")
+        return S3DIS(self.s3dis)
+
+    @cached_property
+    def _table(self) -> dict[str, _Room]:
+        rooms = [room for area in self._areas() for room in self._rooms(area)]
+        known = set(self._clouds.names())
+        missing = [room.in_s3dis for room in rooms if room.in_s3dis not in known]
+        if missing:
+            raise InputError(
+                f"{self.s3dis}: {len(missing)} of {len(rooms)} rooms are missing, the first is "
+                f"{missing[0]} ({_ASK_FOR_CLOUDS})"
+            )
+        return {f"area_{room.area}_{room.room}": room for room in rooms}
+
+    def _areas(self) -> list[str]:
+        root = Path(self.path)
+        if not root.is_dir():
+            raise InputError(f"{root}: no such folder ({_ASK_FOR_MESHES})")
+        unknown = sorted(set(self.areas or ()) - set(AREAS))
+        if unknown:
+            raise InputError(f"2D-3D-S has no area '{unknown[0]}' (known: {', '.join(AREAS)})")
+        chosen = self.areas or tuple(name for name in AREAS if (root / name).is_dir())
+        if not chosen:
+            raise InputError(f"{root}: no areas there ({_ASK_FOR_MESHES})")
+        for name in chosen:
+            if not _mesh_file(root, name).is_file():
+                raise InputError(f"{_mesh_file(root, name)}: no such file ({_ASK_FOR_MESHES})")
+        return [name.removeprefix("area_") for name in sorted(chosen)]
+
+    def _rooms(self, area: str) -> list[_Room]:
+        folder = Path(self.path) / f"area_{area}"
+        if self.positions is None:
+            places = {room: tuple(files) for room, files in pose_files(folder).items()}
+        else:
+            listed = listed_file(Path(self.positions), area)
+            if not listed.is_file():
+                raise InputError(f"{listed}: no such file ({_ASK_FOR_POSITIONS})")
+            places = dict.fromkeys(listed_positions(listed, area), (listed,))
+        mesh = _mesh_file(Path(self.path), folder.name)
+        return [_Room(area, room, mesh, places[room]) for room in sorted(places)]
+
+
+def _mesh_file(root: Path, area: str) -> Path:
+    return root / area / "3d" / "semantic.obj"
+
+
+def _outside(point: Floats, box: Floats) -> float:
+    """Distance of a point (3,) from a box (2, 3), 0 inside."""
+    return float(np.linalg.norm(point - np.clip(point, box[0], box[1])))

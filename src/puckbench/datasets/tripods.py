@@ -1,0 +1,76 @@
+"""Where the cameras of 2D-3D-S stood: one listed position per room, or the cameras' poses."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+from puckbench.errors import InputError
+from puckbench.files import read_json
+
+Position = tuple[float, float, float]
+
+_KEY = re.compile(r"([A-Za-z]+_\d+)_(\d)[ab]?")
+_POSE = re.compile(r"camera_([0-9a-f]+)_+([A-Za-z]+_\d+)(?:_\d+)*_+frame_.+_pose\.json")
+_FOLDERS = ("data/pose", "pano/pose")
+
+
+def listed_file(folder: Path, area: str) -> Path:
+    """The list of an area ("1", ..., "5a") in the thesis's folder of positions."""
+    return folder / f"locations_pruned{area}.json"
+
+
+def listed_positions(path: Path, area: str) -> dict[str, Position]:
+    """Position of the scanner by room, from a list ``{"office_6_1": [x, y, z], ...}``, metres.
+
+    The last number of a key is the area; 5a and 5b both have 5. InputError for anything else.
+    """
+    content = read_json(path)
+    if not isinstance(content, dict) or not content:
+        raise InputError(f"{path}: not a list of positions by room")
+    rooms = {}
+    for key, value in content.items():
+        match = _KEY.fullmatch(key)
+        if match is None or match[2] != area[0]:
+            raise InputError(f"{path}: '{key}' is not a room of area {area}, such as office_6_1")
+        rooms[match[1]] = _position(value, f"{path}: {key}")
+    return rooms
+
+
+def pose_files(area_folder: Path) -> dict[str, list[Path]]:
+    """Pose files by room, one for each tripod position (the first of its frames by name).
+
+    They are listed, not read: an area has about ten thousand. InputError when there are none.
+    """
+    for name in _FOLDERS:
+        rooms: dict[str, dict[str, Path]] = {}
+        for path in sorted((area_folder / name).glob("camera_*.json")):
+            match = _POSE.fullmatch(path.name)
+            if match is not None:
+                rooms.setdefault(match[2], {}).setdefault(match[1], path)
+        if rooms:
+            return {room: list(tripods.values()) for room, tripods in rooms.items()}
+    raise InputError(
+        f"{area_folder / _FOLDERS[0]}: no camera_*_pose.json there, which tell where a scanner "
+        "can stand (2D-3D-S has them; or give a folder of positions)"
+    )
+
+
+def camera_position(path: Path) -> Position:
+    """Where the camera of a pose file stood, metres; older releases hold a list of poses."""
+    content = read_json(path)
+    pose = content[0] if isinstance(content, list) and content else content
+    if not isinstance(pose, dict) or "camera_location" not in pose:
+        raise InputError(f"{path}: the pose has no camera_location")
+    return _position(pose["camera_location"], str(path))
+
+
+def _position(value: Any, what: str) -> Position:
+    """Three finite numbers."""
+    numbers = value if isinstance(value, list) else []
+    good = [x for x in numbers if isinstance(x, int | float) and math.isfinite(x)]
+    if len(numbers) != 3 or len(good) != 3:
+        raise InputError(f"{what}: {str(value)[:60]} is not a position (x, y, z)")
+    return (float(good[0]), float(good[1]), float(good[2]))

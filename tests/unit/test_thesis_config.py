@@ -1,0 +1,75 @@
+"""Shipped configurations for data that puckbench cannot fetch, on trees of their layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import stanford_lookalike as lookalike
+import yaml
+
+from puckbench.config import checked, read_schema
+from puckbench.errors import InputError
+from puckbench.workflow import Workflow
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+ROOM = ((0.0, 0.0, 0.0), (4.0, 5.0, 3.0))
+
+
+def read(name: str) -> dict[str, Any]:
+    config: dict[str, Any] = yaml.safe_load((ROOT / "config" / name).read_text())
+    return config
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """``data`` of the working folder: an airplane of CAPOD and one office in every area."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "data"
+    lookalike.write(folder / "CAPOD" / "CAPOD.cla", "PSB 1\n1 1\n\nAirplane 0 1\n37\n")
+    lookalike.write(folder / "CAPOD" / "class1" / "m37.obj", "v 0 0 0\n")
+    for area in ("1", "2", "3", "4", "5a", "5b", "6"):
+        number = area[0]
+        lookalike.write_mesh(folder, area, [(f"office_1_{number}", ROOM)])
+        lookalike.cloud(folder, f"Area_{number}/office_1/office_1.txt", ROOM)
+        lookalike.positions(folder, area, {f"office_1_{number}": [2.0, 2.0, 1.3]})
+    (folder / "positions").rename(folder / "s3dis_locations")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["thesis.yaml", "capod.yaml"])
+def test_a_shipped_configuration_fits_the_schema(name: str) -> None:
+    config = checked(read(name), read_schema(SCHEMA))
+    assert config["datasets"]["capod"]["points"] == 500_000
+
+
+def test_the_thesis_is_planned_in_full(data: Path) -> None:
+    plan = Workflow(read("thesis.yaml"), SCHEMA).plan
+    counts = {name: len(entry.clouds) for name, entry in plan.datasets.items()}
+    assert counts == {"capod": 1, "s3dis": 6, "scans_clean": 7, "scans_noisy": 7}
+    assert plan.datasets["scans_noisy"].points == 480 * 150 * 16
+
+
+def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
+    config = read("thesis.yaml")
+    config["datasets"]["scans_noisy"] |= {
+        "sweep": "thesis_room",
+        "errors": "thesis_room",
+        "crop": "noisy",
+    }
+    plan = Workflow(config, SCHEMA).plan
+    assert plan.datasets["scans_noisy"].points == 95 * 868 * 16
+
+
+def test_a_missing_set_is_named_with_its_place(data: Path) -> None:
+    (data / "2D-3D-S").rename(data / "elsewhere")
+    with pytest.raises(InputError, match=r"^scenes.room_meshes: data/2D-3D-S: no such folder"):
+        Workflow(read("thesis.yaml"), SCHEMA)
+
+
+def test_all_objects_of_capod_are_coded_at_all_rates_of_draco(data: Path) -> None:
+    plan = Workflow(read("capod.yaml"), SCHEMA).plan
+    assert plan.clouds == (("capod", "m037"),)
+    assert len(plan.cells) == 8
