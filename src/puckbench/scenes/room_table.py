@@ -179,7 +179,7 @@ ROOMS: dict[str, RoomSpec] = {
         3.1,
         (1.3, 2.7),
         (
-            Opening(0, 0.92, width=1.4),
+            Opening(0, 0.9, width=1.4),
             Opening(0, 0.08, "passage"),
             window(2, 0.2, 1.8),
             window(2, 0.5, 1.8),
@@ -340,12 +340,14 @@ ROOMS: dict[str, RoomSpec] = {
     ),
     "copy_room_1": RoomSpec(
         "copy_room",
-        _box(3.1, 2.9),
+        _box(3.3, 3.0),
         2.7,
         (1.5, 1.3),
         (Opening(0, 0.25), window(2, 0.5, 1.0)),
         (
-            *_walled(storage.copier, tables.workbench, storage.cabinet, _LOW_CASE, small.bin_),
+            *_walled(
+                storage.copier, tables.workbench, storage.cabinet, _LOW_CASE, groups.plant_group
+            ),
             *_hung(fixtures.pinboard, fixtures.clock, fixtures.wall_shelf, fixtures.switches),
             *_loose(small.carton_stack, small.carton_stack, small.bin_, small.papers),
         ),

@@ -92,10 +92,11 @@ def _start(outline: outlines.Outline) -> outlines.Point:
 def shell_chair(shop: Workshop) -> Item:
     """Chair with a moulded freeform shell on crossed or slanted legs."""
     side = np.linspace(-1, 1, max(9, shop.steps(0.2) // 3))
+    half, top = shop.between(0.21, 0.24), shop.between(0.76, 0.88)
     profile = shop.smooth(
-        [(-0.24, 0.43), (-0.2, 0.455), (0.05, 0.43), (0.17, 0.47), (0.2, 0.62), (0.25, 0.84)]
+        [(-0.24, 0.43), (-0.2, 0.455), (0.05, 0.43), (0.17, 0.47), (0.2, 0.62), (0.25, top)]
     )
-    across = 0.23 * (1 - 0.15 * np.linspace(0, 1, len(profile)) ** 2)
+    across = half * (1 - 0.15 * np.linspace(0, 1, len(profile)) ** 2)
     x = side[None, :] * across[:, None]
     lift = 0.05 * side[None, :] ** 2
     forward = lift * np.linspace(0, 1.6, len(profile))[:, None]
@@ -148,8 +149,9 @@ def sofa(shop: Workshop, seats: int = 2) -> Item:
 
 def row_seat(shop: Workshop) -> Item:
     """Auditorium seat: side panels, folded seat cushion and shell back."""
+    high, lean = shop.between(0.5, 0.6), -shop.between(7, 13)
     sides = [shop.slab(0.05, 0.4, 0.6, 0.02).at(x=x) for x in (-0.27, 0.27)]
     seat = shop.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)
-    back = shop.cushion(0.47, 0.09, 0.55, 0.3).at(y=0.2, z=0.4, tilt=-10)
+    back = shop.cushion(0.47, 0.09, high, 0.3).at(y=0.2, z=0.4, tilt=lean)
     pads = [shop.cushion(0.07, 0.3, 0.04, 0.5).at(x, -0.03, 0.59) for x in (-0.27, 0.27)]
     return [Piece("seat", "chair", join([*sides, seat, back, *pads]))]

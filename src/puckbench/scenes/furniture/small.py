@@ -171,13 +171,14 @@ def bin_(shop: Workshop) -> Item:
 
 def desk_lamp(shop: Workshop) -> Item:
     """Lamp with a round foot, two arms and a conical shade."""
-    foot = shop.cylinder(0.08, 0.02)
-    elbow, head = (0.0, 0.12, 0.3), (0.0, -0.12, 0.46)
+    rise, reach = shop.between(0.24, 0.34), shop.between(0.08, 0.15)
+    elbow, head = (0.0, reach, rise), (0.0, -reach, rise + shop.between(0.1, 0.2))
+    foot = shop.cylinder(shop.between(0.07, 0.09), 0.02)
     arms = [shop.rod((0, 0, 0.01), elbow, 0.008), shop.rod(elbow, head, 0.008)]
     joints = [shop.sphere(0.014).at(*point) for point in (elbow, head)]
-    cover = shop.turned(_shade_profile())
-    bulb = shop.sphere(0.025).at(0, -0.15, 0.42)
-    return clutter("desk_lamp", foot, *arms, *joints, cover.at(0, -0.15, 0.43, tilt=-25), bulb)
+    cover = shop.turned(_shade_profile()).at(0, -0.03, -0.03, tilt=-25).at(*head)
+    bulb = shop.sphere(0.025).at(0, -0.03, -0.04).at(*head)
+    return clutter("desk_lamp", foot, *arms, *joints, cover, bulb)
 
 
 def _shade_profile() -> outlines.Outline:

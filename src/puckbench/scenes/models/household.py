@@ -36,7 +36,7 @@ def table(shop: Workshop, member: int) -> Item:
     makers = (
         _round,
         tables.coffee_table,
-        tables.meeting_table,
+        _meeting,
         tables.workbench,
         tables.desk,
         _trestle,
@@ -46,6 +46,10 @@ def table(shop: Workshop, member: int) -> Item:
 
 def _round(shop: Workshop) -> Item:
     return tables.round_table(shop, shop.between(0.35, 0.7), shop.between(0.5, 1.05))
+
+
+def _meeting(shop: Workshop) -> Item:
+    return tables.meeting_table(shop, shop.between(1.8, 3.4), shop.between(0.9, 1.4))
 
 
 def _trestle(shop: Workshop) -> Item:
@@ -130,20 +134,15 @@ def _arc_lamp(shop: Workshop) -> Item:
 
 
 def _lantern(shop: Workshop) -> Item:
-    base = shop.turned(outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05)))
-    glass = shop.superquadric((0.06, 0.06, 0.08), (0.7, 1.0)).at(z=0.12)
-    roof = shop.cone(0.09, 0.03, 0.06).at(z=0.2)
-    posts = [
-        shop.rod(
-            (0.08 * np.cos(t), 0.08 * np.sin(t), 0.02),
-            (0.08 * np.cos(t), 0.08 * np.sin(t), 0.21),
-            0.005,
-        )
-        for t in np.radians((0, 90, 180, 270))
-    ]
-    return clutter(
-        "lantern", base, glass, roof, *posts, shop.torus(0.03, 0.005).at(z=0.285, tilt=90)
-    )
+    """Lantern: a glass body between a foot and a conical roof on posts, with a ring above."""
+    high, wide = shop.between(0.13, 0.2), shop.between(0.05, 0.068)
+    foot = outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05))
+    glass = shop.superquadric((wide, wide, high / 2), (0.7, 1.0)).at(z=0.045 + high / 2)
+    roof = shop.cone(0.09, 0.03, 0.06).at(z=0.045 + high)
+    post = shop.cylinder(0.005, high + 0.03).at(x=0.08, z=0.02)
+    ring = shop.torus(0.03, 0.005).at(z=0.13 + high, tilt=90)
+    posts = [post.at(turn=90.0 * k) for k in range(4)]
+    return clutter("lantern", shop.turned(foot), glass, roof, *posts, ring)
 
 
 def bottle(shop: Workshop, member: int) -> Item:
@@ -173,11 +172,12 @@ def bottle(shop: Workshop, member: int) -> Item:
     if member % 3 != 1:
         parts.append(shop.cylinder(top[0] + 0.003, 0.025).at(z=top[1] - 0.006))
     if member % 4 == 3:
+        high, out = top[1] * 0.62, body + 0.035
         grip = [
-            (body * 0.9, 0, 0.05),
-            (body + 0.035, 0, 0.07),
-            (body + 0.035, 0, 0.13),
-            (body * 0.7, 0, 0.16),
+            (_radius(points, 0.04) - 0.003, 0, 0.04),
+            (out, 0, 0.055),
+            (out, 0, high - 0.02),
+            (_radius(points, high) - 0.003, 0, high),
         ]
         parts.append(shop.tube(shop.smooth(grip), 0.007))
     return clutter("bottle", *parts)
@@ -197,20 +197,26 @@ def cup(shop: Workshop, member: int) -> Item:
         [(low, 0.0), (belly, height * 0.35), (belly, height * 0.6), (rim, height)],
     )
     points = shapes[member % 3]
-    side = points[1][0]
-    reach = shop.between(0.022, 0.034)
+    upper, lower = (_radius(points, share * height) - 0.002 for share in (0.82, 0.25))
+    out = max(upper, lower) + shop.between(0.02, 0.032)
     ear = [
-        (side * 0.96, 0, height * 0.82),
-        (side + reach * 0.7, 0, height * 0.86),
-        (side + reach, 0, height * 0.55),
-        (side + reach * 0.6, 0, height * 0.25),
-        (side * 0.94, 0, height * 0.22),
+        (upper, 0, height * 0.82),
+        (upper + 0.7 * (out - upper), 0, height * 0.87),
+        (out, 0, height * 0.55),
+        (lower + 0.6 * (out - lower), 0, height * 0.27),
+        (lower, 0, height * 0.25),
     ]
     parts = [shop.vessel(points, 0.003), shop.tube(shop.smooth(ear), 0.0045)]
     if member % 2:
         plate = shop.vessel([(0.03, 0.0), (0.05, 0.004), (0.075, 0.014)], 0.0025)
         parts = [plate, *(part.at(z=0.0025) for part in parts)]
     return clutter("cup", *parts)
+
+
+def _radius(points: list[outlines.Point], height: float) -> float:
+    """Radius of a vessel's smooth outside at a height."""
+    smooth = outlines.catmull_rom(np.array(points), 8)
+    return float(np.interp(height, smooth[:, 1], smooth[:, 0]))
 
 
 def vase(shop: Workshop, member: int) -> Item:

@@ -106,7 +106,7 @@ def _sledge(shop: Workshop) -> Surface:
 
 
 def screw(shop: Workshop, member: int) -> Item:
-    """Screw or bolt with a helical thread; its head is hexagonal, domed, countersunk or socketed."""
+    """Screw with a helical thread and a hexagonal, slotted, countersunk or socket head."""
     radius, length = shop.between(0.07, 0.11), shop.between(0.6, 0.9)
     pitch = radius * shop.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
@@ -119,7 +119,7 @@ def screw(shop: Workshop, member: int) -> Item:
     )
     shank = shop.turned(profile[1:] if member % 3 == 2 else profile)
     share = 1.0 if member % 2 else shop.between(0.55, 0.8)
-    head = (_hex_head, _dome_head, _flat_head, _socket_head)[member % 4](shop, radius * 2)
+    head = (_hex_head, _slotted_head, _flat_head, _socket_head)[member % 4](shop, radius * 2)
     return clutter("screw", shank, _thread(shop, radius, pitch, length * share), head.at(z=length))
 
 
@@ -148,24 +148,18 @@ def _hex_head(shop: Workshop, size: float) -> Surface:
     return extrude(outlines.polygon(*corners), size * 0.7).at(z=size * 0.1) + washer
 
 
-def _dome_head(shop: Workshop, size: float) -> Surface:
-    """Domed head with a slot (as two half domes and the floor between them)."""
-    radius = size * 1.3
-    dome = (
-        *outlines.line((0, 0), (size, 0)),
-        *outlines.arc(
-            (0, -((radius**2 - size**2) ** 0.5)),
-            radius,
-            float(np.degrees(np.arccos(size / radius))),
-            90,
-            12,
-        ),
+def _slotted_head(shop: Workshop, size: float) -> Surface:
+    """Round head with a fillet below and a slot above."""
+    slot = [outlines.rectangle(size * 0.24, size * 1.7)]
+    rim = outlines.arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, shop.steps(size) // 8))
+    side = (
+        *outlines.line((0, 0), (size * 0.8, 0)),
+        *rim,
+        *outlines.line((size, size * 0.2), (size, size * 0.3)),
     )
-    ridge = [
-        shop.box(size * 0.12, size * 1.2, size * 0.35).at(x=s * size * 0.14, z=size * 0.2)
-        for s in (-1, 1)
-    ]
-    return join([shop.turned(dome), *ridge])
+    plate = extrude(outlines.circle(size, shop.steps(size)), size * 0.3, slot)
+    floor = outlines.line((size, size * 0.3), (0, size * 0.3))
+    return shop.turned((*side, *floor)) + plate.at(z=size * 0.3)
 
 
 def _flat_head(shop: Workshop, size: float) -> Surface:
