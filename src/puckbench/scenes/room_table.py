@@ -445,7 +445,7 @@ ROOMS: dict[str, RoomSpec] = {
                 for k in range(6)
                 for x in (2.6, 7.4)
             ),
-            Put(_WIDE_BOARD, "mounted", at=(0, 0.25)),
+            Put(_WIDE_BOARD, "mounted", at=(0, 0.27)),
             Put(partial(fixtures.screen, width=4.0), "mounted", at=(0, 0.62)),
             Put(groups.lectern, "floor", at=(2.0, 1.6), turn=180),
             Put(tables.workbench, "floor", at=(7.2, 1.4)),
@@ -453,8 +453,8 @@ ROOMS: dict[str, RoomSpec] = {
             *(Put(_COLUMN[4.8][0], "floor", at=(x, 4.3), sway=0) for x in (0.5, 9.5)),
             *(_beam(9.9, 5.0, y, 4.8, 0.4) for y in (4.3, 9.2)),
             _overhead(fixtures.projector, 5.0, 6.9, 0),
-            Put(fixtures.extinguisher, "mounted", at=(0, 0.93)),
-            Put(fixtures.clock, "mounted", at=(0, 0.04)),
+            Put(fixtures.extinguisher, "mounted", at=(0, 0.87)),
+            Put(fixtures.clock, "mounted", at=(0, 0.105)),
             *(Put(groups.plant_group, "floor", at=place) for place in ((0.8, 3.2), (9.2, 3.2))),
         ),
         (fixtures.tube_lamp, 2.4),

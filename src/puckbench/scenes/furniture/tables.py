@@ -172,9 +172,13 @@ def coffee_table(shop: Workshop) -> Item:
 def workbench(shop: Workshop) -> Item:
     """Plain four-legged table with stretchers."""
     width, depth, height = shop.between(1.2, 1.8), 0.7, 0.78
-    top = shop.box(width, depth, 0.04).at(z=height - 0.04)
+    top = shop.slab(width, depth, 0.04, 0.02).at(z=height - 0.04)
     x, y = width / 2 - 0.05, depth / 2 - 0.05
-    legs = [shop.box(0.06, 0.06, height - 0.04).at(a * x, b * y) for a in (-1, 1) for b in (-1, 1)]
+    legs = [
+        shop.slab(0.06, 0.06, height - 0.04, 0.012).at(a * x, b * y)
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
     beams = [shop.box(width - 0.16, 0.03, 0.08).at(y=b * y, z=height - 0.12) for b in (-1, 1)]
     item = [Piece("workbench", "table", join([top, *legs, *beams]))]
     spots = [(-width * 0.35, 0.05), (-width * 0.1, 0.05), (width * 0.15, 0.05), (width * 0.37, 0.0)]
