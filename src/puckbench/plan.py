@@ -49,6 +49,11 @@ class DataSetPlan:
     points: int
     settings: dict[str, Any]
 
+    @property
+    def has_truth(self) -> bool:
+        """Whether decoded clouds are measured against the true surface as well."""
+        return bool(self.settings["truth"] and self.settings["make"] != "cloud")
+
 
 class Plan:
     """Everything that a checked configuration asks for; InputError names what does not exist."""

@@ -56,10 +56,6 @@ class Workflow:
         folder, suffix = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}[make]
         return str(self.plan.results / folder / dataset / f"{cloud}.{suffix}")
 
-    def has_truth(self, dataset: str) -> bool:
-        """Whether the true surface of the data set's clouds is known."""
-        return bool(self.dataset(dataset).settings["make"] != "cloud")
-
     @cache  # noqa: B019 (one workflow lives as long as the process)
     def scene_parameters(self, scenes: str) -> dict[str, str]:
         """Loader, its options and the code of a scene set."""
@@ -111,7 +107,7 @@ class Workflow:
 
     def evaluated(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs of the evaluation: the true surface and what the sensor saw of it."""
-        if not self.has_truth(dataset):
+        if not self.dataset(dataset).has_truth:
             return {}
         visible = self.plan.results / "truth" / dataset / f"{cloud}.ply"
         return {"truth": self.scene_file(dataset, cloud), "visible": str(visible)}
@@ -155,7 +151,7 @@ def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:
         "clouds": str(plan.results / "tables" / "clouds.parquet"),
     }
     known = {**tables, **{name: file for name, file in examples.items() if name in EXAMPLES}}
-    truth = any(item.settings["make"] != "cloud" for item in plan.datasets.values())
+    truth = any(item.has_truth for item in plan.datasets.values())
     return {
         name: {needed: known[needed] for needed in entry.inputs}
         for name, entry in FIGURES.items()
