@@ -30,7 +30,7 @@ learned:
 	@envs/setup.sh learned
 
 test: lint
-	$(IN_VENV) pytest
+	$(IN_VENV) pytest -n 2 --dist loadfile
 
 lint: setup-test
 	$(IN_VENV) ruff check
