@@ -7,16 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.surfaces import read_surface
 from puckbench.cli.types import whole
 from puckbench.cloud import write_cloud
-from puckbench.meshfiles import read_mesh
 from puckbench.prepare.sampling import sample_surface
 from puckbench.seeding import generator
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("mesh", type=Path, help="mesh file (PLY, OBJ, OFF, STL, GLB)")
+    parser.add_argument(
+        "mesh", type=Path, help="mesh file (PLY, OBJ, OFF, STL, GLB) or captured room (.json)"
+    )
     parser.add_argument("out", type=Path, help="PLY file to write")
     parser.add_argument("--points", type=whole(1), default=500_000, help="default: %(default)s")
     parser.add_argument("--seed", type=whole(0), default=0)
@@ -24,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the sampled cloud."""
-    mesh = read_mesh(options.mesh)
+    mesh = read_surface(options.mesh)
     rng = generator(options.seed, "sample", options.mesh.stem)
     cloud = sample_surface(mesh, options.points, rng)
     about = {"source": options.mesh.name, "seed": options.seed, "kind": "sample"}
