@@ -25,11 +25,20 @@ def distinct_rows(points: Floats) -> Rows:
 
     Of points with equal coordinates the first in the array is taken, as MPEG's pc_error does.
     """
-    lowest, highest = _bounds(points)
-    extent = float(np.max(highest - lowest))
-    keys = _morton_keys(points, lowest, (CELLS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
+    keys = _keys(points)
     order = _sorting_order(keys)
     return order[_first_of_equals(points.take(order, axis=0) + 0.0, keys[order])]
+
+
+def morton_order(points: Floats) -> Rows:
+    """Rows (n,) of `points` (n, 3) in the order of a Morton curve."""
+    return _sorting_order(_keys(points))
+
+
+def _keys(points: Floats) -> Keys:
+    lowest, highest = _bounds(points)
+    extent = float(np.max(highest - lowest))
+    return _morton_keys(points, lowest, (CELLS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
 
 
 @compiled

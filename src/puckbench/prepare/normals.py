@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.metrics.spatial import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
@@ -15,6 +16,9 @@ def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
     """
     import open3d as o3d
 
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    order = morton_order(points)  # points in random order cost four times as much
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[order]))
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(neighbours))
-    return np.asarray(cloud.normals)
+    normals = np.empty_like(points)
+    normals[order] = np.asarray(cloud.normals)
+    return normals
