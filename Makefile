@@ -14,7 +14,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 .NOTPARALLEL:
 
 run: setup
-	$(IN_VENV) snakemake --cores $(CORES)
+	$(IN_VENV) snakemake --quiet rules host reason --cores $(CORES)
 	$(IN_VENV) snakemake --report results/report.html
 	@echo
 	@echo "Figures: results/figures/   Tables: results/tables/ (metrics.csv holds every number)"

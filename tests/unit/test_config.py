@@ -51,6 +51,8 @@ def test_the_users_configuration_is_not_changed() -> None:
             {"scenes": "a", "make": "scan"},
             "datasets: 'bad name' does not",
         ),
+        (("results",), "my results", "results: 'my results' does not match"),
+        (("codecs",), {"x": {"rates": {"r 1": {}}}}, r"codecs\.x\.rates: 'r 1' does not match"),
         (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: repeats"),
         (("figures",), {"examples": {"object": "x"}}, r"figures\.examples\.object: 'x' does not"),
     ],

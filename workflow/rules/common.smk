@@ -4,7 +4,11 @@ import os
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(workflow.basedir).parent / "src"))
+SOURCE = str(Path(workflow.basedir).parent / "src")
+sys.path.insert(0, SOURCE)
+# Jobs run this Python (a conda environment comes before it) and the code beside this workflow.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+os.environ["PYTHONPATH"] = os.pathsep.join([SOURCE, os.environ.get("PYTHONPATH", "")]).rstrip(":")
 
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
