@@ -7,7 +7,9 @@ one of them: see `codeversion`.
 from __future__ import annotations
 
 import json
+import os
 import shlex
+import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -164,6 +166,13 @@ def _example(name: str, plan: Plan) -> str:
     if dataset not in plan.datasets or cloud not in plan.datasets[dataset].clouds:
         raise InputError(f"figures.examples: no cloud '{name}' in this configuration")
     return str(plan.results / "clouds" / dataset / f"{cloud}.ply")
+
+
+def run_jobs_with(source: str) -> None:
+    """Let jobs find this Python first (a conda environment comes before it) and our `source`."""
+    for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
+        paths = [first, *os.environ.get(name, "").split(os.pathsep)]
+        os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
 
 
 def hold_results(results: Path) -> None:

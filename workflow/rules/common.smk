@@ -6,15 +6,13 @@ from pathlib import Path
 
 SOURCE = str(Path(workflow.basedir).parent / "src")
 sys.path.insert(0, SOURCE)
-# Jobs run this Python (a conda environment comes before it) and the code beside this workflow.
-os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-os.environ["PYTHONPATH"] = os.pathsep.join([SOURCE, os.environ.get("PYTHONPATH", "")]).rstrip(":")
 
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.workflow import Workflow, hold_results
+from puckbench.workflow import Workflow, hold_results, run_jobs_with
 
+run_jobs_with(SOURCE)
 
 
 def or_stop(step, *arguments):
