@@ -10,6 +10,7 @@ import pytest
 
 from puckbench.cli import COMMANDS, main
 from puckbench.cloud import PointCloud, read_cloud, write_cloud
+from puckbench.meshfiles import read_mesh, write_mesh
 
 BOX = """OFF
 8 6 0
@@ -111,6 +112,16 @@ def test_identical_clouds_have_no_error_and_no_psnr(
     assert "d1_psnr" not in row
 
 
+def test_a_cloud_as_truth_is_measured_like_a_reference(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream = tmp_path / "a.bin"
+    _json(capsys, "encode", cloud, stream, "--codec", "draco", "--rate", "r3")
+    row = _json(capsys, "evaluate", cloud, stream, "--truth", cloud)
+    assert row["truth_cd_point"] == row["cd_point"] > 0
+    assert row["truth_hausdorff_point"] == row["hausdorff_point"]
+
+
 def test_sampling_is_seeded(room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         _json(capsys, "sample", room, tmp_path / f"{name}.ply", "--points", 100, "--seed", seed)
@@ -178,6 +189,7 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
         (["sample", "{cloud}", "o.ply"], "cloud.ply"),
         (["prepare", "{cloud}", "o.ply", "--crop", "1", "2"], "six numbers"),
         (["prepare", "{cloud}", "o.ply", "--crop", "-9", "-9", "-9", "-8", "-8", "-8"], "no point"),
+        (["prepare", "{mesh}", "o.ply"], "mesh.ply: a mesh, not a cloud"),
         (["prepare", "{nan}", "o.ply"], "nan.ply: 1 of 2 points are not finite"),
         (["figure", "fig_9_9", "o.pdf", "--inputs", "{{}}"], "unknown figure 'fig_9_9'"),
         (["scene", "embedded_rooms", "cellar", "o.ply"], "cellar"),
@@ -198,7 +210,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     main(["encode", str(cloud), str(tmp_path / "cut.bin"), "--codec", "draco", "--rate", "r1"])
     stream = (tmp_path / "cut.bin").read_bytes()
     (tmp_path / "cut.bin").write_bytes(stream[: len(stream) // 2])
-    places = {"nan": tmp_path / "nan.ply", "cut": tmp_path / "cut.bin", "folder": tmp_path}
+    write_mesh(tmp_path / "mesh.ply", read_mesh(room))
+    places = {
+        "mesh": tmp_path / "mesh.ply",
+        "nan": tmp_path / "nan.ply",
+        "cut": tmp_path / "cut.bin",
+        "folder": tmp_path,
+    }
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     told = [word.format(room=room, cloud=cloud, **places) for word in words]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from puckbench.cli.surfaces import has_faces
 from puckbench.cli.types import whole
 from puckbench.cloud import Floats, PointCloud, read_cloud, write_cloud
 from puckbench.errors import InputError
@@ -60,6 +61,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def _returns(path: Path, clean: bool) -> Returns:
     if path.suffix != ".parquet":
+        if has_faces(path):
+            raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
         cloud = read_cloud(path)
         return Returns(cloud, clean=cloud)
     from puckbench.sensor.table import read_scan

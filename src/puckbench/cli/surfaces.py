@@ -7,7 +7,6 @@ from pathlib import Path
 from puckbench.cloud import PointCloud, read_cloud
 from puckbench.datasets.captured_rooms import read_capture
 from puckbench.errors import InputError
-from puckbench.files import read_bytes
 from puckbench.mesh import Mesh
 from puckbench.meshfiles import read_mesh
 
@@ -29,6 +28,10 @@ def read_truth(path: Path) -> Mesh | PointCloud:
 
 def has_faces(path: Path) -> bool:
     """Whether the header of a PLY file announces faces."""
-    header = read_bytes(path).split(b"end_header", 1)[0]
+    try:
+        with path.open("rb") as stream:
+            header = stream.read(1 << 16).split(b"end_header", 1)[0]
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
     counts = [line.split()[2:] for line in header.splitlines() if line.startswith(b"element face")]
     return any(count != [b"0"] for count in counts)
