@@ -292,6 +292,9 @@ def test_the_table_says_how_it_was_made() -> None:
         "bias_sigma_m": 0.014,
         "ray_sigma_m": 0.02,
         "bias_redrawn": "frame",
+        "bias_distribution": "gaussian",
+        "ray_distribution": "gaussian",
+        "ray_mean_m": 0.0,
     }
     assert about["origin"] == CENTRE.tolist()
 

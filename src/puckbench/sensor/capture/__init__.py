@@ -1,4 +1,4 @@
-"""Captures of a real VLP-16: packet captures and ROS 2 bags read as tables, scans written as packets."""
+"""Captures of a real VLP-16 as tables (packet captures, ROS 2 bags), and scans as packets."""
 
 from puckbench.sensor.capture.packets import decode_packets
 from puckbench.sensor.capture.reading import read_capture

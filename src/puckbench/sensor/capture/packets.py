@@ -66,7 +66,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
     rows = (raw["distance"] > 0) & (kind >= 0)
     sequence = np.arange(raw.shape[1])[:, None] * firing_us + np.arange(LASERS) * laser_us
     times = packet_seconds(packets)[:, None, None] + sequence * 1e-6
-    shaped = {
+    shaped: dict[str, NDArray[Any]] = {
         "timestamp": times[..., None],
         "turn": turns[..., None],
         "laser_id": np.arange(LASERS, dtype=np.int16)[:, None],

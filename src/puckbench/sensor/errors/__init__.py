@@ -17,6 +17,18 @@ REGISTRY: dict[str, tuple[str, dict[str, Any]]] = {
     "none": ("puckbench.sensor.errors.none:NoErrors", {}),
     "vlp16": ("puckbench.sensor.errors.vlp16:Vlp16", {}),
     "vlp16_divergence": ("puckbench.sensor.errors.vlp16_divergence:Vlp16Divergence", {}),
+    "vlp16_incidence": ("puckbench.sensor.errors.vlp16_incidence:Vlp16Incidence", {}),
+    # As Table 5.1 prints the VLP-16, against the text of 5.4 and the code.
+    "vlp16_table51": (
+        "puckbench.sensor.errors.vlp16:Vlp16",
+        {"bias_sigma_m": 0.078, "ray_sigma_m": 0.014},
+    ),
+    # BlenSor's defaults, which are the HDL-64E's.
+    "hdl64e": (
+        "puckbench.sensor.errors.vlp16:Vlp16",
+        {"bias_sigma_m": 0.078, "ray_sigma_m": 0.010},
+    ),
+    "distance_table": ("puckbench.sensor.errors.distance_table:DistanceTable", {}),
     # The room scans as run: ray sigma is the default of BlenSor's scan_range, and no divergence.
     "thesis_room": ("puckbench.sensor.errors.vlp16:Vlp16", {"ray_sigma_m": 0.020}),
 }
