@@ -23,7 +23,7 @@ from puckbench.errors import InputError
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.plan import DataSetPlan, Plan
-from puckbench.sensor.errors import open_error_model
+from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
 
 _held: list[TextIO] = []
@@ -88,7 +88,7 @@ class Workflow:
         """Fingerprint of the scanner, its sensor and its error model."""
         settings = self.dataset(dataset).settings
         model = open_error_model(settings["errors"], settings["error_options"])
-        code = code_version("puckbench.cli.scan", type(model).__module__)
+        code = code_version("puckbench.cli.scan", module_of_model(model))
         return f"{code} {model} {load_sensor(settings['sensor'])}"
 
     def crop_arguments(self, dataset: str, cloud: str) -> str:

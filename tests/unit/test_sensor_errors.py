@@ -142,6 +142,12 @@ def test_streams_run_on_and_can_be_had_from_their_start() -> None:
         ("distance_table", {"table": [[1, 0]]}, "a row that is not distance, mu, sigma"),
         ("distance_table", {"table": [[1, 0, 1], [1, 0, 1]]}, "distances that do not increase"),
         ("distance_table", {"table": [[1, 0, -1]]}, "table has a sigma below 0"),
+        ("none", {"receiver": 2}, "none: receiver is 2, but must be options by name"),
+        ("none", {"receiver": {"quantum": 2}}, "none: receiver: unknown option 'quantum'"),
+        ("none", {"receiver": {"raydrop": -0.1}}, "raydrop is -0.1, but must be at least 0"),
+        ("none", {"receiver": {"range_quantum_mm": 0}}, "must be greater than 0"),
+        ("none", {"receiver": {"reflectivity": {"wall": 2}}}, "reflectivity of wall is 2, but"),
+        ("none", {"receiver": {"reflectivity": 2}}, "must be numbers by name"),
         ("vlp16_divergence", {"yaw_width_deg": -1}, "yaw_width_deg is -1.0"),
     ],
 )

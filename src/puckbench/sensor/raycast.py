@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.mesh import Mesh
-from puckbench.sensor.errors.model import Hits
+from puckbench.sensor.errors.model import Hits, Surfaces
 from puckbench.sensor.sweep import Rays
 
 
@@ -44,6 +44,9 @@ class RayCaster:
         unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
         self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
+        self.surfaces = (
+            Surfaces(mesh.labels.object_id, mesh.labels.objects) if mesh.labels else None
+        )
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(seen.vertices, dtype=np.float32)),
@@ -87,7 +90,12 @@ class RayCaster:
         nearest = answer["t_hit"].numpy()
         fill_distances(directions, nearest, triangle, self.planes, limits, distance, cosine)
         incidence = np.arccos(cosine, out=cosine)
-        return Hits(distance.reshape(shape), triangle.reshape(shape), incidence.reshape(shape))
+        return Hits(
+            distance.reshape(shape),
+            triangle.reshape(shape),
+            incidence.reshape(shape),
+            self.surfaces,
+        )
 
     def _nearest(self, single: NDArray[np.float32]) -> Any:
         import open3d as o3d

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
+from puckbench.sensor.errors import described
 from puckbench.sensor.errors.model import Draws, ErrorModel
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
@@ -142,13 +143,12 @@ def _portions(frames: int, at_a_time: int) -> list[range]:
 
 
 def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
-    parameters: Any = model
     about = {
         "sensor": asdict(sensor),
         "sweep": asdict(sweep),
-        "errors": {"model": type(model).__name__, **asdict(parameters)},
+        "errors": described(model),
         "origin": origin.tolist(),
     }
     # As it comes back from a file: lists for tuples.
-    described: dict[str, Any] = json.loads(json.dumps(about))
-    return described
+    as_read: dict[str, Any] = json.loads(json.dumps(about))
+    return as_read
