@@ -55,7 +55,9 @@ def test_hooks_leave_their_arguments_as_they_are(name: str) -> None:
     model.perturb_ranges(hits, VLP16, draws)
     assert np.array_equal(rays.yaw, yaw)
     assert (hits.distance == 5).all()
-    assert fired.yaw.shape == fired.pitch.shape == rays.yaw.shape
+    assert fired.yaw.shape == fired.pitch.shape
+    assert fired.yaw.shape[:2] == rays.yaw.shape[:2]
+    assert fired.yaw.shape[2] % rays.yaw.shape[2] == 0
 
 
 # A sample's standard deviation errs by 1 / sqrt(2 n): 0.56 % of 16,000 biases, 0.08 % of 800,000
@@ -148,6 +150,9 @@ def test_streams_run_on_and_can_be_had_from_their_start() -> None:
         ("none", {"receiver": {"range_quantum_mm": 0}}, "must be greater than 0"),
         ("none", {"receiver": {"reflectivity": {"wall": 2}}}, "reflectivity of wall is 2, but"),
         ("none", {"receiver": {"reflectivity": 2}}, "must be numbers by name"),
+        ("beam_footprint", {"sub_rays": 0}, "sub_rays is 0, but must be at least 1"),
+        ("beam_footprint", {"returns": "best"}, "returns is 'best', but must be one of"),
+        ("surface_normal", {"normal_sigma_m": -1}, "normal_sigma_m is -1.0"),
         ("vlp16_divergence", {"yaw_width_deg": -1}, "yaw_width_deg is -1.0"),
     ],
 )

@@ -150,3 +150,34 @@ def fill_surface(
             object_id[row] = surface[1][index]
             primitive_id[row] = surface[2][index]
             row += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_echoes(
+    apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
+) -> None:
+    """The echo that returns from each beam: its mean distance, and the ray nearest to that.
+
+    apart: distances of the rays of each beam, (beams, rays), inf for a miss. Rays no farther than
+    `gap` from the next in range share an echo. choice: 0 the first, 1 that of most rays, 2 the
+    last, 3 all rays together. A beam without a hit gets distance inf.
+    """
+    beams, rays = apart.shape
+    for beam in range(beams):
+        order = np.argsort(apart[beam])
+        distance[beam], middle[beam] = np.inf, order[0]
+        start, most = 0, 0
+        total = 0.0
+        for place in range(rays):
+            reach = apart[beam, order[place]]
+            if not np.isfinite(reach):
+                break
+            total += reach
+            last = place + 1 == rays or not np.isfinite(apart[beam, order[place + 1]])
+            if last or (choice != 3 and apart[beam, order[place + 1]] - reach > gap):
+                count = place + 1 - start
+                if most == 0 or choice == 2 or (choice == 1 and count > most):
+                    most, distance[beam] = count, total / count
+                    echo = order[start : place + 1]
+                    middle[beam] = echo[np.argmin(np.abs(apart[beam][echo] - distance[beam]))]
+                start, total = place + 1, 0.0

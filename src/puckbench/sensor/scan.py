@@ -14,7 +14,7 @@ from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
 from puckbench.sensor.errors import described
-from puckbench.sensor.errors.model import Draws, ErrorModel
+from puckbench.sensor.errors.model import Draws, ErrorModel, lifted, merged
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays, Sweep
@@ -89,11 +89,25 @@ class _Scanner:
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
         measured = truth if fired is nominal else self._cast(fired, frames)
-        distance = self.model.perturb_ranges(measured.hits, self.sensor, self.draws)
+        hits = merged(self.model, measured.hits, self.sensor)
+        distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
+        lift = lifted(self.model, hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
         placed = measured if fired.placed_as_fired else truth
         noisy = (distance, placed.directions)
-        return self._write(frames, nominal, truth, noisy, returned, columns, row)
+        end = self._write(frames, nominal, truth, noisy, returned, columns, row)
+        if lift is not None:
+            self._lift(lift[returned], slice(row, end), columns)
+        return end
+
+    def _lift(self, along: Floats, rows: slice, columns: dict[str, NDArray[Any]]) -> None:
+        """Move the measured points of `rows` along their normals, and measure their distance."""
+        squared = np.zeros(len(along))
+        for place, axis in zip(self.caster.origin, "xyz", strict=True):
+            points = columns[f"{axis}_noisy"][rows]
+            points += along * columns[f"n{axis}"][rows]
+            squared += (points - place) ** 2
+        columns["distance_noisy"][rows] = np.sqrt(squared)
 
     def _cast(self, rays: Rays, frames: range) -> Cast:
         farthest = self.sweep.max_range_m or self.sensor.max_range_m

@@ -44,6 +44,8 @@ REGISTRY: dict[str, tuple[str, dict[str, Any]]] = {
         "puckbench.sensor.errors.vlp16:Vlp16",
         {"bias_sigma_m": 0.078, "ray_sigma_m": 0.010},
     ),
+    "surface_normal": ("puckbench.sensor.errors.surface_normal:SurfaceNormal", {}),
+    "beam_footprint": ("puckbench.sensor.errors.beam_footprint:BeamFootprint", {}),
     "distance_table": ("puckbench.sensor.errors.distance_table:DistanceTable", {}),
     # The room scans as run: ray sigma is the default of BlenSor's scan_range, and no divergence.
     "thesis_room": ("puckbench.sensor.errors.vlp16:Vlp16", {"ray_sigma_m": 0.020}),
