@@ -35,6 +35,8 @@ PRODUCTS = {
     0xA1: "VLS-128",
 }
 VLP16 = 0x22
+# Sensors that send packets of this layout.
+SENSORS = {VLP16: "vlp16", 0x24: "puck_hires"}
 
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
 BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, (2, LASERS))])
@@ -50,15 +52,17 @@ _GREATEST_RISE = 100
 def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> CaptureTable:
     """Returns of data packets, (p, 1206) bytes in the order of arrival, as a table.
 
+    sensor: None for the one that the packets name, a VLP-16 or a Puck Hi-Res.
+
     The azimuth of a firing lies between that of its block and the next; x = R cos(w) sin(a),
     y = R cos(w) cos(a), z = R sin(w) + the laser's vertical correction. Identical returns of a
     dual packet make one row. Firings without a return have none.
 
     Raises InputError for no packet, another sensor's packets, damaged ones, or mixed return modes.
     """
-    device = sensor or load_sensor("vlp16")
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
+    device = sensor or load_sensor(SENSORS[int(packets["product"][0])])
     firing_us, laser_us = _firing_times(device)
     turns, azimuth = _azimuths(packets, mode, laser_us / firing_us)
     raw = _by_firing(packets["blocks"]["returns"], mode)
@@ -103,14 +107,16 @@ def packet_seconds(packets: NDArray[Any]) -> Floats:
 
 
 def _checked_mode(packets: NDArray[Any]) -> int:
-    """The return mode of the packets; InputError unless they are a VLP-16's, whole, and alike."""
+    """The return mode; InputError unless the packets are a VLP-16's, whole, and alike."""
     if len(packets) == 0:
         raise InputError("no data packet of a VLP-16")
-    foreign = np.flatnonzero(packets["product"] != VLP16)
-    if len(foreign):
-        code = int(packets["product"][foreign[0]])
-        name = PRODUCTS.get(code, "an unknown sensor")
-        raise InputError(f"a capture of {name} (product 0x{code:02X}), not of a VLP-16")
+    products = [int(code) for code in np.unique(packets["product"])]
+    for code in products:
+        if code not in SENSORS:
+            name = PRODUCTS.get(code, "an unknown sensor")
+            raise InputError(f"a capture of {name} (product 0x{code:02X}), not of a VLP-16")
+    if len(products) > 1:
+        raise InputError("packets of a VLP-16 and of a Puck Hi-Res in one capture")
     modes = np.unique(packets["mode"])
     if len(modes) > 1 or int(modes[0]) not in MODES:
         found = ", ".join(f"0x{mode:02X}" for mode in modes[:4])
