@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import struct
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from puckbench.errors import InputError
 from puckbench.sensor.capture import decode_packets, read_capture
+from puckbench.sensor.capture.packets import PACKET
 from puckbench.sensor.capture.pcap import read_pcap, udp_datagram
 from puckbench.sensor.capture.reading import read_packets
 from puckbench.sensor.capture.ros2bag import packets_of_scan
@@ -111,6 +113,15 @@ def test_a_missing_file_is_named_once(tmp_path: Path) -> None:
         read_capture(tmp_path / "gone.pcap")
 
 
+def test_packets_without_a_return_are_an_error(tmp_path: Path) -> None:
+    packets = LOG.payloads.copy().view(PACKET)
+    packets["blocks"]["returns"]["distance"] = 0
+    dark = replace(LOG, payloads=packets.view(np.uint8))
+    (tmp_path / "a.pcap").write_bytes(pcap_bytes(dark))
+    with pytest.raises(InputError, match=r"a.pcap: no return in the packets"):
+        read_capture(tmp_path / "a.pcap")
+
+
 def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
     path = tmp_path / "a.pcap"
     path.write_bytes(PCAP)
@@ -195,6 +206,24 @@ def test_a_mutated_message_is_packets_or_an_error(
         return
     assert packets["payload"].shape == (len(packets), 1206)
     assert packets["payload"].nbytes <= len(data) + 2
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 1 << 14), st.integers(0, 255)), max_size=8),
+    st.one_of(st.just(-1), st.integers(16, 1 << 14)),
+)
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_mutated_bag_is_packets_or_an_error(
+    tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, int]], length: int
+) -> None:
+    folder = tmp_path_factory.mktemp("bag")
+    data = bag(folder / "a.db3", [scan_message(LOG.payloads)]).read_bytes()
+    (folder / "b.db3").write_bytes(mutated(data, changes, length))
+    try:
+        log = read_packets(folder / "b.db3")
+    except InputError:
+        return
+    assert log.payloads.nbytes <= len(data)
 
 
 @given(st.binary(max_size=200))

@@ -32,6 +32,8 @@ def read_capture(
     try:
         log = read_packets(path)
         table = decode_packets(log.between(start_s, end_s).payloads, sensor)
+        if len(table) == 0:
+            raise InputError("no return in the packets")
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
     return replace(table, about={**table.about, **log.about, "source": path.name})

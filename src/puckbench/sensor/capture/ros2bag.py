@@ -43,7 +43,7 @@ def read_ros2bag(path: Path) -> PacketLog:
         raise InputError("the ROS 2 bag has no message of a VLP-16")
     packets = np.concatenate(scans)
     received = packets["seconds"] + packets["nanoseconds"] * 1e-9
-    about = {"format": "ros2bag", "topic": topics[0][1], "messages": len(scans)}
+    about = {"format": "ros2bag", "topic": str(topics[0][1]), "messages": len(scans)}
     return PacketLog(packets["payload"], received, about)
 
 
