@@ -118,7 +118,7 @@ def test_packets_without_a_return_are_an_error(tmp_path: Path) -> None:
     packets["blocks"]["returns"]["distance"] = 0
     dark = replace(LOG, payloads=packets.view(np.uint8))
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(dark))
-    with pytest.raises(InputError, match=r"a.pcap: no return in the packets"):
+    with pytest.raises(InputError, match=r"a.pcap: no return in the capture"):
         read_capture(tmp_path / "a.pcap")
 
 

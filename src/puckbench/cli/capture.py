@@ -10,7 +10,7 @@ from typing import Any
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("capture", type=Path, help="packet capture (.pcap) or ROS 2 bag (.db3)")
+    parser.add_argument("capture", type=Path, help=".pcap, ROS 2 bag, or cloud with a laser column")
     parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
     parser.add_argument("--sensor", help="name or YAML file (default: what the packets say)")
     parser.add_argument("--start", type=float, default=0.0, help="s after the first packet")

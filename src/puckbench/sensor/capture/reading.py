@@ -11,6 +11,7 @@ from puckbench.files import read_bytes
 from puckbench.sensor.capture.log import PacketLog
 from puckbench.sensor.capture.packets import decode_packets
 from puckbench.sensor.capture.pcap import read_pcap
+from puckbench.sensor.capture.pointfiles import SUFFIXES, read_points
 from puckbench.sensor.capture.ros2bag import SQLITE, read_ros2bag
 from puckbench.sensor.capture.table import CaptureTable
 from puckbench.sensor.sensor import Sensor
@@ -22,21 +23,28 @@ def read_capture(
     start_s: float = 0.0,
     end_s: float = math.inf,
 ) -> CaptureTable:
-    """Returns of a packet capture (.pcap) or ROS 2 bag (.db3, or its folder).
+    """Returns of a packet capture (.pcap), a ROS 2 bag (.db3, or its folder) or a cloud.
 
-    start_s, end_s: the interval to read, in seconds after the first packet. `about` tells the
-    format and what was left aside: `other_packets`, `bytes_cut_off` of a truncated file.
+    A cloud (.csv, .ply, .pcd) must tell each point's laser: see `pointfiles.read_points`.
+    start_s, end_s: the interval to read, in seconds after the first packet (or point). `about`
+    tells the format and what was left aside: `other_packets`, `bytes_cut_off` of a truncated file.
 
     Raises InputError, one line that names the file, when it holds no readable VLP-16 data.
     """
     try:
-        log = read_packets(path)
-        table = decode_packets(log.between(start_s, end_s).payloads, sensor)
+        if path.suffix.lower() in SUFFIXES:
+            points = read_points(path, sensor)
+            since = points["timestamp"] - points["timestamp"].min()
+            table = points.select((since >= start_s) & (since < end_s))
+        else:
+            log = read_packets(path).between(start_s, end_s)
+            decoded = decode_packets(log.payloads, sensor)
+            table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
-            raise InputError("no return in the packets")
+            raise InputError("no return in the capture")
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
-    return replace(table, about={**table.about, **log.about, "source": path.name})
+    return replace(table, about={**table.about, "source": path.name})
 
 
 def read_packets(path: Path) -> PacketLog:
