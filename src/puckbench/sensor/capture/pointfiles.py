@@ -43,8 +43,9 @@ def read_points(path: Path, sensor: Sensor | None = None) -> CaptureTable:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"no column {', '.join(missing)} of numbers")
-    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
-    check_points(xyz, path.name)
+    with np.errstate(invalid="ignore"):
+        xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    check_points(xyz, str(path))
     laser = _lasers(columns, device)
     elevation = np.radians(device.laser_elevation_deg)[laser]
     known = {
