@@ -313,6 +313,8 @@ def test_wrong_scenes_and_places_are_named_in_one_line() -> None:
         scanned(Mesh(np.zeros((3, 3)), np.empty((0, 3), dtype=np.int64)))
     with pytest.raises(InputError, match=r"origin is .*, but must be three finite numbers"):
         scanned(room(), origin=[0.0, np.nan, 1.0])
+    with pytest.raises(InputError, match=r"the sensor at \[0\.0, 2\.0, 1\.0\] touches the mesh"):
+        scanned(room(), origin=[0.0, 2.0, 1.0])
     with pytest.raises(InputError, match="no ray returned"):
         scanned(room(), origin=[1000.0, 0.0, 0.0])
 

@@ -73,8 +73,15 @@ class RayCaster:
         starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
         if starts.any():
             single[:, :3] = np.repeat(starts, len(single) // len(starts), axis=0)
-        hits = self._hits(directions, single, starts, rays.yaw.shape, limits)
+        hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
         return Cast(directions, self.origin + starts, hits)
+
+    def clearance(self) -> float:
+        """Distance from `origin` to the nearest point of the mesh, m."""
+        import open3d as o3d
+
+        here = o3d.core.Tensor.from_numpy(np.zeros((1, 3), dtype=np.float32))
+        return float(self.scene.compute_distance(here).numpy()[0])
 
     def reach(self, starts: Floats, directions: Floats) -> Floats:
         """Distance in float32 accuracy at which rays hit the mesh, inf for a miss, (n,).
@@ -84,7 +91,7 @@ class RayCaster:
         single = np.column_stack([starts, directions]).astype(np.float32)
         return np.asarray(self._nearest(single)["t_hit"].numpy(), dtype=np.float64)
 
-    def _hits(
+    def hits(
         self,
         directions: Floats,
         single: NDArray[np.float32],
@@ -92,6 +99,11 @@ class RayCaster:
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
+        """What rays hit, in the given shape of their array.
+
+        directions: (n, 3). single: starts and directions for Embree, (n, 6). starts: those of each
+        step's rays from `origin`, (steps, 3), or of each ray. limits: as for `cast`.
+        """
         from puckbench.sensor.kernels import fill_distances
 
         answer = self._nearest(single)

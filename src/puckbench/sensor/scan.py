@@ -16,6 +16,8 @@ from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
 from puckbench.sensor.errors import described
 from puckbench.sensor.errors.model import Draws, ErrorModel, lifted, merged
+from puckbench.sensor.errors.receiver import mirrors_of
+from puckbench.sensor.mirrors import follow_mirrors
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays, Sweep
@@ -25,6 +27,8 @@ __all__ = ["ScanTable", "read_scan", "scan", "scan_portions", "write_scan"]
 
 # Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
+# A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
+_LEAST_CLEARANCE_M = 1e-3
 # Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
 _RAYS_IN_A_PORTION = 1 << 20
 
@@ -53,7 +57,8 @@ def scan(
     The rows come in the order of firing (frame, azimuth step, laser id) and do not depend on
     `threads` (0: all) or `rays_at_a_time`. progress(frames done, frames) is called as work goes on.
 
-    Raises InputError for a mesh without faces, an origin that is no point, or no return at all.
+    Raises InputError for a mesh without faces, an origin that is no point or touches the mesh, or
+    no return at all.
     """
     scanner = _scanner(mesh, sensor, sweep, model, origin, rng, threads)
     table = scanner.table(range(sweep.frames), rays_at_a_time, progress)
@@ -101,6 +106,8 @@ def _scanner(
 ) -> _Scanner:
     check_mesh(mesh, "the mesh to scan")
     caster = RayCaster(mesh, _checked_origin(origin), threads)
+    if sweep.trajectory is None and caster.clearance() < _LEAST_CLEARANCE_M:
+        raise InputError(f"the sensor at {caster.origin.tolist()} touches the mesh")
     return _Scanner(caster, sensor, sweep, model, Draws(rng))
 
 
@@ -145,6 +152,8 @@ class _Scanner:
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
         measured = truth if fired is nominal else self._cast(fired, frames)
+        if self.mirrors is not None:
+            measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
         hits = merged(self.model, measured.hits, self.sensor)
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = lifted(self.model, hits, self.sensor, self.draws)
@@ -159,9 +168,16 @@ class _Scanner:
         return end
 
     def _cast(self, rays: Rays, frames: range) -> Cast:
-        farthest = self.sweep.max_range_m or self.sensor.max_range_m
-        poses = self.sweep.poses(self.sensor, frames)
-        return self.caster.cast(rays, poses, (self.sensor.min_range_m, farthest))
+        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+
+    @cached_property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        """Which triangles the model takes for mirrors, if any."""
+        return mirrors_of(self.model, self.caster.surfaces)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
 
     def _write(
         self,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
-from puckbench.sensor.errors.model import Draws, ErrorModel, Hits, lifted, merged
+from puckbench.sensor.errors.model import Draws, ErrorModel, Hits, Surfaces, lifted, merged
 from puckbench.sensor.options import check_above_zero, check_at_least
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays
@@ -34,6 +34,10 @@ class Receiver:
 
     min_range_m: nearer measured distances are lost. range_quantum_mm: measured distances are
     multiples of it.
+
+    mirrors: names or semantic classes of objects that reflect like a mirror, as in BlenSor: what is
+    seen in one is measured along the fired ray, at the length of the path; the mirror itself never
+    returns. The true values of such a row are those of the mirror. Glass is opaque, as in BlenSor.
     """
 
     reflectivity: dict[str, float] = field(default_factory=dict)
@@ -46,6 +50,7 @@ class Receiver:
     raydrop_per_m: float = 0.0
     min_range_m: float = 0.0
     range_quantum_mm: float | None = None
+    mirrors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_at_least(self, 0, "default_reflectivity", "attenuation_from_m", "attenuation_limit")
@@ -111,3 +116,16 @@ class Received:
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
         """The model's displacements along the normal."""
         return lifted(self.model, hits, sensor, draws)
+
+
+def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
+    """Which triangles are mirrors to the model's receiver, (t,); None when it knows none.
+
+    Raises InputError when it does and the mesh has no labels.
+    """
+    names = model.receiver.mirrors if isinstance(model, Received) else ()
+    if not names:
+        return None
+    if surfaces is None:
+        raise InputError("mirrors are given by object, but the mesh has no labels")
+    return surfaces.values(dict.fromkeys(names, 1.0), 0.0) > 0
