@@ -78,13 +78,19 @@ def bare_cast(mesh: Mesh, origin: Floats) -> Callable[[], object]:
     table = scan(mesh, SENSOR, SWEEP, open_error_model("none"), origin, np.random.default_rng(0))
     rays = np.zeros((len(table), 6), dtype=np.float32)
     rays[:, 3:] = (table.xyz - origin) / table["distance"][:, None]
+    start = time.perf_counter()
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
         o3d.core.Tensor.from_numpy((mesh.vertices - origin).astype(np.float32)),
         o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
     )
     tensor = o3d.core.Tensor.from_numpy(rays)
-    print(f"{len(mesh.triangles):,} triangles, {len(table):,} returns")
+    scene.cast_rays(tensor[:1])
+    built = time.perf_counter() - start
+    print(
+        f"{len(mesh.triangles):,} triangles (scene built in {built:.2f} s, part of a scan and not"
+    )
+    print(f"of a bare cast), {len(table):,} returns")
     return lambda: scene.cast_rays(tensor)
 
 

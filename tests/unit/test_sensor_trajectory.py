@@ -1,3 +1,5 @@
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,9 +8,11 @@ import pytest
 from numpy.typing import ArrayLike
 from sensor_scenes import joined, moved, quad, room, wall
 
+from puckbench.cli import main
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh
+from puckbench.meshfiles import write_mesh
 from puckbench.sensor import (
     COLUMNS,
     ScanTable,
@@ -209,3 +213,20 @@ def test_a_wrong_trajectory_is_named_in_one_line(
 def test_a_sweep_does_not_outlast_its_trajectory() -> None:
     with pytest.raises(InputError, match=r"from 0 to 2 s, the sweep from 0 to 3 s"):
         drive(STILL, (2, 0, 0, 0, 0, 0, 0), duration_s=3)
+
+
+def test_a_long_scan_by_hand_goes_to_disk_in_portions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same rows, whether the command holds them all in memory or not."""
+    way, mesh = tmp_path / "way.csv", tmp_path / "room.ply"
+    way.write_text(ROWS)
+    write_mesh(mesh, replace(room(), labels=None))
+    sweep = json.dumps({"trajectory": str(way), "duration_s": 0.3, "azimuth_step_deg": 1})
+    words = ["scan", str(mesh), "--errors", "vlp16", "--sweep", sweep, "--origin", "2", "2", "1"]
+    assert main([*words[:2], str(tmp_path / "whole.parquet"), *words[2:]]) == 0
+    monkeypatch.setattr("puckbench.cli.scan._RAYS_IN_MEMORY", 1000)
+    assert main([*words[:2], str(tmp_path / "streamed.parquet"), *words[2:]]) == 0
+    whole, streamed = (read_scan(tmp_path / f"{name}.parquet") for name in ("whole", "streamed"))
+    assert len(whole) == 36 * 15 * 16
+    assert all(np.array_equal(whole[name], streamed[name]) for name in COLUMNS)
