@@ -6,6 +6,7 @@ one of them: see `codeversion`.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shlex
@@ -23,8 +24,9 @@ from puckbench.errors import InputError
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.plan import DataSetPlan, Plan
-from puckbench.sensor.errors import open_error_model
+from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
+from puckbench.sensor.sweep import open_sweep
 
 _held: list[TextIO] = []
 _BYTES_PER_POINT = 1_000
@@ -85,11 +87,12 @@ class Workflow:
         return shlex.join(word for pair in values.items() for word in pair)
 
     def scan_code(self, dataset: str) -> str:
-        """Fingerprint of the scanner, its sensor and its error model."""
+        """Fingerprint of the scanner, its sensor, its error model and its trajectory's file."""
         settings = self.dataset(dataset).settings
         model = open_error_model(settings["errors"], settings["error_options"])
-        code = code_version("puckbench.cli.scan", type(model).__module__)
-        return f"{code} {model} {load_sensor(settings['sensor'])}"
+        code = code_version("puckbench.cli.scan", module_of_model(model))
+        sweep = hashlib.sha256(repr(open_sweep(settings["sweep"])).encode()).hexdigest()[:16]
+        return f"{code} {model} {load_sensor(settings['sensor'])} {sweep}"
 
     def crop_arguments(self, dataset: str, cloud: str) -> str:
         """Arguments of `puckbench prepare` that crop a scan to its room's box."""

@@ -9,7 +9,16 @@ from sensor_scenes import ROOM, box, joined, moved, quad, room, wall
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh
-from puckbench.sensor import COLUMNS, ScanTable, Sensor, Sweep, load_sensor, open_error_model, scan
+from puckbench.sensor import (
+    COLUMNS,
+    ScanTable,
+    Sensor,
+    Sweep,
+    error_model_names,
+    load_sensor,
+    open_error_model,
+    scan,
+)
 from puckbench.sensor.sweep import SWEEPS
 
 VLP16 = load_sensor("vlp16")
@@ -263,7 +272,7 @@ def test_a_row_needs_both_the_fired_and_the_nominal_ray_to_hit() -> None:
     assert np.abs(table.xyz[:, [0, 2]]).max() < 0.4 + 1e-6
 
 
-@pytest.mark.parametrize("errors", ["none", "vlp16", "vlp16_divergence"])
+@pytest.mark.parametrize("errors", sorted(set(error_model_names()) - {"distance_table"}))
 def test_threads_and_portions_change_no_byte(errors: str) -> None:
     whole = scanned(room(skip=("+z",)), errors, rays_at_a_time=10**9, threads=1)
     for settings in ({"rays_at_a_time": 1}, {"rays_at_a_time": 2400, "threads": 2}):
@@ -292,6 +301,9 @@ def test_the_table_says_how_it_was_made() -> None:
         "bias_sigma_m": 0.014,
         "ray_sigma_m": 0.02,
         "bias_redrawn": "frame",
+        "bias_distribution": "gaussian",
+        "ray_distribution": "gaussian",
+        "ray_mean_m": 0.0,
     }
     assert about["origin"] == CENTRE.tolist()
 
@@ -301,6 +313,8 @@ def test_wrong_scenes_and_places_are_named_in_one_line() -> None:
         scanned(Mesh(np.zeros((3, 3)), np.empty((0, 3), dtype=np.int64)))
     with pytest.raises(InputError, match=r"origin is .*, but must be three finite numbers"):
         scanned(room(), origin=[0.0, np.nan, 1.0])
+    with pytest.raises(InputError, match=r"the sensor at \[0\.0, 2\.0, 1\.0\] touches the mesh"):
+        scanned(room(), origin=[0.0, 2.0, 1.0])
     with pytest.raises(InputError, match="no ray returned"):
         scanned(room(), origin=[1000.0, 0.0, 0.0])
 

@@ -38,8 +38,45 @@ def test_vlp16_fires_sixteen_lasers_300_000_times_a_second() -> None:
     assert sensor.divergence_vertical_deg == pytest.approx(np.degrees(1.5e-3), abs=0.005)
 
 
-def test_every_shipped_sensor_loads() -> None:
-    assert [load_sensor(name).lasers > 0 for name in sensor_names()]
+@pytest.mark.parametrize(
+    ("name", "lasers", "field_of_view", "points_per_second"),
+    [
+        ("vlp16", 16, (-15, 15), 0.3e6),
+        ("puck_hires", 16, (-10, 10), 0.3e6),
+        ("hdl32e", 32, (-30.67, 10.67), 0.7e6),
+        ("hdl64e_s2", 64, (-24.8, 2.0), 1.333e6),
+    ],
+)
+def test_shipped_sensors_have_their_data_sheets_numbers(
+    name: str, lasers: int, field_of_view: tuple[float, float], points_per_second: float
+) -> None:
+    sensor = load_sensor(name)
+    angles = sensor.laser_elevation_deg
+    assert sensor.lasers == lasers
+    assert (min(angles), max(angles)) == pytest.approx(field_of_view, abs=0.1)
+    assert lasers / (sensor.firing_sequence_us * 1e-6) == pytest.approx(points_per_second, rel=0.04)
+    assert 360 / sensor.azimuth_step_deg == pytest.approx(
+        1e6 / sensor.firing_sequence_us / sensor.rotation_hz, rel=0.01
+    )
+
+
+def test_every_shipped_sensor_is_tested() -> None:
+    assert sensor_names() == ["hdl32e", "hdl64e_s2", "puck_hires", "vlp16"]
+
+
+def test_puck_hires_has_two_thirds_of_the_pucks_angles_and_its_corrections_are_odd() -> None:
+    puck, fine = load_sensor("vlp16"), load_sensor("puck_hires")
+    assert fine.laser_elevation_deg == pytest.approx(
+        [angle * 2 / 3 for angle in puck.laser_elevation_deg], abs=0.005
+    )
+    correction = dict(zip(fine.laser_elevation_deg, fine.vertical_correction_mm, strict=True))
+    assert all(correction[-angle] == -value for angle, value in correction.items())
+
+
+def test_hdl32e_fires_its_lower_and_upper_bank_in_turn_a_third_of_four_degrees_apart() -> None:
+    angles = load_sensor("hdl32e").laser_elevation_deg
+    assert np.diff(angles[0::2]) == pytest.approx(4 / 3, abs=0.011)
+    assert np.diff(angles[1::2]) == pytest.approx(4 / 3, abs=0.011)
 
 
 def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
@@ -64,6 +101,13 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
         ("min_range_m: 40", "min_range_m 40.0 is not below max_range_m 30.0"),
         ("min_range_m: -1", "min_range_m is -1.0, but must be at least 0"),
         ("name: 5", "name is 5, but must be of type str"),
+        ("laser_elevation_deg: [1, 1]", "has the same angle twice"),
+        ("firing_interval_us: 2", "firing_interval_us needs firing_sequence_us"),
+        ("firing_sequence_us: 20", "turns 0.072 degrees in a firing sequence of 20.0 us at 10.0"),
+        (
+            "firing_sequence_us: 55.6\nfiring_interval_us: 60",
+            "2 lasers every 60.0 us do not fit in the firing_sequence_us of 55.6",
+        ),
         ("name: [", "not valid YAML"),
     ],
 )

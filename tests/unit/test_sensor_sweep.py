@@ -88,11 +88,16 @@ def test_smaller_sweeps_by_configuration() -> None:
 @pytest.mark.parametrize(
     ("settings", "fault"),
     [
-        ("fast", "unknown sweep 'fast' (known: thesis, thesis_room)"),
+        ("fast", "unknown sweep 'fast' (known: thesis, thesis_room, spin)"),
         ({"fps": 3}, "sweep thesis: unknown option 'fps'"),
         ({"duration_s": "4 s"}, "duration_s is '4 s', but must be a finite number"),
         ({"frames_skipped": True}, "frames_skipped is True"),
         ({"duration_s": 0.001}, "the sweep has no frame"),
+        ({"timing": "exact"}, "timing is 'exact', but must be 'step' or 'firing'"),
+        (
+            {"timing": "firing", "azimuth_step_deg": 0.2},
+            "azimuth_step_deg is given, but timing 'firing' sets the step",
+        ),
         ({"rotation_hz": -5}, "rotation_hz is -5.0, but must be greater than 0"),
     ],
 )
@@ -106,3 +111,34 @@ def test_a_wrong_sweep_is_named_in_one_line(settings: Any, fault: str) -> None:
 def test_a_frame_needs_an_azimuth_step() -> None:
     with pytest.raises(InputError, match=r"0\.75 azimuth steps"):
         Sweep(azimuth_step_deg=20).steps(VLP16)
+
+
+def test_each_laser_fires_at_its_own_moment_and_azimuth() -> None:
+    """The manual's times: 55.296 us a sequence, 2.304 us between lasers, 289,352 firings/s."""
+    sweep = open_sweep({"preset": "spin", "timing": "firing"})
+    times = sweep.firing_times(VLP16, range(1))
+    assert np.diff(times[0], axis=1) == pytest.approx(2.304e-6)
+    assert np.diff(times[0], axis=0) == pytest.approx(55.296e-6)
+    assert times.size == pytest.approx(289_352 / 5, abs=16)
+    rays = sweep.rays(VLP16, range(1))
+    assert rays.yaw == pytest.approx(2 * np.pi * 5 * times, abs=1e-9)
+
+
+def test_lasers_fire_together_unless_asked_otherwise() -> None:
+    times = Sweep().firing_times(VLP16, range(2))
+    assert times.shape == (2, 150, 16)
+    assert np.ptp(times, axis=2).max() == 0
+    assert np.array_equal(times[:, :, 0], Sweep().timestamps(VLP16, range(2)))
+
+
+def test_a_spin_is_one_level_turn() -> None:
+    spin = open_sweep("spin")
+    yaw = spin.rays(VLP16, range(spin.frames)).yaw[0, :, 0]
+    assert np.degrees(yaw) == pytest.approx(np.arange(3600) * 0.1, abs=1e-9)
+    assert np.array_equal(spin.rotations(), [np.eye(3)])
+
+
+def test_firing_needs_a_sensor_that_states_its_times() -> None:
+    sweep = open_sweep({"preset": "spin", "timing": "firing"})
+    with pytest.raises(InputError, match="firing_interval_us, which sensor HDL-64E S2 does not"):
+        sweep.rays(load_sensor("hdl64e_s2"), range(1))

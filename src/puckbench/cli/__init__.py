@@ -15,6 +15,8 @@ from puckbench.errors import InputError
 COMMANDS = {
     "scene": "write a scene of a scene set as a mesh or cloud with its description",
     "scan": "scan a mesh with a virtual sensor: the table of all returns",
+    "capture": "read a capture of a real VLP-16: the table of its returns",
+    "export": "write a scan or a capture in the format of another tool",
     "sample": "sample points at random on the surface of a mesh",
     "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
     "encode": "code a cloud with a codec at a rate",

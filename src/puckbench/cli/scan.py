@@ -19,8 +19,13 @@ from puckbench.sensor import (
     open_error_model,
     open_sweep,
     scan,
+    scan_portions,
     write_scan,
+    write_scan_portions,
 )
+
+# A longer scan is written as it goes on: this many rows are some 600 MB.
+_RAYS_IN_MEMORY = 4_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,9 +53,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     mesh = read_surface(options.mesh)
     origin = _origin(options, mesh)
     rng = generator(options.seed, "scan", options.mesh.stem)
-    table = scan(mesh, sensor, sweep, model, origin, rng, progress=_progress)
-    write_scan(options.out, table)
-    return {"returns": len(table), "origin": [float(x) for x in origin], "errors": options.errors}
+    work = (mesh, sensor, sweep, model, origin, rng)
+    if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
+        rows = write_scan_portions(options.out, scan_portions(*work, progress=_progress))
+    else:
+        table = scan(*work, progress=_progress)
+        write_scan(options.out, table)
+        rows = len(table)
+    return {"returns": rows, "origin": [float(x) for x in origin], "errors": options.errors}
 
 
 def _sweep(text: str) -> str | dict[str, Any]:

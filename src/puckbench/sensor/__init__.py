@@ -2,10 +2,10 @@
 
 from puckbench.sensor.errors import ErrorModel, error_model_names, open_error_model
 from puckbench.sensor.origin import free_origin
-from puckbench.sensor.scan import scan
+from puckbench.sensor.scan import scan, scan_portions
 from puckbench.sensor.sensor import Sensor, load_sensor, sensor_names
 from puckbench.sensor.sweep import SWEEPS, Sweep, open_sweep
-from puckbench.sensor.table import COLUMNS, ScanTable, read_scan, write_scan
+from puckbench.sensor.table import COLUMNS, ScanTable, read_scan, write_scan, write_scan_portions
 
 __all__ = [
     "COLUMNS",
@@ -21,6 +21,8 @@ __all__ = [
     "open_sweep",
     "read_scan",
     "scan",
+    "scan_portions",
     "sensor_names",
     "write_scan",
+    "write_scan_portions",
 ]

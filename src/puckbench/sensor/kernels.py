@@ -27,7 +27,8 @@ def fill_directions(
 ) -> None:
     """Fill `directions` (n, 3) and the last three columns of `rays` (n, 6) with world directions.
 
-    yaw, pitch: sines and cosines of the angles, (frames, steps, lasers). rotations: (frames, 3, 3).
+    yaw, pitch: sines and cosines of the angles, (frames, steps, lasers). rotations: (frames, steps,
+    3, 3).
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -38,7 +39,7 @@ def fill_directions(
                 y = yaw[1][f, s, k] * pitch[1][f, s, k]
                 z = pitch[0][f, s, k]
                 for row in range(3):
-                    turn = rotations[f, row]
+                    turn = rotations[f, s, row]
                     value = turn[0] * x + turn[1] * y + turn[2] * z
                     directions[ray, row] = value
                     rays[ray, 3 + row] = value
@@ -51,15 +52,18 @@ def fill_distances(
     nearest: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     planes: Floats,
+    starts: Floats,
     limits: tuple[float, float],
     distances: Floats,
     cosines: Floats,
 ) -> None:
     """Distance to the plane of each ray's triangle, and the cosine of the incidence angle.
 
-    nearest: Embree's distances, inf for a miss. planes: unit normal and distance from the sensor,
-    (t, 4). A miss, or a hit outside `limits`, gets distance inf and cosine nan.
+    nearest: Embree's distances, inf for a miss. planes: unit normal and distance from the scan's
+    origin, (t, 4). starts: where the rays of each step start, from that origin, (steps, 3). A miss,
+    or a hit outside `limits`, gets distance inf and cosine nan.
     """
+    per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
         distances[ray], cosines[ray] = np.inf, np.nan
         if not np.isfinite(nearest[ray]):
@@ -68,7 +72,9 @@ def fill_distances(
         cosine = plane[0] * direction[0] + plane[1] * direction[1] + plane[2] * direction[2]
         distance = float(nearest[ray])
         if abs(cosine) > _LEAST_COSINE:
-            distance = plane[3] / cosine
+            start = starts[ray // per_step]
+            away = plane[0] * start[0] + plane[1] * start[1] + plane[2] * start[2]
+            distance = (plane[3] - away) / cosine
         if limits[0] <= distance <= limits[1]:
             distances[ray], cosines[ray] = distance, min(abs(cosine), 1.0)
 
@@ -83,8 +89,8 @@ def fill_rays(
 ) -> int:
     """Write frame, laser, timestamp, yaw and pitch of the rays that returned; the row after them.
 
-    rows: which rays returned, (frames, steps, lasers). nominal: timestamps (frames, steps), yaw
-    and pitch of each ray. out: the five columns, written from row `start`.
+    rows: which rays returned, (frames, steps, lasers). nominal: timestamp, yaw and pitch of each
+    ray. out: the five columns, written from row `start`.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -94,7 +100,7 @@ def fill_rays(
                 if rows[f, s, k]:
                     frame[row] = first_frame + f
                     laser[row] = k
-                    timestamp[row] = nominal[0][f, s]
+                    timestamp[row] = nominal[0][f, s, k]
                     yaw[row] = nominal[1][f, s, k]
                     pitch[row] = nominal[2][f, s, k]
                     row += 1
@@ -104,18 +110,22 @@ def fill_rays(
 @numba.njit(cache=True, nogil=True)
 def fill_points(
     rows: NDArray[np.bool_],
-    origin: Floats,
+    origins: Floats,
     directions: Floats,
     distances: Floats,
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distance and x, y, z (`out`) of the rays that returned, from row `start`."""
+    """Write distance and x, y, z (`out`) of the rays that returned, from row `start`.
+
+    origins: where the rays of each step start, (steps, 3).
+    """
     distance, x, y, z = out
+    per_step = len(rows) // len(origins)
     row = start
     for ray in range(len(rows)):
         if rows[ray]:
-            reach = distances[ray]
+            reach, origin = distances[ray], origins[ray // per_step]
             distance[row] = reach
             x[row] = origin[0] + reach * directions[ray, 0]
             y[row] = origin[1] + reach * directions[ray, 1]
@@ -150,3 +160,34 @@ def fill_surface(
             object_id[row] = surface[1][index]
             primitive_id[row] = surface[2][index]
             row += 1
+
+
+@numba.njit(cache=True, nogil=True)
+def fill_echoes(
+    apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
+) -> None:
+    """The echo that returns from each beam: its mean distance, and the ray nearest to that.
+
+    apart: distances of the rays of each beam, (beams, rays), inf for a miss. Rays no farther than
+    `gap` from the next in range share an echo. choice: 0 the first, 1 that of most rays, 2 the
+    last, 3 all rays together. A beam without a hit gets distance inf.
+    """
+    beams, rays = apart.shape
+    for beam in range(beams):
+        order = np.argsort(apart[beam])
+        distance[beam], middle[beam] = np.inf, order[0]
+        start, most = 0, 0
+        total = 0.0
+        for place in range(rays):
+            reach = apart[beam, order[place]]
+            if not np.isfinite(reach):
+                break
+            total += reach
+            last = place + 1 == rays or not np.isfinite(apart[beam, order[place + 1]])
+            if last or (choice != 3 and apart[beam, order[place + 1]] - reach > gap):
+                count = place + 1 - start
+                if most == 0 or choice == 2 or (choice == 1 and count > most):
+                    most, distance[beam] = count, total / count
+                    echo = order[start : place + 1]
+                    middle[beam] = echo[np.argmin(np.abs(apart[beam][echo] - distance[beam]))]
+                start, total = place + 1, 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from puckbench.errors import InputError
 
@@ -50,20 +50,37 @@ def check_above_zero(parameters: object, *names: str) -> None:
 
 
 def _converted(value: Any, hint: Any, what: str) -> Any:
-    """`value` as the type `hint` (int, float, str, tuple of floats, or one of them or None)."""
+    """`value` as the type `hint` (int, float, str, bool, a collection, or one or None)."""
     if type(None) in get_args(hint):
         if value is None:
             return None
         hint = next(kind for kind in get_args(hint) if kind is not type(None))
     if hint is float:
         return _number(value, what)
-    if hint == tuple[float, ...]:
-        if not isinstance(value, (list, tuple)):
-            raise InputError(f"{what} is {value!r}, but must be a list of numbers")
-        return tuple(_number(entry, what) for entry in value)
+    if get_origin(hint) in {tuple, dict}:
+        return _collection(value, hint, what)
     if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
         raise InputError(f"{what} is {value!r}, but must be of type {hint.__name__}")
     return value
+
+
+_COLLECTIONS: dict[Any, str] = {
+    tuple[float, ...]: "a list of numbers",
+    tuple[str, ...]: "a list of words",
+    tuple[tuple[float, ...], ...]: "a list of lists of numbers",
+    dict[str, float]: "numbers by name",
+}
+
+
+def _collection(value: Any, hint: Any, what: str) -> Any:
+    if get_origin(hint) is tuple and isinstance(value, (list, tuple)):
+        return tuple(_converted(entry, get_args(hint)[0], what) for entry in value)
+    if get_origin(hint) is dict and isinstance(value, Mapping):
+        return {
+            _converted(name, str, f"a name in {what}"): _number(entry, f"{what}: {name}")
+            for name, entry in value.items()
+        }
+    raise InputError(f"{what} is {value!r}, but must be {_COLLECTIONS[hint]}")
 
 
 def _number(value: Any, what: str) -> float:

@@ -15,22 +15,27 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.mesh import Mesh
-from puckbench.sensor.errors.model import Hits
+from puckbench.sensor.errors.model import Hits, Surfaces
 from puckbench.sensor.sweep import Rays
+from puckbench.sensor.trajectory import Poses
 
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays that were cast: their unit directions in the world, (n, 3), and what they hit."""
+    """Rays that were cast: their unit directions in the world, (n, 3), and what they hit.
+
+    origins: where the rays of each azimuth step start in the world, (steps, 3).
+    """
 
     directions: Floats
+    origins: Floats
     hits: Hits
 
 
 class RayCaster:
-    """A mesh seen from a sensor at `origin` (3,).
+    """A mesh seen from a sensor at `origin` (3,), or near it.
 
-    planes: of each triangle the unit normal and the distance of its plane from the sensor, (t, 4).
+    planes: of each triangle the unit normal and the distance of its plane from `origin`, (t, 4).
     object_id, primitive_id: of each triangle, (t,); -1 where the mesh has no labels.
     """
 
@@ -44,14 +49,17 @@ class RayCaster:
         unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
         self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
+        self.surfaces = (
+            Surfaces(mesh.labels.object_id, mesh.labels.objects) if mesh.labels else None
+        )
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(seen.vertices, dtype=np.float32)),
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
         )
 
-    def cast(self, rays: Rays, rotations: Floats, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of some frames; rotations: sensor to world of each frame, (frames, 3, 3).
+    def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
+        """Cast the rays of some frames; poses of their steps, positions from `origin`.
 
         limits: least and greatest range, m; a hit outside them counts as a miss.
         """
@@ -60,9 +68,20 @@ class RayCaster:
         directions = np.empty((rays.yaw.size, 3))
         single = np.zeros((rays.yaw.size, 6), dtype=np.float32)
         fill_directions(
-            _sine_cosine(rays.yaw), _sine_cosine(rays.pitch), rotations, directions, single
+            _sine_cosine(rays.yaw), _sine_cosine(rays.pitch), poses.rotations, directions, single
         )
-        return Cast(directions, self._hits(directions, single, rays.yaw.shape, limits))
+        starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
+        if starts.any():
+            single[:, :3] = np.repeat(starts, len(single) // len(starts), axis=0)
+        hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
+        return Cast(directions, self.origin + starts, hits)
+
+    def clearance(self) -> float:
+        """Distance from `origin` to the nearest point of the mesh, m."""
+        import open3d as o3d
+
+        here = o3d.core.Tensor.from_numpy(np.zeros((1, 3), dtype=np.float32))
+        return float(self.scene.compute_distance(here).numpy()[0])
 
     def reach(self, starts: Floats, directions: Floats) -> Floats:
         """Distance in float32 accuracy at which rays hit the mesh, inf for a miss, (n,).
@@ -72,22 +91,33 @@ class RayCaster:
         single = np.column_stack([starts, directions]).astype(np.float32)
         return np.asarray(self._nearest(single)["t_hit"].numpy(), dtype=np.float64)
 
-    def _hits(
+    def hits(
         self,
         directions: Floats,
         single: NDArray[np.float32],
+        starts: Floats,
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
+        """What rays hit, in the given shape of their array.
+
+        directions: (n, 3). single: starts and directions for Embree, (n, 6). starts: those of each
+        step's rays from `origin`, (steps, 3), or of each ray. limits: as for `cast`.
+        """
         from puckbench.sensor.kernels import fill_distances
 
         answer = self._nearest(single)
         triangle = answer["primitive_ids"].numpy()
         distance, cosine = np.empty(len(directions)), np.empty(len(directions))
         nearest = answer["t_hit"].numpy()
-        fill_distances(directions, nearest, triangle, self.planes, limits, distance, cosine)
+        fill_distances(directions, nearest, triangle, self.planes, starts, limits, distance, cosine)
         incidence = np.arccos(cosine, out=cosine)
-        return Hits(distance.reshape(shape), triangle.reshape(shape), incidence.reshape(shape))
+        return Hits(
+            distance.reshape(shape),
+            triangle.reshape(shape),
+            incidence.reshape(shape),
+            self.surfaces,
+        )
 
     def _nearest(self, single: NDArray[np.float32]) -> Any:
         import open3d as o3d

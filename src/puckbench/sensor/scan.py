@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,23 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
-from puckbench.sensor.errors.model import Draws, ErrorModel
+from puckbench.sensor.errors import described
+from puckbench.sensor.errors.model import Draws, ErrorModel, lifted, merged
+from puckbench.sensor.errors.receiver import mirrors_of
+from puckbench.sensor.mirrors import follow_mirrors
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays, Sweep
 from puckbench.sensor.table import ScanTable, empty_columns, read_scan, write_scan
 
-__all__ = ["ScanTable", "read_scan", "scan", "write_scan"]
+__all__ = ["ScanTable", "read_scan", "scan", "scan_portions", "write_scan"]
 
 # Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
+# A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
+_LEAST_CLEARANCE_M = 1e-3
+# Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
+_RAYS_IN_A_PORTION = 1 << 20
 
 
 def scan(
@@ -49,23 +57,58 @@ def scan(
     The rows come in the order of firing (frame, azimuth step, laser id) and do not depend on
     `threads` (0: all) or `rays_at_a_time`. progress(frames done, frames) is called as work goes on.
 
-    Raises InputError for a mesh without faces, an origin that is no point, or no return at all.
+    Raises InputError for a mesh without faces, an origin that is no point or touches the mesh, or
+    no return at all.
     """
-    check_mesh(mesh, "the mesh to scan")
-    place = _checked_origin(origin)
-    caster = RayCaster(mesh, place, threads)
-    scanner = _Scanner(caster, sensor, sweep, model, Draws(rng))
-    columns, rows = empty_columns(sweep.frames * scanner.rays_per_frame), 0
-    for frames in _portions(sweep.frames, rays_at_a_time // scanner.rays_per_frame):
-        rows = scanner.add_returns(frames, columns, rows)
-        if progress is not None:
-            progress(frames.stop, sweep.frames)
+    scanner = _scanner(mesh, sensor, sweep, model, origin, rng, threads)
+    table = scanner.table(range(sweep.frames), rays_at_a_time, progress)
+    if len(table) == 0:
+        raise scanner.no_return()
+    return table
+
+
+def scan_portions(
+    mesh: Mesh,
+    sensor: Sensor,
+    sweep: Sweep,
+    model: ErrorModel,
+    origin: Floats | Sequence[float],
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    rays_in_a_portion: int = _RAYS_IN_A_PORTION,
+    threads: int = 0,
+) -> Iterator[ScanTable]:
+    """The rows of `scan`, some frames at a time, for a scan that is too long for the memory.
+
+    `rays_in_a_portion` bounds the rows of a table (at least one frame). Raises as `scan` does; that
+    no ray returned shows at the end.
+    """
+    scanner = _scanner(mesh, sensor, sweep, model, origin, rng, threads)
+    rows = 0
+    for frames in _portions(range(sweep.frames), rays_in_a_portion // scanner.rays_per_frame):
+        table = scanner.table(frames, _RAYS_AT_A_TIME, progress)
+        rows += len(table)
+        if len(table):
+            yield table
     if rows == 0:
-        raise InputError(
-            f"no ray returned to a sensor at {place.tolist()}: is it inside the scene?"
-        )
-    kept = {name: column[:rows] for name, column in columns.items()}
-    return ScanTable(kept, _about(sensor, sweep, model, place))
+        raise scanner.no_return()
+
+
+def _scanner(
+    mesh: Mesh,
+    sensor: Sensor,
+    sweep: Sweep,
+    model: ErrorModel,
+    origin: Floats | Sequence[float],
+    rng: np.random.Generator,
+    threads: int,
+) -> _Scanner:
+    check_mesh(mesh, "the mesh to scan")
+    caster = RayCaster(mesh, _checked_origin(origin), threads)
+    if sweep.trajectory is None and caster.clearance() < _LEAST_CLEARANCE_M:
+        raise InputError(f"the sensor at {caster.origin.tolist()} touches the mesh")
+    return _Scanner(caster, sensor, sweep, model, Draws(rng))
 
 
 @dataclass(frozen=True)
@@ -82,22 +125,59 @@ class _Scanner:
     def rays_per_frame(self) -> int:
         return self.sweep.steps(self.sensor) * self.sensor.lasers
 
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """How the scan is made."""
+        return _about(self.sensor, self.sweep, self.model, self.caster.origin)
+
+    def no_return(self) -> InputError:
+        """The error of a scan without a row."""
+        place = self.caster.origin.tolist()
+        return InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
+
+    def table(
+        self, frames: range, rays_at_a_time: int, progress: Callable[[int, int], None] | None
+    ) -> ScanTable:
+        """The returns of the given frames."""
+        columns, rows = empty_columns(len(frames) * self.rays_per_frame), 0
+        for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
+            rows = self.add_returns(portion, columns, rows)
+            if progress is not None:
+                progress(portion.stop, self.sweep.frames)
+        return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
+
     def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
         """Scan the given frames and write their returns from `row` on; the row after the last."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
         measured = truth if fired is nominal else self._cast(fired, frames)
-        distance = self.model.perturb_ranges(measured.hits, self.sensor, self.draws)
+        if self.mirrors is not None:
+            measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
+        hits = merged(self.model, measured.hits, self.sensor)
+        distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
+        lift = lifted(self.model, hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
         placed = measured if fired.placed_as_fired else truth
         noisy = (distance, placed.directions)
-        return self._write(frames, nominal, truth, noisy, returned, columns, row)
+        end = self._write(frames, nominal, truth, noisy, returned, columns, row)
+        if lift is not None:
+            step_of_row = np.flatnonzero(returned) // returned.shape[2]
+            origins = truth.origins[step_of_row]
+            _lift(lift[returned], origins, {k: v[row:end] for k, v in columns.items()})
+        return end
 
     def _cast(self, rays: Rays, frames: range) -> Cast:
-        farthest = self.sweep.max_range_m or self.sensor.max_range_m
-        rotations = self.sweep.rotations()[frames.start : frames.stop]
-        return self.caster.cast(rays, rotations, (self.sensor.min_range_m, farthest))
+        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+
+    @cached_property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        """Which triangles the model takes for mirrors, if any."""
+        return mirrors_of(self.model, self.caster.surfaces)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
 
     def _write(
         self,
@@ -111,8 +191,8 @@ class _Scanner:
     ) -> int:
         from puckbench.sensor import kernels
 
-        hits, flat, origin = truth.hits, returned.ravel(), self.caster.origin
-        times = self.sweep.timestamps(self.sensor, frames)
+        hits, flat, origin = truth.hits, returned.ravel(), truth.origins
+        times = self.sweep.firing_times(self.sensor, frames)
         angles = (times, nominal.yaw, nominal.pitch)
         fired = tuple(columns[name] for name in ("frame", "laser_id", "timestamp", "yaw", "pitch"))
         end: int = kernels.fill_rays(returned, angles, frames.start, row, fired)
@@ -127,6 +207,16 @@ class _Scanner:
         return end
 
 
+def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> None:
+    """Move measured points along their normals, and measure their distance from `origins`."""
+    squared = np.zeros(len(along))
+    for place, axis in zip(origins.T, "xyz", strict=True):
+        points = columns[f"{axis}_noisy"]
+        points += along * columns[f"n{axis}"]
+        squared += (points - place) ** 2
+    columns["distance_noisy"][:] = np.sqrt(squared)
+
+
 def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
     place = np.asarray(origin, dtype=np.float64)
     if place.shape != (3,) or not np.isfinite(place).all():
@@ -136,19 +226,18 @@ def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
     return place
 
 
-def _portions(frames: int, at_a_time: int) -> list[range]:
+def _portions(frames: range, at_a_time: int) -> list[range]:
     step = max(at_a_time, 1)
-    return [range(first, min(first + step, frames)) for first in range(0, frames, step)]
+    return [frames[first : first + step] for first in range(0, len(frames), step)]
 
 
 def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
-    parameters: Any = model
     about = {
         "sensor": asdict(sensor),
         "sweep": asdict(sweep),
-        "errors": {"model": type(model).__name__, **asdict(parameters)},
+        "errors": described(model),
         "origin": origin.tolist(),
     }
     # As it comes back from a file: lists for tuples.
-    described: dict[str, Any] = json.loads(json.dumps(about))
-    return described
+    as_read: dict[str, Any] = json.loads(json.dumps(about))
+    return as_read

@@ -13,6 +13,8 @@ from puckbench.files import read_bytes
 from puckbench.sensor.options import check_above_zero, check_at_least, from_options
 
 _SENSORS = Path(__file__).parent / "sensors"
+# Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
+_STEP_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Sensor:
     def __post_init__(self) -> None:
         if not self.laser_elevation_deg:
             raise InputError("laser_elevation_deg is empty")
+        if len(set(self.laser_elevation_deg)) < self.lasers:
+            raise InputError("laser_elevation_deg has the same angle twice")
         if any(abs(elevation) > 90 for elevation in self.laser_elevation_deg):
             raise InputError("laser_elevation_deg has an angle beyond 90 degrees")
         corrections = self.vertical_correction_mm
@@ -48,11 +52,32 @@ class Sensor:
             raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
         check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
         check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
+        check_above_zero(self, "wavelength_nm")
         check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
         check_at_least(self, 0, "divergence_vertical_deg")
         if self.min_range_m >= self.max_range_m:
             raise InputError(
                 f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"
+            )
+        self._check_firing()
+
+    def _check_firing(self) -> None:
+        """InputError when firing times and azimuth step contradict each other."""
+        sequence, interval = self.firing_sequence_us, self.firing_interval_us
+        if sequence is None:
+            if interval is not None:
+                raise InputError("firing_interval_us needs firing_sequence_us")
+            return
+        if interval is not None and interval * (self.lasers - 1) >= sequence:
+            raise InputError(
+                f"{self.lasers} lasers every {interval} us do not fit in the firing_sequence_us"
+                f" of {sequence}"
+            )
+        turned = 360.0 * self.rotation_hz * sequence * 1e-6
+        if abs(turned / self.azimuth_step_deg - 1) > _STEP_TOLERANCE:
+            raise InputError(
+                f"azimuth_step_deg is {self.azimuth_step_deg}, but the sensor turns {turned:.4g}"
+                f" degrees in a firing sequence of {sequence} us at {self.rotation_hz} Hz"
             )
 
     @property

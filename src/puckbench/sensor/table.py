@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -92,23 +93,50 @@ def write_scan(path: Path, table: ScanTable) -> None:
 
     `about` stands as JSON in the schema's metadata under ``puckbench``.
     """
-    import pyarrow as pa
     from pyarrow import parquet
 
-    schema = pa.schema([_field(name) for name in COLUMNS]).with_metadata(
-        {"puckbench": json.dumps(table.about, sort_keys=True, allow_nan=False)}
-    )
-    rows = pa.table([pa.array(table[name]) for name in COLUMNS], schema=schema)
+    with written_whole(path) as temporary:
+        parquet.write_table(_rows(table), temporary, **_encoding())
+
+
+def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
+    """Write a scan that comes in portions, each its own row group; the number of its rows.
+
+    One portion is in memory at a time; the first one's `about` is the file's. Raises ValueError
+    for no portion; whatever `portions` raises leaves no file.
+    """
+    from pyarrow import parquet
+
+    first = next(portions, None)
+    if first is None:
+        raise ValueError("a scan without a portion")
+    opening, count = _rows(first), len(first)
+    with (
+        written_whole(path) as temporary,
+        parquet.ParquetWriter(temporary, opening.schema, **_encoding()) as writer,
+    ):
+        writer.write_table(opening, row_group_size=count)
+        del first, opening
+        for portion in portions:
+            writer.write_table(_rows(portion, writer.schema), row_group_size=len(portion))
+            count += len(portion)
+    return count
+
+
+def _rows(table: ScanTable, schema: Any = None) -> Any:
+    """The table for Arrow, its `about` in the schema's metadata unless a schema is given."""
+    import pyarrow as pa
+
+    if schema is None:
+        about = json.dumps(table.about, sort_keys=True, allow_nan=False)
+        schema = pa.schema([_field(name) for name in COLUMNS]).with_metadata({"puckbench": about})
+    return pa.table([pa.array(table[name]) for name in COLUMNS], schema=schema)
+
+
+def _encoding() -> dict[str, Any]:
     floats = [name for name, (kind, _, _) in COLUMNS.items() if kind == "<f8"]
     whole = [name for name in COLUMNS if name not in floats]
-    with written_whole(path) as temporary:
-        parquet.write_table(
-            rows,
-            temporary,
-            compression="zstd",
-            use_byte_stream_split=floats,
-            use_dictionary=whole,
-        )
+    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": whole}
 
 
 def read_scan(path: Path) -> ScanTable:

@@ -1,4 +1,4 @@
-"""Range noise of the VLP-16: a bias per laser and Gaussian noise per ray (thesis equation 5.4)."""
+"""Range noise of the VLP-16: a bias per laser and noise per ray (thesis equation 5.4)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.sensor.errors.model import Draws, Hits
+from puckbench.sensor.errors.noise import check_distributions, standard_noise
 from puckbench.sensor.options import check_at_least
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays
@@ -16,20 +17,25 @@ from puckbench.sensor.sweep import Rays
 
 @dataclass(frozen=True)
 class Vlp16:
-    """``d + bias[laser] + N(0, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``.
+    """``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``.
 
     The biases are redrawn at the start of every frame (``bias_redrawn="frame"``, as BlenSor's
     range scan does, which makes the streaks of Figures 5.6-5.9) or kept for the whole scan
     (``"scan"``). The default sigmas are those of the thesis's section 5.4 and its code; Table 5.1
-    prints others.
+    prints others. Either noise is ``"gaussian"`` or ``"laplace"``, whose b is then the sigma given;
+    BlenSor offers Laplace for the bias only.
     """
 
     bias_sigma_m: float = 0.014
     ray_sigma_m: float = 0.010
     bias_redrawn: str = "frame"
+    bias_distribution: str = "gaussian"
+    ray_distribution: str = "gaussian"
+    ray_mean_m: float = 0.0
 
     def __post_init__(self) -> None:
         check_at_least(self, 0, "bias_sigma_m", "ray_sigma_m")
+        check_distributions(self, "bias_distribution", "ray_distribution")
         if self.bias_redrawn not in {"frame", "scan"}:
             raise InputError(
                 f"bias_redrawn is {self.bias_redrawn!r}, but must be 'frame' or 'scan'"
@@ -41,15 +47,22 @@ class Vlp16:
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """True distance plus the bias of its laser plus the noise of its ray."""
-        noisy = draws.running("ray").standard_normal(hits.distance.shape)
-        noisy *= self.ray_sigma_m
-        noisy += self._bias(len(hits.distance), sensor, draws)[:, None, :]
+        noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.ray_distribution)
+        noisy *= self.ray_scale(hits)
+        noisy += self.ray_mean_m + self._bias(len(hits.distance), sensor, draws)[:, None, :]
         noisy += hits.distance
         return noisy
+
+    def ray_scale(self, hits: Hits) -> Floats | float:
+        """Scale of each ray's noise, m, finite for a miss too; one number for all rays here."""
+        return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
         """Bias of each laser in each frame, (frames, lasers)."""
         if self.bias_redrawn == "scan":
-            bias = draws.fixed("bias").standard_normal(sensor.lasers)
+            lasers = (sensor.lasers,)
+            bias = standard_noise(draws.fixed("bias"), lasers, self.bias_distribution)
             return np.broadcast_to(bias * self.bias_sigma_m, (frames, sensor.lasers))
-        return draws.running("bias").standard_normal((frames, sensor.lasers)) * self.bias_sigma_m
+        shape = (frames, sensor.lasers)
+        bias = standard_noise(draws.running("bias"), shape, self.bias_distribution)
+        return bias * self.bias_sigma_m

@@ -8,6 +8,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
+from puckbench.sensor.errors.beam import beam_widths_deg
 from puckbench.sensor.errors.model import Draws
 from puckbench.sensor.errors.vlp16 import Vlp16
 from puckbench.sensor.options import check_at_least
@@ -41,9 +42,7 @@ class Vlp16Divergence(Vlp16):
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """Rays turned within the beam."""
-        yaw_width, pitch_width = self.yaw_width_deg, self.pitch_width_deg
-        yaw_width = sensor.divergence_horizontal_deg if yaw_width is None else yaw_width
-        pitch_width = sensor.divergence_vertical_deg if pitch_width is None else pitch_width
+        yaw_width, pitch_width = beam_widths_deg(self, sensor)
         yaw = rays.yaw + _uniform("beam yaw", yaw_width, rays.yaw.shape, draws)
         pitch = rays.pitch + _uniform("beam pitch", pitch_width, rays.pitch.shape, draws)
         return Rays(yaw, pitch, placed_as_fired=self.returns_along == "fired")

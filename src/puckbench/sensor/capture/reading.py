@@ -1,0 +1,64 @@
+"""A capture of a real VLP-16 by its file, whatever the format: its returns as a table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from puckbench.errors import InputError
+from puckbench.files import read_bytes
+from puckbench.sensor.capture.log import PacketLog
+from puckbench.sensor.capture.packets import decode_packets
+from puckbench.sensor.capture.pcap import read_pcap
+from puckbench.sensor.capture.pointfiles import SUFFIXES, read_points
+from puckbench.sensor.capture.ros2bag import SQLITE, read_ros2bag
+from puckbench.sensor.capture.table import CaptureTable
+from puckbench.sensor.sensor import Sensor
+
+
+def read_capture(
+    path: Path,
+    sensor: Sensor | None = None,
+    start_s: float = 0.0,
+    end_s: float = math.inf,
+) -> CaptureTable:
+    """Returns of a packet capture (.pcap), a ROS 2 bag (.db3, or its folder) or a cloud.
+
+    A cloud (.csv, .ply, .pcd) must tell each point's laser: see `pointfiles.read_points`.
+    start_s, end_s: the interval to read, in seconds after the first packet (or point). `about`
+    tells the format and what was left aside: `other_packets`, `bytes_cut_off` of a truncated file.
+
+    Raises InputError, one line that names the file, when it holds no readable VLP-16 data.
+    """
+    try:
+        if path.suffix.lower() in SUFFIXES:
+            points = read_points(path, sensor)
+            since = points["timestamp"] - points["timestamp"].min()
+            table = points.select((since >= start_s) & (since < end_s))
+        else:
+            log = read_packets(path).between(start_s, end_s)
+            decoded = decode_packets(log.payloads, sensor)
+            table = replace(decoded, about={**decoded.about, **log.about})
+        if len(table) == 0:
+            raise InputError("no return in the capture")
+    except InputError as error:
+        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
+    return replace(table, about={**table.about, "source": path.name})
+
+
+def read_packets(path: Path) -> PacketLog:
+    """Data packets of a capture file; the format is told by its first bytes, not its name."""
+    if path.is_dir():
+        path = _bag_in(path)
+    data = read_bytes(path)
+    if data.startswith(SQLITE):
+        return read_ros2bag(path)
+    return read_pcap(data)
+
+
+def _bag_in(folder: Path) -> Path:
+    bags = sorted(folder.glob("*.db3"))
+    if len(bags) != 1:
+        raise InputError(f"{folder}: {len(bags)} .db3 files, where one is expected")
+    return bags[0]
