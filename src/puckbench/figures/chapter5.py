@@ -1,0 +1,53 @@
+"""The figures of thesis chapter 5, listed like those of `registry.FIGURES`.
+
+The input "residuals" is the table of `residual_table`; the drawings of geometry need none.
+"""
+
+from __future__ import annotations
+
+from puckbench.figures.registry import FigureEntry
+
+_HERE = "puckbench.figures"
+_CATEGORY = "Sensor"
+
+
+def _entry(function: str, number: str, title: str) -> FigureEntry:
+    inputs = () if function.startswith("geometry_diagrams:") else ("residuals",)
+    return FigureEntry(f"{_HERE}.{function}", inputs, title, _CATEGORY, number)
+
+
+CHAPTER_5: dict[str, FigureEntry] = {
+    "fig_5_1": _entry("geometry_diagrams:draw_sweep", "5.1", "The sweep in front of a wall"),
+    "fig_5_10": _entry(
+        "residual_violins:draw_surfaces", "5.10", "Plane residuals of walls and floors"
+    ),
+    "fig_5_11": _entry(
+        "residual_violins:draw_wall_distances", "5.11", "Plane residuals of the wall per distance"
+    ),
+    "fig_5_12": _entry(
+        "residual_violins:draw_floor_distances", "5.12", "Plane residuals of the floor per distance"
+    ),
+    "fig_5_13": _entry(
+        "residual_violins:draw_floor_lasers", "5.13", "Plane residuals of the floor per laser"
+    ),
+    "fig_5_14": _entry(
+        "residual_violins:draw_wall_lasers", "5.14", "Plane residuals of the wall per laser"
+    ),
+    "fig_5_15": _entry(
+        "residual_incidence:draw_incidence", "5.15", "Plane residuals against incidence"
+    ),
+    "fig_5_18": _entry(
+        "residual_violins:draw_models", "5.18", "Plane residuals of the error models"
+    ),
+    "fig_5_19": _entry(
+        "residual_violins:draw_far_divergence", "5.19", "Effect of beam divergence at 30 m"
+    ),
+    "fig_5_20": _entry(
+        "residual_incidence:draw_incidence_of_models",
+        "5.20",
+        "Plane residuals against incidence, per error model",
+    ),
+    "fig_5_21": _entry(
+        "geometry_diagrams:draw_incidence_geometry", "5.21", "Incidence angle and plane residual"
+    ),
+}
