@@ -64,3 +64,34 @@ def _incidence(surface: str, distance: float, rows: int, rng: np.random.Generato
     if surface == "wall":
         return np.abs(np.arctan(rng.uniform(-1.0, 1.2, rows) / distance))
     return np.arctan(rng.uniform(0.15, distance, rows))
+
+
+def scan_table(per_part: int = 300) -> pd.DataFrame:
+    """Points of a wall (y = 0) and a floor (z = 0) seen from 1 and 5 m, by laser and model.
+
+    Noise moves a point along its ray from the sensor at (0, distance, 1), by a bias per laser.
+    """
+    return pd.concat(
+        [
+            _points(model, surface, distance, per_part)
+            for model in (*SIGMAS, "vlp16_incidence")
+            for distance in (1.0, 5.0)
+            for surface in ("wall", "floor")
+        ],
+        ignore_index=True,
+    )
+
+
+def _points(model: str, surface: str, distance: float, rows: int) -> pd.DataFrame:
+    rng = generator(5, "points", model, surface, str(distance))
+    true = rng.uniform([-0.8, 0, 0], [0.8, distance, 2.2], (rows, 3))
+    true[:, 1 if surface == "wall" else 2] = 0
+    laser = rng.integers(0, 16, rows)
+    bias, noise = SIGMAS.get(model, (0.014, 0.02))
+    error = bias * rng.normal(size=16)[laser] + noise * rng.normal(size=rows)
+    rays = true - [0, distance, 1]
+    points = true + error[:, None] * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    keys = {"model": model, "surface": surface, "distance_m": distance, "laser_id": laser}
+    elevations = np.array(ELEVATIONS, dtype=float)[laser]
+    xyz = dict(zip(("x_m", "y_m", "z_m"), points.T, strict=True))
+    return pd.DataFrame({**keys, "elevation_deg": elevations, **xyz})

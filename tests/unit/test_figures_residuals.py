@@ -23,7 +23,7 @@ from puckbench.figures.violins import moments_text, symmetric_limit, violin_shap
 from puckbench.seeding import generator
 from puckbench.sensor.errors import error_model_names
 
-FROM_RESIDUALS = [name for name, entry in CHAPTER_5.items() if entry.inputs]
+FROM_RESIDUALS = [name for name, entry in CHAPTER_5.items() if entry.inputs == ("residuals",)]
 VIOLINS_M = {"fig_5_18": 0.3} | dict.fromkeys(
     ("fig_5_10", "fig_5_11", "fig_5_12", "fig_5_13", "fig_5_14", "fig_5_19"), 0.15
 )

@@ -1,6 +1,7 @@
 """The figures of thesis chapter 5, listed like those of `registry.FIGURES`.
 
-The input "residuals" is the table of `residual_table`; the drawings of geometry need none.
+The input "residuals" is the table that `residual_table` describes, "scans" the one of
+`laser_scans`; the drawings of geometry need none.
 """
 
 from __future__ import annotations
@@ -9,15 +10,29 @@ from puckbench.figures.registry import FigureEntry
 
 _HERE = "puckbench.figures"
 _CATEGORY = "Sensor"
+_INPUTS: dict[str, tuple[str, ...]] = {
+    "geometry_diagrams": (),
+    "laser_scans": ("scans",),
+    "residual_violins": ("residuals",),
+    "residual_incidence": ("residuals",),
+}
 
 
 def _entry(function: str, number: str, title: str) -> FigureEntry:
-    inputs = () if function.startswith("geometry_diagrams:") else ("residuals",)
+    inputs = _INPUTS[function.split(":", maxsplit=1)[0]]
     return FigureEntry(f"{_HERE}.{function}", inputs, title, _CATEGORY, number)
 
 
 CHAPTER_5: dict[str, FigureEntry] = {
     "fig_5_1": _entry("geometry_diagrams:draw_sweep", "5.1", "The sweep in front of a wall"),
+    "fig_5_2": _entry("laser_scans:draw_full_scan", "5.2", "Full scan at 5 m, by laser"),
+    "fig_5_3": _entry("laser_scans:draw_full_near_scan", "5.3", "Full scan at 1 m, by laser"),
+    "fig_5_4": _entry("laser_scans:draw_wall", "5.4", "Wall at 5 m, by laser"),
+    "fig_5_5": _entry("laser_scans:draw_floor", "5.5", "Floor at 5 m, by laser"),
+    "fig_5_6": _entry("laser_scans:draw_wall_side", "5.6", "Wall at 5 m from the side"),
+    "fig_5_7": _entry("laser_scans:draw_wall_laser", "5.7", "One laser on the wall"),
+    "fig_5_8": _entry("laser_scans:draw_floor_side", "5.8", "Floor at 5 m from the side"),
+    "fig_5_9": _entry("laser_scans:draw_floor_laser", "5.9", "One laser on the floor"),
     "fig_5_10": _entry(
         "residual_violins:draw_surfaces", "5.10", "Plane residuals of walls and floors"
     ),
@@ -36,6 +51,8 @@ CHAPTER_5: dict[str, FigureEntry] = {
     "fig_5_15": _entry(
         "residual_incidence:draw_incidence", "5.15", "Plane residuals against incidence"
     ),
+    "fig_5_16": _entry("laser_scans:draw_wall_models", "5.16", "Error models on the wall at 5 m"),
+    "fig_5_17": _entry("laser_scans:draw_floor_models", "5.17", "Error models on the floor at 5 m"),
     "fig_5_18": _entry(
         "residual_violins:draw_models", "5.18", "Plane residuals of the error models"
     ),

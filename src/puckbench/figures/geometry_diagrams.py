@@ -93,7 +93,7 @@ def draw_incidence_geometry(style: FigureStyle) -> Figure:
         _draw_sample(axes, index, float(incidence))
     axes.plot(*_EYE, "s", color="black", markersize=5)
     axes.text(_EYE[0] - 0.12, _EYE[1] + 0.05, "Sensor", ha="right", va="bottom")
-    axes.set_xlim(-0.95, 4.35)
+    axes.set_xlim(-1.05, 4.35)
     axes.set_ylim(-1.0, 1.95)
     return figure
 
@@ -122,7 +122,7 @@ def _draw_sample(axes: Axes, index: int, incidence: float) -> None:
     middle = (hit + noisy) / 2
     axes.text(middle[0] + 0.08, middle[1] - 0.04, "$e$", ha="left", va="top")
     text = f"$d_{index}$ = $e$ cos $\\theta_{index}$\n= {residual:.2f} $e$"
-    axes.text(noisy[0] - 0.1, noisy[1] - 0.12, text, color="#A03C00", ha="right", va="center")
+    axes.text(noisy[0] - 0.16, noisy[1] - 0.14, text, color="#A03C00", ha="right", va="center")
 
 
 def _draw_angle(axes: Axes, hit: Floats, incidence: float, text: str) -> None:

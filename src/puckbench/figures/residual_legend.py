@@ -27,9 +27,9 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
         real = model_look(REAL, style).colour
         text = f"No capture; thesis: std \u00b1{PUBLISHED_STD_M:g} m"
         handles.append(Line2D([], [], color=real, linestyle="--", linewidth=0.8, label=text))
-    widest = max(len(str(handle.get_label())) for handle in handles)
-    widest_in = widest * 0.58 * style.font_size / 72 + 0.5
-    abreast = max(1, min(len(handles), int(figure.get_size_inches()[0] / widest_in)))
+    letters = sum(len(str(handle.get_label())) for handle in handles)
+    in_a_row_in = letters * 0.58 * style.font_size / 72 + 0.5 * len(handles)
+    abreast = len(handles) if in_a_row_in < figure.get_size_inches()[0] else 1
     figure.legend(handles=handles, loc="outside upper center", ncols=abreast)
 
 
