@@ -27,6 +27,7 @@ _FIRST = (
     "decode_peak_mib",
 )
 """Columns that come first, in this order, where a table has them; the others follow by name."""
+_COUNTS = {"truth_points_a", "truth_points_b"}
 _SUMMARY = (
     "bpp",
     "cd_point",
@@ -50,6 +51,8 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
         raise InputError("no results to put into a table")
     if table.duplicated(list(keys)).any():
         raise InputError(f"two results have the same {', '.join(keys)}")
+    for name in _COUNTS & set(table):  # where some rows have none, pandas would make floats of them
+        table[name] = table[name].astype("Int64")
     first = [name for name in _FIRST if name in table]
     return table[first + sorted(str(name) for name in table if name not in first)]
 

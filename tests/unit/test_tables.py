@@ -65,3 +65,9 @@ def test_a_clouds_row_comes_from_its_description(tmp_path: Path) -> None:
     row = cloud_row("raw", tmp_path / "room.json")
     assert row["size_y_m"] == 2.0
     assert list(table_of([row], CLOUD_KEYS).columns[:2]) == ["dataset", "cloud"]
+
+
+def test_counts_stay_whole_where_some_rows_have_none(tmp_path: Path) -> None:
+    rows = [{**_row("a", "r1", 1.0), "truth_points_a": 7}, _row("b", "r1", 2.0)]
+    write_table(table_of(rows, METRIC_KEYS), tmp_path / "t.csv", tmp_path / "t.parquet")
+    assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",7,1")
