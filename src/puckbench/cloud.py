@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.errors import InputError
-from puckbench.files import read_json, write_json, written_whole
+from puckbench.files import read_json, unreadable, write_json, written_whole
 
 Floats = NDArray[np.float64]
 
@@ -119,6 +119,6 @@ def _read_vertices(path: Path) -> NDArray[Any]:
         data = PlyData.read(str(path), known_list_len={"face": {"vertex_indices": 3}})
         return np.asarray(data["vertex"].data)
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+        raise unreadable(path, error) from error
     except (PlyParseError, KeyError, ValueError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a readable PLY file ({error})") from error

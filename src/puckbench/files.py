@@ -55,7 +55,12 @@ def read_bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
+    """The error of a path that the system refuses, in the system's own words where it has any."""
+    return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
 
 
 def sha256(path: Path) -> str:

@@ -23,6 +23,7 @@ from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.files import unreadable
 from puckbench.plan import DataSetPlan, Plan
 from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
@@ -193,5 +194,5 @@ def hold_results(results: Path) -> None:
     except BlockingIOError as error:
         raise InputError(f"{results}: another run is writing there") from error
     except OSError as error:
-        raise InputError(f"{results}: {(error.strerror or 'not writable').lower()}") from error
+        raise unreadable(results, error, "not writable") from error
     _held.append(lock)

@@ -7,6 +7,7 @@ from pathlib import Path
 from puckbench.cloud import PointCloud, read_cloud
 from puckbench.datasets.captured_rooms import read_capture
 from puckbench.errors import InputError
+from puckbench.files import unreadable
 from puckbench.mesh import Mesh
 from puckbench.meshfiles import read_mesh
 
@@ -32,6 +33,6 @@ def has_faces(path: Path) -> bool:
         with path.open("rb") as stream:
             header = stream.read(1 << 16).split(b"end_header", 1)[0]
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+        raise unreadable(path, error) from error
     counts = [line.split()[2:] for line in header.splitlines() if line.startswith(b"element face")]
     return any(count != [b"0"] for count in counts)

@@ -11,7 +11,7 @@ from puckbench.errors import InputError
 from puckbench.figures.checks import key_types
 from puckbench.figures.registry import TABLES, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files import written_whole
+from puckbench.files import unreadable, written_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +61,7 @@ def read_table(path: Path) -> pd.DataFrame:
         else:
             table = pd.read_csv(path, dtype=key_types())
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+        raise unreadable(path, error) from error
     except ValueError as error:
         raise InputError(f"{path}: not a readable table ({str(error).splitlines()[0]})") from error
     if len(table) == 0:

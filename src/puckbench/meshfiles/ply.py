@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats, sidecar
 from puckbench.errors import InputError
-from puckbench.files import read_json
+from puckbench.files import read_json, unreadable
 from puckbench.mesh import Labels, Primitive, SceneObject
 from puckbench.meshfiles.polygons import Integers, Polygons
 
@@ -40,7 +40,7 @@ def _elements(path: Path) -> Any:
         except PlyParseError:
             return PlyData.read(str(path))
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'unreadable').lower()}") from error
+        raise unreadable(path, error) from error
     except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a readable PLY file ({error})") from error
 
