@@ -11,13 +11,13 @@ from puckbench.errors import InputError
 from puckbench.mesh import Mesh
 from puckbench.sensor import (
     COLUMNS,
+    ScanJob,
     ScanTable,
     Sensor,
     Sweep,
     error_model_names,
     load_sensor,
     open_error_model,
-    scan,
 )
 from puckbench.sensor.sweep import SWEEPS
 
@@ -37,7 +37,8 @@ def scanned(
 ) -> ScanTable:
     options = settings.pop("options", {})
     model = open_error_model(errors, options)
-    return scan(mesh, sensor, sweep, model, origin, np.random.default_rng(seed), **settings)
+    job = ScanJob(mesh, sensor, sweep, model, origin, settings.pop("threads", 0))
+    return job.table(np.random.default_rng(seed), **settings)
 
 
 def nominal_directions(table: ScanTable, sweep: Sweep) -> Floats:

@@ -14,12 +14,11 @@ from puckbench.files import read_json
 from puckbench.mesh import Mesh
 from puckbench.seeding import generator
 from puckbench.sensor import (
+    ScanJob,
     free_origin,
     load_sensor,
     open_error_model,
     open_sweep,
-    scan,
-    scan_portions,
     write_scan,
     write_scan_portions,
 )
@@ -53,11 +52,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     mesh = read_surface(options.mesh)
     origin = _origin(options, mesh)
     rng = generator(options.seed, "scan", options.mesh.stem)
-    work = (mesh, sensor, sweep, model, origin, rng)
+    job = ScanJob(mesh, sensor, sweep, model, origin)
     if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
-        rows = write_scan_portions(options.out, scan_portions(*work, progress=_progress))
+        rows = write_scan_portions(options.out, job.portions(rng, _progress))
     else:
-        table = scan(*work, progress=_progress)
+        table = job.table(rng, _progress)
         write_scan(options.out, table)
         rows = len(table)
     return {"returns": rows, "origin": [float(x) for x in origin], "errors": options.errors}
