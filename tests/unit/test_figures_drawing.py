@@ -10,6 +10,7 @@ import pytest
 from figures_lookalike import CD_MEDIANS, clouds_table, metrics_table, room_cloud
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from residuals_lookalike import residual_table, scan_table
 
 from puckbench.cloud import write_cloud
 from puckbench.errors import InputError
@@ -41,6 +42,9 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     files = {"metrics": folder / "metrics.csv", "clouds": folder / "clouds.parquet"}
     metrics_table(3).to_csv(files["metrics"], index=False)
     clouds_table(3).to_parquet(files["clouds"])
+    for name, table in {"residuals": residual_table(50), "scans": scan_table(50)}.items():
+        files[name] = folder / f"{name}.parquet"
+        table.to_parquet(files[name])
     for version, noise_m in {"object": 0.0, "raw": 0.0, "clean": 0.0, "noisy": 0.03}.items():
         files[f"example_{version}"] = folder / f"{version}.ply"
         write_cloud(files[f"example_{version}"], room_cloud(20_000, noise_m))

@@ -161,12 +161,11 @@ def _draw_space(
 
 
 def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The thesis's models side by side, wall or floor from the side."""
+    """The thesis's models side by side (others where none is there), from the side."""
     from matplotlib.figure import Figure
 
-    models = [model for model in ordered_models(part["model"]) if model in _MODELS]
-    if not models:
-        raise InputError(f"scan table: none of the error models {', '.join(_MODELS)}")
+    there = ordered_models(part["model"])
+    models = [model for model in there if model in _MODELS] or there
     on_wall = part["surface"].iloc[0] == "wall"
     size = style.width_in or PAGE_WIDTH_IN, 2.4 if on_wall else 1.0 * len(models) + 0.4
     figure = Figure(figsize=size)
