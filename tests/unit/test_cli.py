@@ -185,7 +185,10 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
         (["evaluate", "{cloud}", "{cloud}", "--truth", "none.obj"], "none.obj: no such file"),
         (["scan", "none.obj", "o.parquet"], "none.obj: no such file"),
         (["scan", "{room}", "o.parquet", "--errors", "wobble"], "unknown error model 'wobble'"),
-        (["scan", "{room}", "o.parquet", "--origin", "900", "0", "0"], "no ray returned"),
+        (
+            ["scan", "{room}", "o.parquet", "--origin", "900", "0", "0"],
+            "is outside the scene: 0% of all",
+        ),
         (["sample", "{cloud}", "o.ply"], "cloud.ply"),
         (["prepare", "{cloud}", "o.ply", "--crop", "1", "2"], "six numbers"),
         (["prepare", "{cloud}", "o.ply", "--crop", "-9", "-9", "-9", "-8", "-8", "-8"], "no point"),

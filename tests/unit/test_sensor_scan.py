@@ -37,7 +37,7 @@ def scanned(
 ) -> ScanTable:
     options = settings.pop("options", {})
     model = open_error_model(errors, options)
-    job = ScanJob(mesh, sensor, sweep, model, origin, settings.pop("threads", 0))
+    job = ScanJob(mesh, sensor, sweep, model, origin, threads=settings.pop("threads", 0))
     return job.table(np.random.default_rng(seed), **settings)
 
 

@@ -76,20 +76,20 @@ class RayCaster:
         hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
         return Cast(directions, self.origin + starts, hits)
 
-    def clearance(self) -> float:
-        """Distance from `origin` to the nearest point of the mesh, m."""
+    def clearances(self, places: Floats) -> Floats:
+        """Distance to the nearest point of the mesh from places (n, 3) relative to `origin`, m."""
         import open3d as o3d
 
-        here = o3d.core.Tensor.from_numpy(np.zeros((1, 3), dtype=np.float32))
-        return float(self.scene.compute_distance(here).numpy()[0])
+        queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
+        return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
-    def reach(self, starts: Floats, directions: Floats) -> Floats:
-        """Distance in float32 accuracy at which rays hit the mesh, inf for a miss, (n,).
+    def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
+        """Distance, in float32 accuracy, and triangle that rays meet, (n,); inf for a miss.
 
-        starts: (n, 3), relative to the sensor. directions: (n, 3) unit vectors.
+        starts: (n, 3), relative to `origin`. directions: (n, 3) unit vectors.
         """
-        single = np.column_stack([starts, directions]).astype(np.float32)
-        return np.asarray(self._nearest(single)["t_hit"].numpy(), dtype=np.float64)
+        answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
+        return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
     def hits(
         self,

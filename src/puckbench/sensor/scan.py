@@ -19,6 +19,7 @@ from puckbench.sensor.errors import described
 from puckbench.sensor.errors.model import Draws, ErrorModel, lifted, merged
 from puckbench.sensor.errors.receiver import mirrors_of
 from puckbench.sensor.mirrors import follow_mirrors
+from puckbench.sensor.placement import check_free, check_untouched
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays, Sweep
@@ -31,8 +32,6 @@ Progress = Callable[[int, int], None]
 
 # Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
-# A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
-_LEAST_CLEARANCE_M = 1e-3
 # Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
 _RAYS_IN_A_PORTION = 1 << 20
 
@@ -41,7 +40,8 @@ _RAYS_IN_A_PORTION = 1 << 20
 class ScanJob:
     """What is scanned, by what, with which errors, from where: a mesh (metres, z up), origin (3,).
 
-    The rows do not depend on `threads` (0: all).
+    anywhere: false refuses a sensor outside the scene, inside of an object, or that moves through
+    a surface. The rows do not depend on `threads` (0: all).
     """
 
     mesh: Mesh
@@ -49,6 +49,7 @@ class ScanJob:
     sweep: Sweep
     model: ErrorModel
     origin: Floats | Sequence[float]
+    anywhere: bool = True
     threads: int = 0
 
     def table(
@@ -88,8 +89,10 @@ class ScanJob:
     def _scanner(self, rng: np.random.Generator) -> _Scanner:
         check_mesh(self.mesh, "the mesh to scan")
         caster = RayCaster(self.mesh, _checked_origin(self.origin), self.threads)
-        if self.sweep.trajectory is None and caster.clearance() < _LEAST_CLEARANCE_M:
-            raise InputError(f"the sensor at {caster.origin.tolist()} touches the mesh")
+        times, places = self.sweep.way()
+        check_untouched(caster, places)
+        if not self.anywhere:
+            check_free(caster, times, places)
         return _Scanner(caster, self.sensor, self.sweep, self.model, Draws(rng))
 
 
@@ -226,11 +229,12 @@ def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> N
 
 
 def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
-    place = np.asarray(origin, dtype=np.float64)
+    try:
+        place = np.asarray(origin, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise InputError(
-            f"the sensor's origin is {place.tolist()}, but must be three finite numbers"
-        )
+        raise InputError(f"the sensor's origin is {origin}, but must be three finite numbers")
     return place
 
 

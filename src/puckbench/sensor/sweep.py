@@ -133,6 +133,20 @@ class Sweep:
         rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
+    def way(self) -> tuple[Floats, Floats]:
+        """Times (n,), s, and places (n, 3), m, between which the sensor moves in straight lines.
+
+        Places count from the scan's origin; there is one where the sensor stays.
+        """
+        if self._trajectory is None:
+            return np.zeros(1), np.zeros((1, 3))
+        keyed = self._trajectory.times
+        if len(keyed) == 1:
+            return np.zeros(1), self._trajectory.positions
+        within = keyed[(keyed > 0) & (keyed < self.duration_s)]
+        times = np.concatenate([[0.0], within, [self.duration_s]])
+        return times, self._trajectory.at(times).positions
+
     def _rotations(self, frames: range) -> Floats:
         pitch = self._pitch(frames)
         sine, cosine = np.sin(pitch), np.cos(pitch)
