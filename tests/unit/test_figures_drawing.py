@@ -14,12 +14,13 @@ from residuals_lookalike import residual_table, scan_table
 
 from puckbench.cloud import write_cloud
 from puckbench.errors import InputError
-from puckbench.figures.drawing import draw_files, lay_out, read_table
+from puckbench.figures.drawing import draw_files, lay_out
 from puckbench.figures.example_clouds import round_length
 from puckbench.figures.looks import CODEC_LOOKS
 from puckbench.figures.panels import log_limits
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.tablefiles import read_table
 
 FROM_METRICS = [name for name, entry in FIGURES.items() if entry.inputs == ("metrics",)]
 

@@ -23,6 +23,8 @@ COMMANDS = {
     "encode": "code a cloud with a codec at a rate",
     "decode": "decode a stream",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "wall": "scan a wall and a floor: the points, in the wall's frame",
+    "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",
     "codecs": "list the codecs, their rates and whether they can run here",
     "datasets": "list the loaders of scene sets and their options",

@@ -22,7 +22,8 @@ class Sensor:
     """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
 
     `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
-    what the sensor runs at unless a sweep says otherwise.
+    what the sensor runs at unless a sweep says otherwise. `accuracy_m` is the typical one that the
+    manufacturer states, either way; no error model uses it.
     """
 
     name: str
@@ -38,6 +39,8 @@ class Sensor:
     firing_sequence_us: float | None = None
     firing_interval_us: float | None = None
     wavelength_nm: float | None = None
+    pulse_ns: float | None = None
+    accuracy_m: float | None = None
     manufacturer: str | None = None
 
     def __post_init__(self) -> None:
@@ -52,7 +55,7 @@ class Sensor:
             raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
         check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
         check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
-        check_above_zero(self, "wavelength_nm")
+        check_above_zero(self, "wavelength_nm", "pulse_ns", "accuracy_m")
         check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
         check_at_least(self, 0, "divergence_vertical_deg")
         if self.min_range_m >= self.max_range_m:
