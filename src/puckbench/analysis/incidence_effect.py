@@ -32,7 +32,7 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
     the surface, section 5.6), ``surface_distance_std_m`` to the true wall or floor, and
     ``plane_residual_std_m`` to the fitted one, over all distances nearer than 30 m.
     """
-    near = scans[scans["distance_m"] < FAR_M]
+    near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
     off = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])
     squares = np.cos(near["incidence_rad"].astype(float)) ** 2
     effect = _std(near.assign(residual_m=near["range_error_m"]))

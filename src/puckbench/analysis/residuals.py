@@ -16,7 +16,7 @@ from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.files import written_whole
 from puckbench.mesh import Mesh
-from puckbench.scenes.calibration import calibration_origin, make_calibration
+from puckbench.scenes.calibration import facing_the_wall
 from puckbench.seeding import generator
 from puckbench.sensor import ScanTable, Sensor, Sweep, load_sensor, open_error_model, scan
 
@@ -89,7 +89,7 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
 
     Points belong to the surface that their nominal ray hits, so that no noise is cropped away.
     """
-    mesh, origin = _facing_the_wall(distance)
+    mesh, origin = facing_the_wall(distance)
     sensor = load_sensor(procedure.sensor)
     names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
     model = open_error_model(procedure.model, procedure.options)
@@ -162,14 +162,6 @@ def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
     first = level - (level @ plane.normal) * plane.normal
     first /= np.linalg.norm(first)
     return (points - origin) @ np.column_stack([first, np.cross(plane.normal, first)])
-
-
-def _facing_the_wall(distance: float) -> tuple[Mesh, Floats]:
-    """The scene and the sensor's place, both turned by half a turn: a sweep looks towards +y."""
-    name = f"wall_floor_{distance:g}m"
-    mesh, half_turn = make_calibration(name), np.array([-1.0, -1.0, 1.0])
-    turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)
-    return turned, np.array(calibration_origin(name)) * half_turn
 
 
 def _of_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:

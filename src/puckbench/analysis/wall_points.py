@@ -9,10 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from puckbench.analysis.residuals import SURFACES, Procedure, _facing_the_wall
+from puckbench.analysis.residuals import Procedure
+from puckbench.scenes.calibration import facing_the_wall
 from puckbench.seeding import generator
 from puckbench.sensor import ScanTable, Sensor, load_sensor, open_error_model, scan
 
+SURFACES = ("wall", "floor", "surroundings")
 COLUMNS = (
     "model",
     "surface",
@@ -26,25 +28,27 @@ COLUMNS = (
     "incidence_rad",
 )
 """Columns of a table of points: the wall is at y = 0, the floor at z = 0, the sensor at
-y = `distance_m`, z = 1; `range_error_m` is the measured distance less the true one."""
+y = `distance_m`, z = 1; `range_error_m` is the measured distance less the true one. Wall and floor
+are parts of a room; what else the sensor sees of it is the surface "surroundings"."""
 
 
 def wall_points(
     procedure: Procedure, distances: Sequence[float], seed: int, run: int = 1
 ) -> pd.DataFrame:
-    """Points of the scan that Procedure 1 makes in one run at each distance, m.
+    """Points of the scan that Procedure 1 makes in one run at each distance, m, before it crops.
 
-    `procedure.keep` bounds the points of a surface at a distance. Columns as in `COLUMNS`. Raises
-    InputError for a distance that no calibration scene has, or an unknown model.
+    They are the very ones that its residuals are taken from, but for rays that divergence turns
+    over an edge of wall or floor: here they hit the room around them. `procedure.keep` bounds the
+    points of a surface at a distance. Columns as in `COLUMNS`. Raises InputError for a distance
+    that no calibration scene has, or an unknown model.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)
 
 
 def _scan_points(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    mesh, origin = _facing_the_wall(distance)
+    mesh, origin = facing_the_wall(distance, room=True)
     sensor = load_sensor(procedure.sensor)
-    # The names of Procedure 1: these are the very points that its residuals are taken from.
     names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
     model = open_error_model(procedure.model, procedure.options)
     returns = scan(mesh, sensor, procedure.sweep, model, origin, generator(seed, *names, "scan"))
