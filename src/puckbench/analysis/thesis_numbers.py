@@ -59,13 +59,17 @@ def _spread(
     keys = {"model": model, "surface": ALL, "distance_m": distance, "laser_id": ALL}
     chosen = np.all([statistics[key] == value for key, value in keys.items()], axis=0)
     row = statistics[chosen].iloc[0]
-    return _row(quantity, model, thesis.get(model), row["std_m"], row["std_half_m"])
+    return _row(quantity, model, _printed(thesis, model), row["std_m"], row["std_half_m"])
 
 
 def _moved(model: str, near: pd.DataFrame) -> dict[str, Any]:
     sample = near.loc[near["model"] == model, "residual_m"].to_numpy(dtype=np.float64)
     here = distance_to_normal(sample, published.REAL_MEAN_M, published.REAL_STD_M)
-    return _row(MOVED, model, published.MODEL_DISTANCES_M.get(model), here, None)
+    return _row(MOVED, model, _printed(published.MODEL_DISTANCES_M, model), here, None)
+
+
+def _printed(numbers: Mapping[str, float], model: str) -> float | None:
+    return numbers.get(published.FITTED_TO_5_18.get(model, model))
 
 
 def _row(

@@ -10,6 +10,9 @@ from puckbench.analysis.registry import REGISTRY, table_entry
 from puckbench.cli.types import json_object
 from puckbench.errors import InputError
 
+_DIGITS = 6
+"""Significant digits of a table's numbers: more than any measurement here has."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -29,6 +32,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise InputError(f"table {options.table}: needs the input {missing[0]!r}")
     inputs = {name: read_table(Path(options.inputs[name])) for name in entry.inputs}
     table = entry.load()(**inputs)
+    for name in table.select_dtypes("floating"):
+        table[name] = [float(f"{value:.{_DIGITS}g}") for value in table[name]]
     write_table(table, *options.out)
     return {
         "table": options.table,
