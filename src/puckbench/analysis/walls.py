@@ -10,7 +10,6 @@ a floor at the height of the sensor.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +26,8 @@ from puckbench.sensor.options import check_above_zero, check_at_least
 WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
 
 _FIT_ROUNDS = 10
-_SAMPLES, _SAMPLE_SPAN_RAD = 512, math.radians(30)
-_MOST_SCORED = 8192
+_SAMPLES, _SAMPLE_SPAN_RAD = 384, math.radians(30)
+_MOST_SCORED, _PLANES_AT_A_TIME = 4096, 32
 # Returns so many thresholds from a patch belong to no other plane.
 _TAKEN_THRESHOLDS = 3
 
@@ -200,7 +199,11 @@ class _View:
 
     def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
         """Returns within so many thresholds of a plane that they do not graze."""
-        return _supporters(self.points, plane, self.search, thresholds)
+        close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
+        # The cosine of the incidence is the plane's distance over the point's.
+        steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)
+        near: Mask = close & steep
+        return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
         """The best supported plane through three free returns that were fired close together.
@@ -211,13 +214,12 @@ class _View:
         if len(rows) < self.least:
             return None
         scored = rows if len(rows) <= _MOST_SCORED else rng.choice(rows, _MOST_SCORED, False)
-        best: Plane | None = None
-        support = self.least * len(scored) / len(rows)
-        for plane in self._samples(rows, rng):
-            count = np.count_nonzero(_supporters(self.points[scored], plane, self.search))
-            if count > support:
-                best, support = plane, float(count)
-        return best
+        normals, offsets = self._samples(rows, rng)
+        support = self._support(self.points[scored], normals, offsets)
+        best = int(np.argmax(support)) if len(support) else 0
+        if not len(support) or support[best] * len(rows) < self.least * len(scored):
+            return None
+        return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """A plane refitted to its largest patch of free returns until both stay, and the patch.
@@ -249,8 +251,11 @@ class _View:
         medians = [float(np.median(part)) if len(part) else 0.0 for part in parts]
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
-    def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> Iterator[Plane]:
-        """Upright and level planes through three of the rows, within a span of azimuth."""
+    def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Upright and level planes through three of the rows within a span of azimuth.
+
+        Normals (k, 3) and offsets (k,).
+        """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)
@@ -258,19 +263,22 @@ class _View:
         a, b, c = self.points[order[np.vstack([first, others]) % len(order)]]
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1)
-        for place in np.flatnonzero(lengths > 1e-4):
-            normal = normals[place] / lengths[place]
-            plane = Plane(normal, float(normal @ a[place]))
-            if kind_of(plane, self.search) != OBLIQUE:
-                yield plane
+        normals /= np.maximum(lengths, 1e-12)[:, None]
+        planes = zip(normals, np.sum(normals * a, axis=1), strict=True)
+        kinds = [kind_of(Plane(normal, offset), self.search) for normal, offset in planes]
+        usable = (lengths > 1e-4) & (np.array(kinds) != OBLIQUE)
+        return normals[usable], np.sum(normals * a, axis=1)[usable]
 
-
-def _supporters(points: Floats, plane: Plane, search: PlaneSearch, thresholds: float = 1.0) -> Mask:
-    close = np.abs(plane.distances(points)) < thresholds * search.threshold_m
-    # The cosine of the incidence is the plane's distance over the point's.
-    steep = np.linalg.norm(points, axis=1) * search.least_cosine <= abs(plane.offset)
-    supporting: Mask = close & steep
-    return supporting
+    def _support(self, points: Floats, normals: Floats, offsets: Floats) -> NDArray[np.intp]:
+        """How many of the points support each plane, (k,)."""
+        counts = np.zeros(len(normals), dtype=np.intp)
+        steep = np.linalg.norm(points, axis=1) * self.search.least_cosine
+        for at in range(0, len(normals), _PLANES_AT_A_TIME):
+            part = slice(at, at + _PLANES_AT_A_TIME)
+            away = np.abs(np.einsum("ki,ni->kn", normals[part], points) - offsets[part, None])
+            near = (away < self.search.threshold_m) & (steep <= np.abs(offsets[part, None]))
+            counts[part] = np.count_nonzero(near, axis=1)
+        return counts
 
 
 def _extents(points: Floats, plane: Plane) -> tuple[float, float]:
