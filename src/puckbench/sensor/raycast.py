@@ -44,8 +44,7 @@ class RayCaster:
 
         self.threads = threads
         self.origin = np.asarray(origin, dtype=np.float64)
-        seen = Mesh(mesh.vertices - self.origin, mesh.triangles)
-        self.planes = _planes(seen)
+        self.planes = _planes(mesh, self.origin)
         unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
         self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
@@ -54,8 +53,8 @@ class RayCaster:
         )
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(seen.vertices, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
+            o3d.core.Tensor.from_numpy((mesh.vertices - self.origin).astype(np.float32)),
+            o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
@@ -125,10 +124,13 @@ class RayCaster:
         return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
 
 
-def _planes(mesh: Mesh) -> Floats:
-    normals = mesh.normals()
-    first = mesh.vertices[mesh.triangles[:, 0]]
-    return np.column_stack([normals, np.einsum("ij,ij->i", normals, first)])
+def _planes(mesh: Mesh, origin: Floats) -> Floats:
+    from puckbench.sensor.kernels import fill_planes
+
+    planes = np.empty((len(mesh.triangles), 4))
+    vertices, triangles = (np.ascontiguousarray(part) for part in (mesh.vertices, mesh.triangles))
+    fill_planes(vertices, triangles, origin, planes)
+    return planes
 
 
 def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
