@@ -128,7 +128,7 @@ def _planes(mesh: Mesh, origin: Floats) -> Floats:
     from puckbench.sensor.kernels import fill_planes
 
     planes = np.empty((len(mesh.triangles), 4))
-    vertices, triangles = (np.ascontiguousarray(part) for part in (mesh.vertices, mesh.triangles))
+    vertices, triangles = np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.triangles)
     fill_planes(vertices, triangles, origin, planes)
     return planes
 
