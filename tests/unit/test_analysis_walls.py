@@ -13,6 +13,7 @@ from puckbench.analysis.walls import (
     find_surfaces,
     incidence,
     kind_of,
+    surface_of,
 )
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh
@@ -90,6 +91,15 @@ def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: CaptureTable) -> Non
     for one in found(table)[0]:
         counts = np.bincount(table["laser_id"][one.rows], minlength=16)
         assert counts[6] >= 0.95 * np.median(counts)
+
+
+def test_a_laser_that_runs_along_an_edge_does_not_count(noisy: CaptureTable) -> None:
+    ahead = (noisy["azimuth"] < 0.1) | (noisy["laser_id"] != 5)
+    wall = found(noisy)[0][0]
+    rows = wall.rows[ahead[wall.rows]]
+    again = surface_of(noisy, rows, wall.plane, "wall", SEARCH)
+    assert 5 in noisy["laser_id"][rows]
+    assert set(noisy["laser_id"][again.rows]) == set(range(16)) - {5}
 
 
 def test_the_rings_of_a_field_make_no_floor() -> None:

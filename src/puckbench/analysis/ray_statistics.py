@@ -21,7 +21,7 @@ from puckbench.sensor.capture import CaptureTable
 LEAST_TURNS = 3
 """Turns that a direction must return in, for its spread to count."""
 
-_LEAST_RETURNS, _LEAST_SHARE, _LEAST_COMMON_LASERS = 20, 0.25, 6
+_LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,9 @@ def ray_noise(
 
 
 def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
-    """Mean deviation of each laser with at least 20 returns on the plane.
-
-    A laser with less than a quarter of the median laser's returns does not count: it sees the edge.
-    """
+    """Mean deviation of each laser with at least 20 returns on the plane."""
     counts = np.bincount(laser)
-    usual = np.median(counts[counts > 0]) if len(counts) else 0.0
-    lasers = np.flatnonzero(counts >= max(_LEAST_RETURNS, _LEAST_SHARE * usual))
+    lasers = np.flatnonzero(counts >= _LEAST_RETURNS)
     sums = np.bincount(laser, deviation)
     return LaserBias(lasers, sums[lasers] / counts[lasers], counts[lasers])
 

@@ -43,6 +43,8 @@ class PlaneSearch:
     tilt_deg: a wall may be so far from upright, a floor or ceiling from level.
     most_incidence_deg: returns that meet the plane at a greater angle do not count.
     inlier_sigmas: nor those farther from it than so many robust standard deviations.
+    least_laser_share: nor those of a laser with less than this share of the median laser's: such a
+    laser runs along an edge.
     least_...: a patch that has less of what counts is not taken (of returns: in the mean turn).
     most_noise_m: nor one with a greater robust standard deviation of the distances to its plane.
     """
@@ -54,6 +56,7 @@ class PlaneSearch:
     tilt_deg: float = 10.0
     most_incidence_deg: float = 75.0
     inlier_sigmas: float = 5.0
+    least_laser_share: float = 0.25
     least_returns: int = 100
     least_lasers: int = 4
     least_width_m: float = 0.5
@@ -67,7 +70,7 @@ class PlaneSearch:
         check_above_zero(self, "most_noise_m", "most_incidence_deg")
         check_at_least(self, 1, "most_planes", "least_lasers")
         check_at_least(self, 1, "least_returns")
-        check_at_least(self, 0, "least_width_m", "least_height_m")
+        check_at_least(self, 0, "least_width_m", "least_height_m", "least_laser_share")
 
     @property
     def least_cosine(self) -> float:
@@ -142,6 +145,7 @@ def surface_of(
     plane, near = robust_plane(part.xyz, start, sigmas=search.inlier_sigmas)
     plane = plane.facing(np.zeros(3))
     counts = near & (np.cos(incidence(part, plane)) >= search.least_cosine)
+    counts &= _of_full_lasers(part["laser_id"], counts, search.least_laser_share)
     return Surface(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
 
 
@@ -279,6 +283,14 @@ class _View:
             near = (away < self.search.threshold_m) & (steep <= np.abs(offsets[part, None]))
             counts[part] = np.count_nonzero(near, axis=1)
         return counts
+
+
+def _of_full_lasers(laser: NDArray[np.int16], rows: Mask, share: float) -> Mask:
+    """Returns of lasers that have at least a share of the median laser's among the given rows."""
+    returns = np.bincount(laser[rows], minlength=int(laser.max()) + 1)
+    usual = np.median(returns[returns > 0]) if rows.any() else 0.0
+    full: Mask = (returns >= share * usual)[laser]
+    return full
 
 
 def _extents(points: Floats, plane: Plane) -> tuple[float, float]:
