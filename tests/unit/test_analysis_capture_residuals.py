@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from puckbench.analysis.capture_residuals import (
 )
 from puckbench.analysis.capture_summary import capture_summary, plane_statistics
 from puckbench.analysis.residuals import COLUMNS, joined, read_residuals
+from puckbench.analysis.walls import PlaneSearch
 from puckbench.cli import main
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
@@ -285,3 +288,23 @@ def test_half_a_turn_has_planes_and_no_ray_noise(room: tuple[ScanTable, Path]) -
     assert summary["ray_noise"] is None
     assert summary["planes"][0]["unevenness_m"] is None
     assert summary["laser_bias_std_m"] > 0.005
+
+
+def test_every_option_is_documented_with_its_default() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "captures.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| (`\w+`(?:, `\w+`)?) \| ([^|]*) \|", text, re.MULTILINE))
+    documented = {
+        name: default.strip("` ")
+        for names, defaults in rows.items()
+        for name, default in zip(
+            re.findall(r"\w+", names),
+            [defaults] if "," not in names else defaults.split(","),
+            strict=True,
+        )
+    }
+    limits = {field.name: field.default for field in fields(PlaneSearch)}
+    own = {field.name for field in fields(CaptureOptions)}
+    assert set(documented) == set(limits) | own
+    for name, default in limits.items():
+        value = json.loads(documented[name])
+        assert value == (list(default) if name == "up" else default), name  # type: ignore[call-overload]
