@@ -1,6 +1,7 @@
 """The command line: names and outputs that others rely on, and bad input in one line."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -163,6 +164,23 @@ def test_help_names_every_command() -> None:
         [sys.executable, "-m", "puckbench", "--help"], capture_output=True, text=True, check=True
     )
     assert all(command in done.stdout for command in COMMANDS)
+
+
+@pytest.mark.parametrize("words", [["codecs"], ["codecs", "--json"], []])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_gone_is_no_error(words: list[str], unbuffered: str) -> None:
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as gone:
+        done = subprocess.run(
+            [sys.executable, "-m", "puckbench", *words],
+            stdout=gone,
+            stderr=subprocess.PIPE,
+            env=environment,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
@@ -39,12 +40,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     try:
         answer = _run(name, options, parser)
+        if answer is not None:
+            print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
+        sys.stdout.flush()
     except InputError as error:
         return _fail(str(error))
     except BrokenPipeError:
-        return 0
-    if answer is not None:
-        print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
+        # Nobody reads on; what is left would fail again when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 
