@@ -146,6 +146,15 @@ def test_an_interval_given_is_taken_as_it_is(room: tuple[ScanTable, Path]) -> No
     assert planes.table["timestamp"].max() < 0.21
 
 
+def test_the_first_turns_of_an_interval_may_be_all_that_count(
+    room: tuple[ScanTable, Path],
+) -> None:
+    planes = captured_planes(room[1], capture_options({"most_turns": 5}))
+    assert planes.still is not None
+    assert planes.still.turns == 12
+    assert np.unique(planes.table["turn"]).tolist() == [0, 1, 2, 3, 4]
+
+
 def test_beams_with_two_returns_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(box_capture(320, dual=True)))
     planes = captured_planes(tmp_path / "a.pcap", CaptureOptions())

@@ -13,7 +13,7 @@ from puckbench.analysis.stillness import SHIFT_M
 from puckbench.analysis.walls import CEILING, FLOOR, WALL, PlaneSearch
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
-from puckbench.sensor.options import check_above_zero, from_options
+from puckbench.sensor.options import check_above_zero, check_at_least, from_options
 
 T = TypeVar("T")
 
@@ -51,18 +51,20 @@ class CaptureOptions:
 
     sensor: name or YAML file (default: what the packets say). still_s: start and end of the
     interval that counts, in s after the first packet (default: the longest one in which the turns
-    repeat its first within `most_shift_m`). planes: those chosen by hand (default: found, as
-    `search` says).
+    repeat its first within `most_shift_m`). most_turns: of it, the first ones. planes: those chosen
+    by hand (default: found, as `search` says).
     """
 
     sensor: str | None = None
     still_s: tuple[float, ...] | None = None
     most_shift_m: float = SHIFT_M
+    most_turns: int = 100
     planes: tuple[Crop, ...] = ()
     search: PlaneSearch = field(default_factory=PlaneSearch)
 
     def __post_init__(self) -> None:
         check_above_zero(self, "most_shift_m")
+        check_at_least(self, 1, "most_turns")
         if self.still_s is not None and (
             len(self.still_s) != 2 or not 0 <= self.still_s[0] < self.still_s[1]
         ):

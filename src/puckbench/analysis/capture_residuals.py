@@ -72,6 +72,7 @@ def captured_planes(path: Path, options: CaptureOptions) -> CapturedPlanes:
     try:
         if options.still_s is None:
             table, still = still_rows(table, options.most_shift_m)
+        table = table.select(table["turn"] < table["turn"].min() + options.most_turns)
         if (table["return_kind"] == BOTH).any():
             table = table.select(table["return_kind"] == BOTH)
         surfaces, rejected = _planes(table, options)

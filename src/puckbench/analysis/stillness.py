@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
@@ -41,19 +42,20 @@ def still_rows(table: CaptureTable, limit_m: float = SHIFT_M) -> tuple[CaptureTa
 
     Raises InputError when no turn repeats the one before it.
     """
-    numbers = [int(number) for number in np.unique(table["turn"])]
-    turns = {number: table.select(table["turn"] == number) for number in numbers}
+    turns = _turns(table)
     if len(turns) < 2:
         raise InputError("a capture of one turn does not show whether the sensor stood still")
-    best, smallest = Still(numbers[0], numbers[0], 0.0), math.inf
-    run = best
+    numbers = list(turns)
+    best = run = Still(numbers[0], numbers[0], 0.0)
+    reference, smallest = table.select(turns[run.first]), math.inf
     for number in numbers[1:]:
-        shift = turn_shift(turns[run.first], turns[number])
+        other = table.select(turns[number])
+        shift = turn_shift(reference, other)
         smallest = min(smallest, shift)
         if shift <= limit_m:
             run = Still(run.first, number, max(run.shift_m, shift))
         else:
-            run = Still(number, number, 0.0)
+            run, reference = Still(number, number, 0.0), other
         best = run if run.turns > best.turns else best
     if best.turns < 2:
         raise InputError(_never_still(smallest, limit_m))
@@ -75,6 +77,13 @@ def turn_shift(reference: CaptureTable, other: CaptureTable) -> float:
     if len(medians) < _LEAST_SECTORS:
         return math.inf
     return float(np.quantile(medians, 0.75))
+
+
+def _turns(table: CaptureTable) -> dict[int, NDArray[np.intp]]:
+    """The rows of each turn, the turns in order."""
+    order = np.argsort(table["turn"], kind="stable")
+    numbers, starts = np.unique(table["turn"][order], return_index=True)
+    return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
 def _changes(reference: CaptureTable, other: CaptureTable) -> tuple[Floats, Floats]:
