@@ -159,10 +159,10 @@ class Workflow:
         given = json.dumps(options, sort_keys=True)
         return ["--model", errors, "--model-options", given, "--seed", str(self.study.seed)]
 
-    def model_code(self, command: str, model: str) -> str:
-        """Fingerprint of a command of the study, of its error model and of the sensor."""
+    def model_code(self, module: str, model: str) -> str:
+        """Fingerprint of a measurement of the study, of its error model and of the sensor."""
         opened = open_error_model(*self.study.models[model])
-        code = code_version(command, module_of_model(opened))
+        code = code_version(module, module_of_model(opened))
         return f"{code} {opened} {load_sensor('vlp16')}"
 
     def study_tables(self) -> dict[str, dict[str, str]]:

@@ -41,12 +41,12 @@ def test_moments_by_hand_and_of_all_together() -> None:
 def test_rows_come_by_surface_distance_and_laser_with_all_last() -> None:
     rows = [
         ("b", surface, distance, 1, laser, 0.0)
-        for surface in ("floor", "wall")
+        for surface in ("ceiling", "floor", "wall")
         for distance in (2.0, 1.0)
         for laser in (10, 9)
     ]
     found = residual_statistics(table_of(rows))
-    assert list(dict.fromkeys(found["surface"])) == ["wall", "floor", "all"]
+    assert list(dict.fromkeys(found["surface"])) == ["wall", "floor", "ceiling", "all"]
     wall = found[found["surface"] == "wall"]
     assert list(dict.fromkeys(wall["distance_m"])) == ["1", "2", "all"]
     assert wall["laser_id"].tolist()[:3] == ["9", "10", "all"]

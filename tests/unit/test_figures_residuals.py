@@ -176,7 +176,7 @@ def test_real_and_virtual_stand_side_by_side_and_are_named() -> None:
 
 def test_without_a_capture_the_published_numbers_stand_in_and_say_so() -> None:
     figure = draw("fig_5_10", residual_table(60, real=False))
-    assert texts(figure)[-1] == "No capture; thesis: std \u00b10.014 m"
+    assert texts(figure)[-1] == "Not captured; thesis: std \u00b10.014 m"
     levels = {line.get_ydata()[0] for line in figure.axes[0].get_lines()}
     assert {-REAL_STD_M, REAL_STD_M} <= levels
 

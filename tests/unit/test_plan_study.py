@@ -61,7 +61,7 @@ def test_a_model_has_the_arguments_of_its_entry() -> None:
         "--model vlp16 --model-options '{\"bias_sigma_m\": 0.02}' --seed 5"
         " --distances 1 2 3 4 5 30 --runs 1 --keep 7 --refit"
     )
-    assert "bias_sigma_m=0.02" in bench.model_code("puckbench.cli.residuals", "wide")
+    assert "bias_sigma_m=0.02" in bench.model_code("puckbench.analysis.residuals", "wide")
 
 
 def test_captures_are_the_model_real(tmp_path: Path) -> None:

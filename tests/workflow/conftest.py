@@ -1,4 +1,4 @@
-"""A tiny benchmark in a folder of its own: an object, a room in three forms, two codecs."""
+"""A tiny benchmark in a folder of its own: an object, a room, two codecs, a sensor study."""
 
 from __future__ import annotations
 
@@ -53,6 +53,12 @@ CONFIG: dict[str, Any] = {
     "codecs": {
         "draco": {"rates": ["r1", "r8"]},
         "raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}},
+    },
+    "sensor_study": {
+        "models": {"vlp16": {}, "vlp16_divergence": {}},
+        "distances_m": [1, 5],
+        "runs": 1,
+        "rows": 300,
     },
     "timing": {"repeats": 1},
     "figures": {

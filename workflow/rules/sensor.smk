@@ -6,7 +6,8 @@ if bench.plan.study is not None:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         params:
             arguments=lambda wildcards: bench.residual_arguments(wildcards.model),
-            code=lambda wildcards: bench.model_code("puckbench.cli.residuals", wildcards.model),
+            # Not the command's module, which imports what captures need as well.
+            code=lambda wildcards: bench.model_code("puckbench.analysis.residuals", wildcards.model),
         resources:
             mem_mb=1500,
             runtime=20,
@@ -41,7 +42,7 @@ if bench.plan.study is not None:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         params:
             arguments=lambda wildcards: bench.wall_arguments(wildcards.model),
-            code=lambda wildcards: bench.model_code("puckbench.cli.wall", wildcards.model),
+            code=lambda wildcards: bench.model_code("puckbench.analysis.wall_points", wildcards.model),
         resources:
             mem_mb=1500,
             runtime=10,

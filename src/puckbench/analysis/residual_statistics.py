@@ -16,7 +16,7 @@ ALL = "all"
 """Stands in a key's column for all of its values together; for the distance, all below `FAR_M`."""
 
 _PLACE = ("surface", "distance_m")
-_RANKS = {"wall": 0, "floor": 1}
+_SURFACES = ("wall", "floor")
 _CONFIDENCE = 0.95
 
 
@@ -115,11 +115,11 @@ def _student(freedom: Floats) -> Floats:
 
 def _as_text(table: pd.DataFrame) -> pd.DataFrame:
     """Keys as text, groups of all after the single ones."""
-    models = {name: place for place, name in enumerate(dict.fromkeys(table["model"]))}
-    ranks = {"model": models, "surface": _RANKS}
-    ordered = table.sort_values(
-        list(KEYS), key=lambda keys: keys.map(ranks.get(str(keys.name), lambda value: value))
-    )
+    orders = {"model": dict.fromkeys(table["model"]), "surface": _SURFACES}
+    for name, order in orders.items():
+        known = [*order, *sorted(set(table[name].dropna()) - set(order))]
+        table[name] = pd.Categorical(table[name], categories=known)
+    ordered = table.sort_values(list(KEYS)).astype(dict.fromkeys(orders, object))
     for name in ("distance_m", "laser_id"):
         ordered[name] = [ALL if np.isnan(value) else f"{value:g}" for value in ordered[name]]
     ordered["surface"] = ordered["surface"].fillna(ALL)

@@ -112,12 +112,12 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
     width = 0.8 / len(models)
     drawn: list[Floats] = []
     for place, part in enumerate(groups.values()):
-        for index, model in enumerate(models):
-            values = residuals_of(part, model)
-            if len(values):
-                at = place + (index - (len(models) - 1) / 2) * width
-                draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
-                drawn.append(values)
+        parts = {model: residuals_of(part, model) for model in models}
+        there = {model: values for model, values in parts.items() if len(values)}
+        for index, (model, values) in enumerate(there.items()):
+            at = place + (index - (len(there) - 1) / 2) * width
+            draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
+        drawn += there.values()
     _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
     axes.set_xlabel(label)
     if REAL not in models:
