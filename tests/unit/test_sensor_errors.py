@@ -19,7 +19,10 @@ def missing(frames: int = 2, steps: int = 3) -> Hits:
 
 
 TABLE = [[1, 0.0, 0.01], [3, 0.02, 0.03], [4, -0.02, 0.03]]
-NEEDED: dict[str, dict[str, Any]] = {"distance_table": {"table": TABLE}}
+NEEDED: dict[str, dict[str, Any]] = {
+    "distance_table": {"table": TABLE},
+    "calibrated": {"ray_sigma_m": 0.006},
+}
 
 
 def opened(name: str, **options: Any) -> ErrorModel:

@@ -19,6 +19,7 @@ COMMANDS = {
     "capture": "read a capture of a real VLP-16: the table of its returns",
     "export": "write a scan or a capture in the format of another tool",
     "residuals": "scan a wall and a floor: distances of the points to fitted planes",
+    "calibrate": "estimate a range error model from residuals, real or virtual",
     "sample": "sample points at random on the surface of a mesh",
     "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
     "encode": "code a cloud with a codec at a rate",
