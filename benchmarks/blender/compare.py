@@ -31,7 +31,7 @@ from puckbench.sensor import ScanJob, Sweep, free_origin, load_sensor, open_erro
 from puckbench.sensor.raycast import RayCaster
 
 sys.path.append(str(Path(__file__).parents[1]))
-from scan_speed import least_time, tessellated_room
+from scan_speed import Times, least_times, tessellated_room
 
 SENSOR, SWEEP = load_sensor("vlp16"), Sweep()
 FARTHEST_M = 100.0
@@ -55,9 +55,8 @@ class Ours:
     angles: Floats
     distances: Floats
     incidence: Floats
-    cast_s: float
-    one_thread_s: float
-    scan_s: float
+    cast: Times
+    scan: Times
 
 
 def scenes(mesh: Path | None) -> list[Scene]:
@@ -88,16 +87,17 @@ def cast_by_us(scene: Scene, repeats: int) -> Ours:
     six = np.concatenate([np.zeros_like(single), single], axis=1)
     start = np.zeros((len(single), 3))
     hits = caster.hits(directions, six, start, (len(single),), (0.0, FARTHEST_M))
-    alone = RayCaster(scene.mesh, scene.origin, threads=1)
     job = ScanJob(scene.mesh, SENSOR, SWEEP, open_error_model("vlp16"), scene.origin)
+    times = least_times(
+        [lambda: caster.met(start, directions), lambda: job.table(np.random.default_rng(0))],
+        repeats,
+    )
     return Ours(
         directions,
         np.column_stack([rays.yaw.ravel(), rays.pitch.ravel()]),
         hits.distance,
         hits.incidence,
-        least_time(lambda: caster.met(start, directions), repeats),
-        least_time(lambda: alone.met(start, directions), repeats),
-        least_time(lambda: job.table(np.random.default_rng(0)), repeats),
+        *times,
     )
 
 
@@ -196,16 +196,21 @@ def main() -> None:
         print(f"{scene.name}: {len(scene.mesh.triangles):,} triangles, Blender {theirs['version']}")
         for way in ("scene", "tree"):
             report(scene, ours, theirs, way)
-        report_times(ours, *theirs["seconds"])
+        report_times(ours, [Times(*pair) for pair in theirs["seconds"]])
 
 
-def report_times(ours: Ours, scene_s: float, tree_s: float, blensor_s: float) -> None:
-    def rate(seconds: float) -> str:
-        return f"{len(ours.distances) / seconds / 1e6:.2f}"
-
-    print(f"  million rays/s: ours {rate(ours.cast_s)}, on one thread {rate(ours.one_thread_s)};")
-    print(f"        Scene.ray_cast {rate(scene_s)}, BVHTree.ray_cast {rate(tree_s)}")
-    print(f"  a scan with range noise: as BlenSor {blensor_s:.1f} s, ours {ours.scan_s:.2f} s")
+def report_times(ours: Ours, theirs: list[Times]) -> None:
+    """Print rays per second of processor time, and the times of a scan with range noise."""
+    by_scene, by_tree, blensor = theirs
+    millions = len(ours.distances) / 1e6
+    print(
+        f"  million rays per processor second: ours {millions / ours.cast.processor:.2f},", end=" "
+    )
+    print(f"Scene.ray_cast {millions / by_scene.processor:.2f},", end=" ")
+    print(f"BVHTree.ray_cast {millions / by_tree.processor:.2f}")
+    print("  a scan with range noise, on the wall and of the processors: as BlenSor", end=" ")
+    print(f"{blensor.wall:.1f} and {blensor.processor:.1f} s, ours", end=" ")
+    print(f"{ours.scan.wall:.2f} and {ours.scan.processor:.2f} s")
 
 
 if __name__ == "__main__":
