@@ -137,9 +137,12 @@ class Workflow:
         """Name and residual table of every model and capture; all captures have one name."""
         folder = self.plan.results / "residuals"
         models = [(name, str(folder / "models" / f"{name}.parquet")) for name in self.study.models]
-        return models + [
-            (REAL, str(folder / "captures" / f"{name}.parquet")) for name in self.study.captures
-        ]
+        return models + [(REAL, file) for file in self.capture_files()]
+
+    def capture_files(self) -> list[str]:
+        """Residual tables of the study's captures."""
+        folder = self.plan.results / "residuals" / "captures"
+        return [str(folder / f"{name}.parquet") for name in self.study.captures]
 
     def residual_arguments(self, model: str) -> str:
         """Arguments of `puckbench residuals` for a model of the study, quoted for a shell."""
@@ -230,8 +233,13 @@ def _study_inputs(plan: Plan) -> dict[str, str]:
     """Files of what chapter 5's figures and tables are made from."""
     if plan.study is None:
         return {}
-    scans = {"scans": _table(plan, "scans")} if plan.study.shown_m else {}
-    return {"residuals": _table(plan, "residuals"), **scans}
+    known = {"residuals": _table(plan, "residuals")}
+    if plan.study.shown_m:
+        known["scans"] = _table(plan, "scans")
+    if plan.study.captures:
+        known |= {name: _table(plan, name) for name in ("compared_residuals", "model_distances")}
+        known["compared"] = known["compared_residuals"]
+    return known
 
 
 def _there(plan: Plan) -> set[str]:

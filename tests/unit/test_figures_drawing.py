@@ -43,7 +43,17 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     files = {"metrics": folder / "metrics.csv", "clouds": folder / "clouds.parquet"}
     metrics_table(3).to_csv(files["metrics"], index=False)
     clouds_table(3).to_parquet(files["clouds"])
-    for name, table in {"residuals": residual_table(50), "scans": scan_table(50)}.items():
+    residuals = residual_table(50)
+    distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
+    tables = {
+        "residuals": residuals,
+        "scans": scan_table(50),
+        "compared_residuals": residuals,
+        "model_distances": pd.DataFrame(
+            {"model": ["real", "vlp16"], **distances, "chance_m": 1e-3}
+        ),
+    }
+    for name, table in tables.items():
         files[name] = folder / f"{name}.parquet"
         table.to_parquet(files[name])
     for version, noise_m in {"object": 0.0, "raw": 0.0, "clean": 0.0, "noisy": 0.03}.items():

@@ -94,6 +94,21 @@ def test_one_error_model_is_measured_again_alone(restored: Bench) -> None:
     assert not {"table_5_1", "scan", "encode", "metrics_table"} & set(jobs)
 
 
+def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> None:
+    capture = restored.capture()
+    restored.configure({"sensor_study.captures": {"box": {"path": capture}}})
+    restored.made("results/figures/model_verdict.png", "results/tables/thesis_numbers.csv")
+    tables = restored.results / "tables"
+    residuals = pd.read_parquet(tables / "residuals.parquet")
+    real = residuals[residuals["model"] == "real"]
+    assert len(real) > 10_000
+    assert set(real["surface"]) == {"wall"}
+    distances = pd.read_csv(tables / "model_distances.csv").set_index("model")
+    assert distances["emd_m"].drop("real").idxmax() == "hdl64e"
+    # What was captured is a scan with the sigmas of vlp16, its biases drawn once.
+    assert real["residual_m"].std() == pytest.approx(distances.loc["real", "std_m"], rel=0.05)
+
+
 def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
     (restored.folder / "raw_grid.py").write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
     jobs = restored.planned()

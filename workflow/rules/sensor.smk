@@ -91,6 +91,41 @@ if bench.plan.study is not None:
         script:
             "../scripts/joined_table.py"
 
+    # Made when it is asked for: not every set of captures tells all of its parameters.
+    rule calibration:
+        input:
+            bench.capture_files(),
+        output:
+            f"{RESULTS}/residuals/calibrated.yaml",
+        params:
+            code=code_version("puckbench.cli.calibrate"),
+        resources:
+            mem_mb=2000,
+            runtime=20,
+        log:
+            f"{RESULTS}/logs/residuals/calibrated.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        shell:
+            "python -m puckbench calibrate {input} {output} > {log} 2>&1"
+
+    rule compared_residuals:
+        input:
+            bench.capture_files(),
+        output:
+            f"{RESULTS}/tables/compared_residuals.parquet",
+        params:
+            code=code_version("puckbench.analysis.comparison", "puckbench.tablefiles"),
+        resources:
+            mem_mb=3000,
+            runtime=20,
+        log:
+            f"{RESULTS}/logs/tables/compared_residuals.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        script:
+            "../scripts/compared_residuals.py"
+
 
 # Each a rule of its own, so that a change of one table's code makes that one.
 for table, inputs in bench.study_tables().items():

@@ -54,6 +54,12 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
     table = pd.read_parquet(path)
     if missing := [column for column in columns if column not in table]:
         raise InputError(f"{path}: no column {missing[0]!r}")
-    if len(table) > MOST_ROWS:
-        table = table.sample(MOST_ROWS, random_state=generator(0, "joined", name)).sort_index()
-    return table.assign(model=name)[list(columns)].astype({"surface": str})
+    kept = thinned(table, MOST_ROWS, name)
+    return kept.assign(model=name)[list(columns)].astype({"surface": str})
+
+
+def thinned(table: pd.DataFrame, most: int, name: str) -> pd.DataFrame:
+    """At most so many rows in their order, chosen at random, the same ones for the same name."""
+    if len(table) <= most:
+        return table
+    return table.sample(most, random_state=generator(0, "joined", name)).sort_index()

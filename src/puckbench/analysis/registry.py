@@ -12,15 +12,14 @@ from typing import Any
 
 from puckbench.errors import InputError
 
-INPUTS = ("residuals", "scans")
-"""What tables are made from: residual tables of all models in one, and their points likewise."""
-
 
 @dataclass(frozen=True)
 class TableEntry:
     """One table: a dotted "module:function" and its inputs' names.
 
-    The function takes every input as a DataFrame under its name and returns a DataFrame.
+    The function takes every input as a DataFrame under its name and returns a DataFrame. Inputs
+    are "residuals", the residual tables of all models in one; "scans", their points likewise;
+    "compared", real walls and error models on the same rays, where there are captures.
     """
 
     function: str
@@ -47,6 +46,7 @@ REGISTRY: dict[str, TableEntry] = {
         f"{_HERE}.incidence_effect:incidence_effect", ("scans", "residuals")
     ),
     "thesis_numbers": TableEntry(f"{_HERE}.thesis_numbers:thesis_numbers", ("residuals",)),
+    "model_distances": TableEntry(f"{_HERE}.comparison:model_distances", ("compared",)),
 }
 
 

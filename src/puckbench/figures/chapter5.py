@@ -1,7 +1,8 @@
 """The figures of thesis chapter 5: the sensor, its errors and their models.
 
 The input "residuals" is the table that `residual_table` describes, "scans" the one of
-`laser_scans`; the drawings of geometry need none.
+`laser_scans`; the drawings of geometry need none. The verdict on the models, which the thesis
+does not have, is drawn where there are captures of a real sensor.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ _INPUTS: dict[str, tuple[str, ...]] = {
     "laser_scans": ("scans",),
     "residual_violins": ("residuals",),
     "residual_incidence": ("residuals",),
+    "model_verdict": ("compared_residuals", "model_distances"),
 }
 
 
@@ -77,5 +79,8 @@ FIGURES: dict[str, FigureEntry] = {
     ),
     "fig_5_21": _entry(
         "geometry_diagrams:draw_incidence_geometry", "5.21", "Incidence angle and plane residual"
+    ),
+    "model_verdict": _entry(
+        "model_verdict:draw_verdict", "", "Real wall residuals against the error models"
     ),
 }

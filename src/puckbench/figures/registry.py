@@ -9,7 +9,14 @@ from puckbench.errors import InputError
 from puckbench.figures import chapter5, chapter6
 from puckbench.figures.entry import FigureEntry
 
-TABLES = ("metrics", "clouds", "residuals", "scans")
+TABLES = (
+    "metrics",
+    "clouds",
+    "residuals",
+    "scans",
+    "compared_residuals",
+    "model_distances",
+)
 EXAMPLES = ("example_object", "example_raw", "example_clean", "example_noisy")
 """Inputs that are prepared clouds (PLY files): one object, and one room in three forms."""
 
