@@ -51,7 +51,7 @@ class Sweep:
     scanned (the room scans of the thesis leave out the last one).
 
     timing: ``"step"``, BlenSor's convention: all lasers of an azimuth step fire together.
-    ``"firing"``: laser k of a step fires k firing intervals later and points where the sensor has
+    ``"firing"``: a laser fires at its own time within a step and points where the sensor has
     turned to by then, and a step is what the sensor turns in a firing sequence. A frame has whole
     steps only, so the last part of one before the next frame is not fired in.
 
@@ -198,7 +198,7 @@ class Sweep:
 
     def _step_deg(self, sensor: Sensor) -> float:
         if self.timing == "firing":
-            return 360.0 * self._rotation_hz(sensor) * _seconds(sensor, "firing_sequence_us")
+            return 360.0 * self._rotation_hz(sensor) * _sequence_s(sensor)
         return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
 
     def _degrees_per_frame(self, sensor: Sensor) -> float:
@@ -207,14 +207,13 @@ class Sweep:
 
 def _delays(sensor: Sensor) -> Floats:
     """Seconds after the start of a firing sequence at which each laser fires, (lasers,)."""
-    return np.asarray(np.arange(sensor.lasers) * _seconds(sensor, "firing_interval_us"))
+    return np.array(sensor.firing_times_us) * 1e-6
 
 
-def _seconds(sensor: Sensor, name: str) -> float:
-    time: float | None = getattr(sensor, name)
-    if time is None:
-        raise InputError(f"timing 'firing' needs {name}, which sensor {sensor.name} does not state")
-    return time * 1e-6
+def _sequence_s(sensor: Sensor) -> float:
+    if sensor.firing_sequence_us is None:
+        raise InputError(f"sensor {sensor.name} does not state its firing_sequence_us")
+    return sensor.firing_sequence_us * 1e-6
 
 
 # `thesis_room`: the room scans as run, with BlenSor's own defaults instead of the VLP-16's.
