@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -86,9 +86,10 @@ def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) 
     free = free_parameters(seen, settings.parameters)
     best = fit(likelihood, free)
     shape = ray_shape(likelihood, best)
-    mean, biases = _biases(likelihood, best)
+    sigmas = intervals(likelihood, free, best, shape.widening)
+    mean, biases = _biases(likelihood, _with_lasers(best, sigmas))
     return Calibration(
-        sigmas=intervals(likelihood, free, best, shape.widening),
+        sigmas=sigmas,
         biases=biases if seen.devices == 1 else (),
         mean=mean if seen.tells_mean else None,
         shape=shape,
@@ -97,6 +98,14 @@ def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) 
         domain=_domain(seen),
         counts=_counts(seen),
     )
+
+
+def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
+    """`best`, or the greatest lasers' sigma there may be where it is zero: no bias is for sure."""
+    lasers = found.get("laser_sigma_m")
+    if lasers is None or lasers.value > 1e-6:
+        return best
+    return replace(best, laser_sigma_m=lasers.high)
 
 
 def _biases(

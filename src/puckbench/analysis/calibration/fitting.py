@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from puckbench.analysis.calibration.likelihood import BIASES, NAMES, RestrictedLikelihood, Sigmas
+from puckbench.analysis.calibration.likelihood import (
+    BIASES,
+    NAMES,
+    RAYS,
+    RestrictedLikelihood,
+    Sigmas,
+)
 from puckbench.analysis.calibration.observations import Observations
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
@@ -18,6 +24,8 @@ _NORMAL_95 = 1.959963984540054
 # Above this relative error a sigma's likelihood is not symmetric: its profile tells the interval.
 _SHARP = 0.1
 _MM = 1e-3
+# Of what a ray's sigma depends on, each scaled to the length of one: beyond it they are the same.
+_MOST_CONDITION = 1e4
 
 
 @dataclass(frozen=True)
@@ -32,7 +40,7 @@ class Estimate:
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Those of `wanted` that the observations can tell: a scan's bias needs two scans of a laser.
 
-    Raises InputError for a name that is no parameter.
+    Raises InputError for a name that is no parameter, or if incidence and range go together.
     """
     for name in wanted:
         if name not in NAMES:
@@ -40,8 +48,22 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
     lasers = len(seen.laser_ids)
     repeated = {"laser_sigma_m": lasers > 2, "scan_sigma_m": seen.scans > lasers}
     repeated["frame_sigma_m"] = seen.cells > seen.scans
-    chosen = [name for name in NAMES if name in wanted and repeated.get(name, True)]
-    return tuple(chosen) if "ray_sigma_m" in chosen else (*chosen, "ray_sigma_m")
+    chosen = [
+        name
+        for name in NAMES
+        if name == "ray_sigma_m" or (name in wanted and repeated.get(name, True))
+    ]
+    _check_features(seen, [RAYS.index(name) for name in chosen if name in RAYS])
+    return tuple(chosen)
+
+
+def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
+    """InputError when incidence and range go together, or do not change at all."""
+    features = seen.features[:, chosen]
+    if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
+        raise InputError(
+            "the residuals do not tell incidence from range: leave ray_incidence_m or ray_range out"
+        )
 
 
 def fit(
@@ -130,10 +152,6 @@ def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) ->
     inner = [i for i, name in enumerate(free) if name not in BIASES or centre[i] > 1e-3]
     steps = np.array([_step(deviance, centre, i) for i in inner])
     curvature = _curvature(deviance, centre, inner, steps)
-    if np.linalg.cond(curvature) > 1e10:
-        raise InputError(
-            "the residuals do not tell incidence from range: leave ray_incidence_m or ray_range out"
-        )
     errors = np.full(len(centre), np.nan)
     errors[inner] = steps * np.sqrt(np.maximum(np.diag(2 * np.linalg.inv(curvature)), 0))
     return errors

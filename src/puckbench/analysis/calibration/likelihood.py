@@ -53,8 +53,8 @@ class Sigmas:
 
 
 NAMES = tuple(one.name for one in fields(Sigmas))
-BIASES = NAMES[:3]
-"""The sigmas that cannot be below zero and may be zero."""
+BIASES, RAYS = NAMES[:3], NAMES[3:]
+"""The sigmas of biases, which are not below zero and may be zero, and what makes a ray's."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def _parameters(found: Calibration) -> dict[str, Any]:
         "ranges_m": [_rounded(one) for one in found.domain.ranges_m],
     }
     if found.biases:
-        parameters["bias_m"] = [_rounded(one.value) for one in found.biases]
+        parameters["bias_m"] = [_rounded(one.value) for one in _by_laser(found)]
     return parameters
 
 
@@ -86,8 +86,16 @@ def _intervals(found: Calibration) -> dict[str, Any]:
     if found.mean is not None:
         ends["range_mean_m"] = _ends(found.mean)
     if found.biases:
-        ends["bias_m"] = [_ends(one) for one in found.biases]
+        ends["bias_m"] = [_ends(one) for one in _by_laser(found)]
     return ends
+
+
+def _by_laser(found: Calibration) -> list[Estimate]:
+    """The bias of every laser up to the last that was seen; one that was not may have any."""
+    reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
+    seen = dict(zip(found.laser_ids, found.biases, strict=True))
+    unseen = Estimate(0.0, -reach, reach)
+    return [seen.get(laser, unseen) for laser in range(max(found.laser_ids) + 1)]
 
 
 def _ends(one: Estimate) -> list[float]:

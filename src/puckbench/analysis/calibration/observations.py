@@ -1,11 +1,10 @@
 """What a residual table says of the range errors: one row per return, grouped as biases are drawn.
 
-A point is measured along a ray that meets the fitted plane at the angle theta, ``error`` beyond the
-true surface. Its residual is ``-error cos(theta) + a + b u + c v``: positive on the sensor's side,
-with three unknowns per plane for how far the fitted plane is from the true one where the ray meets
-it, at (u, v). So ``-residual / cos(theta)`` is the range error up to those three, whose
-coefficients are ``(1, u, v) / cos(theta)``. The measured u and v would not do: they hold the error
-itself, and the three would follow it.
+The residual, the range and the place on the plane give the measured point, and so the ray. A return
+beyond where its ray meets the fitted plane has that excess for a range error, up to how far the
+fitted plane is from the true one. A plane at the distance h with the normal n meets the ray d at
+the range r with ``1 / r = n d / h``, which is linear in d: so, along the ray, a plane near the
+fitted one is off it by ``r^2 d`` times three unknowns.
 """
 
 from __future__ import annotations
@@ -29,6 +28,8 @@ _LEAST_COSINE = 0.05
 SPOT_RAD = np.radians(0.4)
 
 _FEWEST = 100
+_PLANE = ["device", "distance_m", "run", "surface"]
+_FOUND = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
 _CELLS = {"frame": ["laser_id", "frame"], "spot": ["surface", "laser_id", "spot"]}
 
 Codes = NDArray[np.int64]
@@ -93,9 +94,8 @@ def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Obs
     device = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
     rows = pd.concat([table[[*NEEDED, *PLACE]] for table in tables], ignore_index=True)
     rows = rows.assign(device=device, surface=rows["surface"].astype(str))
-    height, cosine = _towards_the_plane(rows)
-    usable = cosine >= _LEAST_COSINE
-    rows = rows[usable].assign(height=height[usable], cosine=cosine[usable])
+    rows = _along_rays(rows)
+    rows = rows[rows["cosine"] >= _LEAST_COSINE]
     if len(rows) < _FEWEST:
         raise InputError(f"a calibration needs at least {_FEWEST} residuals, there are {len(rows)}")
     return _grouped(rows, cells)
@@ -115,19 +115,46 @@ def _check(table: pd.DataFrame) -> None:
         raise InputError("residual table: incidence_rad has a value that is not from 0 to pi/2")
 
 
-def _towards_the_plane(rows: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Distance from the sensor to the fitted plane, m, and the rays' cosine with it, (n,) each.
+def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
+    """`rows` with the range error beyond each plane, where the ray meets it, and the ray.
 
-    The distance is one number per plane: the ranges of a capture are not from the sensor's origin
-    (vertical correction) and do not agree on it to better than some millimetres.
+    The planes are fitted anew by least squares: about a plane that RANSAC left askew, what is of
+    second order would show.
+    """
+    height = _heights(rows)
+    values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
+    points = values - np.outer(height, [0.0, 0.0, 1.0])
+    found = np.empty((len(rows), len(_FOUND)))
+    planes = _codes(rows, _PLANE)
+    for plane in range(int(planes.max()) + 1):
+        on_it = planes == plane
+        found[on_it] = _beyond_plane(points[on_it])
+    return rows.assign(height=height, **dict(zip(_FOUND, found.T, strict=True)))
+
+
+def _heights(rows: pd.DataFrame) -> Floats:
+    """Distance from the sensor to the fitted plane, m, (n,).
+
+    One number per plane: the ranges of a capture are not from the sensor's origin (vertical
+    correction) and do not agree on it to better than some millimetres.
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
     each = np.sqrt(np.maximum(far**2 - u**2 - v**2, 0)) + residual
-    planes = [rows[name] for name in ("device", "distance_m", "run", "surface")]
-    height = pd.Series(each, rows.index).groupby(planes).transform("median").to_numpy()
-    off = height - residual
-    return height, off / np.sqrt(u**2 + v**2 + off**2)
+    keys = [rows[name] for name in _PLANE]
+    return np.asarray(pd.Series(each, rows.index).groupby(keys).transform("median"))
+
+
+def _beyond_plane(points: Floats) -> Floats:
+    """The columns `_FOUND` of the points of one plane, (n, 3), from the sensor, normal last."""
+    terms = np.column_stack([np.ones(len(points)), points[:, :2]])
+    (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
+    normal = np.array([-slopes[0], -slopes[1], 1.0])
+    far = np.linalg.norm(points, axis=1)
+    rays = points / far[:, None]
+    met = offset / (rays @ normal)
+    cosine = -(rays @ normal) / np.linalg.norm(normal)
+    return np.column_stack([far - met, met, cosine, met[:, None] ** 2 * rays])
 
 
 def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
@@ -144,16 +171,13 @@ def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
     coded, rows = coded.iloc[order], rows.iloc[order]
     changes = np.diff(coded[["cell", "surface"]].to_numpy(), axis=0).any(axis=1)
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
-    names = ["residual_m", "plane_u_m", "plane_v_m", "incidence_rad", "height", "cosine"]
-    residual, u, v, angle, height, cosine = rows[names].to_numpy(dtype=np.float64).T
-    # Where the ray meets the fitted plane, for the measured point is off it by the error.
-    met = height / cosine
-    one, nearer = np.ones(len(rows)), height / (height - residual)
-    basis = np.column_stack([one, u * nearer, v * nearer]) / cosine[:, None]
+    error, met = rows[["error", "met"]].to_numpy(dtype=np.float64).T
+    angle = rows["incidence_rad"].to_numpy(dtype=np.float64)
+    basis = rows[["basis_u", "basis_v", "basis_n"]].to_numpy(dtype=np.float64)
     return Observations(
-        error=-residual / cosine,
+        error=error,
         basis=_of_rings(basis, coded) if cells == "spot" else basis,
-        features=np.column_stack([one, angle**2, met]),
+        features=np.column_stack([np.ones(len(rows)), angle**2, met]),
         groups=np.append(starts, len(rows)),
         surface=coded["surface"].to_numpy()[starts],
         laser=coded["laser"].to_numpy()[starts],

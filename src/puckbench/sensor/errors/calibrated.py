@@ -106,13 +106,14 @@ class Calibrated:
 
     def _device(self, lasers: int, draws: Draws) -> Floats:
         """The lasers' own biases, m, (lasers,), of the device that is asked for."""
-        if self.bias_m is not None and not self.device:
-            if len(self.bias_m) != lasers:
-                raise InputError(f"bias_m has {len(self.bias_m)} lasers, the sensor {lasers}")
-            return np.array(self.bias_m)
-        another = self.device is not None
+        another = self.device is not None and self.device > 0
         stream = generator(self.device or 0, "device") if another else draws.fixed("device")
-        return stream.standard_normal(lasers) * (self.laser_sigma_m or 0.0)
+        biases = stream.standard_normal(lasers) * (self.laser_sigma_m or 0.0)
+        if self.bias_m is not None and not another:
+            if len(self.bias_m) > lasers:
+                raise InputError(f"bias_m has {len(self.bias_m)} lasers, the sensor {lasers}")
+            biases[: len(self.bias_m)] = self.bias_m
+        return np.asarray(biases)
 
 
 _DEFAULTS: dict[str, Any] = {
