@@ -174,7 +174,7 @@ def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str,
 def _study(config: Config) -> StudyPlan | None:
     """The sensor study, or None where the configuration has none; InputError names its fault."""
     value = config.get("sensor_study")
-    if value is None:
+    if not isinstance(value, Mapping):
         return None
     models = {name: _model(name, item or {}) for name, item in value["models"].items()}
     captures = {name: _capture(name, item) for name, item in value["captures"].items()}

@@ -39,8 +39,8 @@ def test_an_empty_study_makes_all_of_chapter_5() -> None:
 def test_without_a_study_nothing_of_chapter_5_is_made() -> None:
     scenes = {"a": {"loader": "embedded_objects", "select": ["chair_01"]}}
     config = {"scenes": scenes, "datasets": {"d": {"scenes": "a", "make": "sample"}}}
-    for given in (config, {**config, "sensor_study": None}):
-        bench = Workflow(given, SCHEMA)
+    for off in ({}, {"sensor_study": None}, {"sensor_study": False}):
+        bench = Workflow({**config, **off}, SCHEMA)
         assert set(bench.figures) & CHAPTER_5 == set()
         assert bench.study_tables() == {}
 
