@@ -121,6 +121,7 @@ def left_out(
     *,
     settings: Settings | None = None,
     replicates: int = REPLICATES,
+    resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
     """Each capture judged by what was measured on the others: another device's noise foretold.
@@ -136,7 +137,7 @@ def left_out(
             raise InputError("to leave a device out takes captures of two devices")
         models = {**default_models(), "calibrated": _model_of(others, settings)}
         compared = compared_residuals(real_walls([table]), models, replicates=replicates, seed=seed)
-        distances = model_distances(compared, seed=seed)
+        distances = model_distances(compared, resamples=resamples, seed=seed)
         distances.insert(0, "capture", number)
         found.append(distances)
     return pd.concat(found, ignore_index=True)

@@ -85,8 +85,7 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
             va="center", fontsize="small",
         )  # fmt: skip
     axes.set_xscale("log")
-    limits = _decades(rows.loc[models])
-    axes.set_xlim(*limits)
+    axes.set_xlim(*_limits(rows.loc[models]))
     axes.set_yticks(range(len(models)), [model_look(name, style).title for name in models])
     axes.set_ylim(len(models) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
@@ -94,10 +93,11 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
     axes.set_xlabel("Earth mover's distance to the real ones (mm)")
 
 
-def _decades(rows: pd.DataFrame) -> tuple[float, float]:
-    """Limits, mm, with room for the number after the largest."""
-    low = float(rows["emd_low_m"].min()) * 1e3
-    return max(min(0.5 * low, 1.0), 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3
+def _limits(rows: pd.DataFrame) -> tuple[float, float]:
+    """Limits, mm, that show every strip's end, with room for the number after the largest."""
+    lows = np.concatenate([rows["emd_low_m"].to_numpy(float), rows["chance_m"].to_numpy(float)])
+    low = 0.6 * float(np.nanmin(lows)) * 1e3
+    return max(low, 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3
 
 
 def _density(residuals: Floats) -> tuple[Floats, Floats]:
