@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,18 @@ def test_dracos_own_encoder_makes_dracopys_bytes_and_keeps_equal_points() -> Non
         assert len(tool.decode(tool.encode(twice, "r8"))) == 6000
         assert codec_of(tool.encode(points, "r8")) == "draco"
     assert len(ours.decode(ours.encode(np.vstack([points, points]), "r8"))) == 3000
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_damaged_streams_end_in_one_clean_error_or_points(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("puckbench.codecs.external._SECONDS", 1)
+    tool, rng = _present(name), np.random.default_rng(0)
+    stream = tool.encode(_surface(), "r1") if tool else b""
+    for _ in range(10 if tool else 0):
+        damaged = np.frombuffer(stream, np.uint8).copy()
+        damaged[rng.integers(0, len(damaged), 3)] = rng.integers(0, 256, 3)
+        with suppress(InputError):
+            assert tool is not None
+            assert np.isfinite(tool.decode(damaged.tobytes())).all()

@@ -35,6 +35,8 @@ class ExternalCodec(Codec):
     """
 
     programs: tuple[str, ...] = ()
+    said: str = ""
+    """What the program that ran last printed."""
 
     def available(self) -> Availability:
         """Whether the programs are there."""
@@ -53,13 +55,14 @@ class ExternalCodec(Codec):
         limits = (_MEMORY_BYTES + size * _MEMORY_PER_BYTE, _SECONDS + size * _SECONDS_PER_BYTE)
         words = [sys.executable, "-I", "-S", launch.__file__, *(str(int(x)) for x in limits)]
         ran = subprocess.run([*words, *map(str, command)], capture_output=True, check=False)
-        said = ran.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        self.said = ran.stderr.decode(errors="replace").strip()
         ended: dict[str, Any] = {"status": "not started"}
         if ran.returncode == 0:
             ended = json.loads(ran.stdout)
         if ended["status"] != 0:
+            last = self.said.rpartition("\n")[2][:80]
             failed = f"{Path(command[0]).name} failed"
-            raise InputError(f"codec {self.name}: {failed} ({ended['status']}: {said[:80]})")
+            raise InputError(f"codec {self.name}: {failed} ({ended['status']}: {last})")
         self._cost = Cost(ended["seconds"], ended["peak_kib"] / 1024)
 
 

@@ -18,8 +18,8 @@ from puckbench.codecs.gpcc.grid import (
     frame_of,
     in_frame,
     quantised,
-    restored,
 )
+from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.errors import InputError
 
 Duplicates = Literal["merged", "kept"]
@@ -44,7 +44,7 @@ class GridCodec(Codec):
         **entry: Any,
     ) -> None:
         super().__init__(**entry)
-        self._one_of("profile", profile, ("minimal", "ctc", "defaults"))
+        self._one_of("profile", profile, tuple(PROFILES))
         self._one_of("rounding", rounding, ROUNDINGS)
         self._one_of("duplicates", duplicates, ("merged", "kept"))
         if not 0 < unit < float("inf"):
@@ -96,19 +96,16 @@ class Gpcc(GridCodec):
 
         warm_up(self._options())
 
-    def _options(self) -> Any:
-        from puckbench.codecs.gpcc.coder import PROFILES
-
+    def _options(self) -> GpccOptions:
         return replace(PROFILES[self.profile], merge_duplicates=self.duplicates == "merged")
 
     def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
         positions, origin = quantised(points, frame, scale, self.rounding)
-        return encode_geometry(positions, self._options(), scale=scale, origin=origin)
+        return encode_geometry(positions, self._options(), scale=scale, origin=origin.tolist())
 
     def _units(self, stream: bytes) -> Floats:
         from puckbench.codecs.gpcc.coder import decode_geometry
 
-        decoded = decode_geometry(stream)
-        return restored(decoded.points, decoded.origin, 1 / decoded.scale)
+        return decode_geometry(stream).positions()

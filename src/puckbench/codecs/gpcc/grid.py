@@ -66,11 +66,6 @@ def _half_away_from_zero(values: Floats) -> Floats:
     return np.trunc(values + np.copysign(np.nextafter(0.5, 0), values))
 
 
-def restored(positions: NDArray[np.int64], origin: NDArray[np.int64], step: float) -> Floats:
-    """Grid positions (m, 3) in units, as the reference writes them, bit for bit."""
-    return positions * step + origin * step
-
-
 def in_frame(units: Floats, frame: Frame) -> Floats:
     """Points (m, 3) given in units, in the coordinates of the input."""
     if frame == Frame():
