@@ -17,10 +17,17 @@ from puckbench.codecs.gpcc.encoder import encode_slice
 from puckbench.codecs.gpcc.models import Models, fresh_models
 from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
-from puckbench.codecs.gpcc.tree import build_tree, split_axes
+from puckbench.codecs.gpcc.tree import Tree, build_tree, split_axes
 from puckbench.errors import InputError
 
-__all__ = ["PROFILES", "DecodedGeometry", "GpccOptions", "decode_geometry", "encode_geometry"]
+__all__ = [
+    "PROFILES",
+    "DecodedGeometry",
+    "GpccOptions",
+    "decode_geometry",
+    "encode_geometry",
+    "warm_up",
+]
 
 _LARGEST = 1 << 31
 _FINEST_SCALE = 1 << 16
@@ -47,11 +54,11 @@ class DecodedGeometry:
     metres: bool = False
 
     def positions(self) -> NDArray[np.float64]:
-        """Positions (m, 3) in the coordinates of the cloud that was coded."""
+        """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
+        step = self.scale.denominator / self.scale.numerator
+        corner = np.array(self.origin, dtype=np.float64) * step
         whole = self.points * self.global_scale.numerator
-        shifted = whole + np.array(self.origin) * self.global_scale.denominator
-        unit = self.scale * self.global_scale.denominator
-        positions: NDArray[np.float64] = shifted * float(1 / unit)
+        positions: NDArray[np.float64] = whole * (step / self.global_scale.denominator) + corner
         return positions
 
 
@@ -59,11 +66,11 @@ def encode_geometry(
     points: NDArray[Any],
     options: GpccOptions,
     scale: Fraction | float = 1,
-    offset: Sequence[int] = (0, 0, 0),
+    origin: Sequence[int] | Ints = (0, 0, 0),
 ) -> bytes:
     """A stream that the reference decoder reads, with points (n, 3) of integers.
 
-    Points plus `offset`, divided by `scale`, are the positions that a decoder gives. InputError
+    Points plus `origin`, divided by `scale`, are the positions that a decoder gives. InputError
     for an empty cloud, or points more than 21 bits apart.
     """
     points = np.ascontiguousarray(points, dtype=np.int64)
@@ -72,8 +79,8 @@ def encode_geometry(
     least = points.min(axis=0)
     if (points.max(axis=0) - least >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
-    origin = tuple(int(a) + int(b) for a, b in zip(least, offset, strict=True))
-    sps = _sequence_parameter_set(origin, Fraction(scale).limit_denominator(_FINEST_SCALE))
+    corner = tuple(int(a) + int(b) for a, b in zip(least, origin, strict=True))
+    sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_FINEST_SCALE))
     gps = _geometry_parameter_set(options)
     stream = [
         syntax.encapsulated(
@@ -84,9 +91,14 @@ def encode_geometry(
         ),
     ]
     for number, part in enumerate(_slices(points - least, options)):
-        unit = _data_unit(part, number, sps, gps, options)
+        unit = _data_unit(part, number, sps, gps)
         stream.append(syntax.encapsulated(syntax.GEOMETRY_DATA_UNIT, unit))
     return b"".join(stream)
+
+
+def warm_up(options: GpccOptions) -> None:
+    """Compile what coding with `options` needs, or load it from the cache."""
+    decode_geometry(encode_geometry(np.array([[0, 0, 0], [5, 3, 1]]), options))
 
 
 def _sequence_parameter_set(
@@ -115,7 +127,7 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     if mode == 1 and options.planar_mode_idcm_use == 0:
         mode = 0
     return syntax.GeometryParameterSet(
-        geom_unique_points_flag=int(options.merge_duplicated_points),
+        geom_unique_points_flag=int(options.merge_duplicates),
         inferred_direct_coding_mode=mode,
         joint_2pt_idcm_enabled_flag=int(options.joint_two_point_idcm),
         qtbt_enabled_flag=int(options.qtbt),
@@ -133,43 +145,66 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     )
 
 
-def _slices(points: Ints, options: GpccOptions) -> Iterator[Ints]:
-    """The points in parts of at most slice_max_points, halved along the longest side."""
-    if len(points) <= options.slice_max_points:
-        yield points
+def _slices(points: Ints, options: GpccOptions) -> Iterator[_Part]:
+    """Parts of the cloud of at most slice_max_points, halved along their longest side."""
+    part = _part(points, options)
+    if part.coded_points(options) <= options.slice_max_points:
+        yield part
         return
-    if options.merge_duplicated_points:
-        points = np.unique(points, axis=0)
-        if len(points) <= options.slice_max_points:
-            yield points
-            return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
-    for half in np.array_split(points[order], 2):
-        yield from _slices(half, options)
+    middle = _between_positions(points[order, axis])
+    yield from _slices(points[order[:middle]], options)
+    yield from _slices(points[order[middle:]], options)
 
 
-def _data_unit(
-    points: Ints,
-    number: int,
-    sps: syntax.SequenceParameterSet,
-    gps: syntax.GeometryParameterSet,
-    options: GpccOptions,
-) -> bytes:
+def _between_positions(sorted_values: Ints) -> int:
+    """About the middle of sorted values; not between equal ones, so that these stay together."""
+    middle = len(sorted_values) // 2
+    starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
+    ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")
+    if starts == 0 and ends == len(sorted_values):
+        return middle
+    return int(starts if starts > 0 else ends)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Points of a slice: their least coordinates, the axes that each level splits, the tree."""
+
+    corner: tuple[int, int, int]
+    axes: list[int]
+    tree: Tree
+
+    def coded_points(self, options: GpccOptions) -> int:
+        """How many points the slice will hold."""
+        return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
+
+
+def _part(points: Ints, options: GpccOptions) -> _Part:
     least = points.min(axis=0)
-    size = points.max(axis=0) - least
-    x, y, z = (max(int(s).bit_length(), 1) for s in size)
+    x, y, z = (max(int(size).bit_length(), 1) for size in points.max(axis=0) - least)
     axes = split_axes(
         (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
     )
+    corner = (int(least[0]), int(least[1]), int(least[2]))
+    return _Part(corner, axes, build_tree(points - least, axes))
+
+
+def _data_unit(
+    part: _Part,
+    number: int,
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+) -> bytes:
     header = syntax.GeometryHeader(
         slice_id=number,
-        slice_geom_origin_bits_minus1=_bits(int(least.max())) - 1,
-        slice_geom_origin_xyz=(int(least[0]), int(least[1]), int(least[2])),
-        tree_depth_minus1=len(axes) - 1,
-        tree_lvl_coded_axis_list=axes,
+        slice_geom_origin_bits_minus1=_bits(max(part.corner)) - 1,
+        slice_geom_origin_xyz=part.corner,
+        tree_depth_minus1=len(part.axes) - 1,
+        tree_lvl_coded_axis_list=part.axes,
     )
-    return encode_slice(build_tree(points - least, axes), header, sps, gps)
+    return encode_slice(part.tree, header, sps, gps)
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:

@@ -18,7 +18,7 @@ class GpccOptions:
     boxes instead of cubes, of which the first max_num_qtbt_before_ot levels and all nodes with a
     side of min_qtbt_size_log2 are split along their longest sides alone. inferred_direct_coding
     _mode: 0 off, 1 isolated nodes (planar_mode_idcm_use of 32 of them), 2 nodes without
-    neighbours, 3 any node. merge_duplicated_points: keep one of equal points, else all.
+    neighbours, 3 any node. merge_duplicates: keep one of equal points, else all.
     slice_max_points: most points in one slice.
     """
 
@@ -33,7 +33,7 @@ class GpccOptions:
     inferred_direct_coding_mode: int = 0
     planar_mode_idcm_use: int = 0
     joint_two_point_idcm: bool = True
-    merge_duplicated_points: bool = True
+    merge_duplicates: bool = True
     slice_max_points: int = 1_100_000
 
     def __post_init__(self) -> None:
