@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.compiled import INLINED, inlined, kernel
 from puckbench.codecs.gpcc.tables import ADAPTATION
 
 Bytes = NDArray[np.uint8]
@@ -23,7 +23,6 @@ HALF = 0x8000
 PADDING = 8
 """Bytes that the decoder may have read beyond what it needed."""
 
-_INLINED = {"forceinline": True, "error_model": "numpy"}
 _FALLS = ADAPTATION.astype(np.int64)
 _RISES = ADAPTATION[::-1].astype(np.int64)
 # Doublings that bring a range back above 0x4000; a range is never below 63.
@@ -106,24 +105,24 @@ def exhausted(coder: Any) -> bool:
     raise NotImplementedError("compiled only")
 
 
-@overload(is_encoder, jit_options=_INLINED)
+@overload(is_encoder, jit_options=INLINED)
 def _is_encoder(coder: Any) -> Any:
     return _yes if coder.instance_class is Encoder else _no
 
 
-@overload(exhausted, jit_options=_INLINED)
+@overload(exhausted, jit_options=INLINED)
 def _exhausted(coder: Any) -> Any:
     return _no if coder.instance_class is Encoder else _overrun
 
 
-@overload(step, jit_options=_INLINED)
+@overload(step, jit_options=INLINED)
 def _step(coder: Any, state: Any, probability: Any, bit: Any) -> Any:
     if coder.instance_class is Encoder:
         return _encode
     return _decode
 
 
-@overload(bypass_step, jit_options=_INLINED)
+@overload(bypass_step, jit_options=INLINED)
 def _bypass_step(coder: Any, state: Any, bit: Any) -> Any:
     if coder.instance_class is Encoder:
         return _encode_bypass
@@ -198,7 +197,7 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
     return decoded, state
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _emit(data: Bytes, state: State) -> State:
     """Move 32 finished bits from low to the output, with the carry into what is there."""
     low, span, count, place = state
@@ -211,7 +210,7 @@ def _emit(data: Bytes, state: State) -> State:
     return low & ((1 << (16 + count)) - 1), span, count, place + 4
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _carry(data: Bytes, place: int) -> None:
     place -= 1
     while place >= 0 and data[place] == 0xFF:
@@ -221,7 +220,7 @@ def _carry(data: Bytes, place: int) -> None:
         data[place] += 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _next_word(data: Bytes, place: int) -> int:
     """Four bytes, big endian; past the end they are 0xFF."""
     word = 0
@@ -231,7 +230,7 @@ def _next_word(data: Bytes, place: int) -> int:
     return word
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _flush(coder: Encoder) -> None:
     """Write what is left in low: the reference's own rule, which fixes the last bytes."""
     low, span, count, place = load(coder)
@@ -256,20 +255,20 @@ def _flush(coder: Encoder) -> None:
     save(coder, (low, span, 0, place + ending))
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def load(coder: Any) -> State:
     """The coder's state, to be held in registers over several steps."""
     state = coder.state
     return state[0], state[1], state[2], state[3]
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def save(coder: Any, state: State) -> None:
     """Put back a state that `load` gave and steps changed."""
     coder.state[0], coder.state[1], coder.state[2], coder.state[3] = state
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int) -> int:
     """Code one bit with an adaptive model."""
     coded, state, probability = step(coder, load(coder), np.int64(probabilities[model]), bit)
@@ -278,7 +277,7 @@ def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int
     return coded
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_bypass(coder: Any, bit: int) -> int:
     """Code one bit without a model."""
     coded, state = bypass_step(coder, load(coder), bit)
@@ -286,7 +285,7 @@ def code_bypass(coder: Any, bit: int) -> int:
     return coded
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: int) -> int:
     """Code a number, Exp-Golomb of order 0; at most 24 prefix bits are read."""
     order = 0
@@ -300,7 +299,7 @@ def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: 
     return base + rest
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def restart(coder: Decoder) -> None:
     """Begin the next entropy stream, which follows the present one's last byte."""
     used = coder.state[3] - coder.state[2] // 8

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, code_exp_golomb
 from puckbench.codecs.gpcc.models import (
     DIRECT_POINTS_GT1,
@@ -40,7 +40,7 @@ class DirectNode(NamedTuple):
     upper: int
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     """Which of 32 successive candidate nodes may be coded directly, as bits."""
     if mode == 0:
@@ -55,7 +55,7 @@ def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     return mask
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def is_candidate(mode: int, size: int, pattern: int, siblings: int, children: int) -> bool:
     """Whether a node's children may be coded directly.
 
@@ -71,7 +71,7 @@ def is_candidate(mode: int, size: int, pattern: int, siblings: int, children: in
     return children > 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fits(unique: bool, leaves: int, points: int) -> bool:
     """Whether the encoder codes a node of `leaves` distinct among `points` points directly."""
     if points > _MOST_EQUAL_POINTS:
@@ -81,7 +81,7 @@ def fits(unique: bool, leaves: int, points: int) -> bool:
     return points <= MOST_POINTS
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_direct(
     coder: Any,
     models: Models,
@@ -90,17 +90,18 @@ def code_direct(
     leaves: int,
     points: int,
     coded: Ints,
+    left: Ints,
 ) -> tuple[int, int]:
     """Code the points of a node; how many distinct ones there are, and how many in all.
 
     given: (2, 3) the `leaves` distinct of `points` points to code, relative to the node. coded:
-    (2, 3) those points as coded.
+    (2, 3) those points as coded. left: (3,) scratch.
     """
     pair = code_bit(coder, models.probabilities, DIRECT_POINTS_GT1, np.int64(leaves == 2))
     more = 0
     if not node.unique and not pair:
         more = _code_duplicates(coder, models, points - 1)
-    left = _take_planes(node, coded)
+    _take_planes(node, coded, left)
     if pair and node.joint:
         _code_common_bits(coder, models, given, left, coded)
     for i in range(1 + pair):
@@ -111,7 +112,7 @@ def code_direct(
     return 1 + pair, 1 + pair + more
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_duplicates(coder: Any, models: Models, more: int) -> int:
     """Code how many further points stand where the one point is."""
     models_of = models.probabilities
@@ -122,20 +123,18 @@ def _code_duplicates(coder: Any, models: Models, more: int) -> int:
     return 2 + code_exp_golomb(coder, models_of, DUPLICATES_PREFIX, more - 2)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _take_planes(node: DirectNode, coded: Ints) -> Ints:
-    """Begin both points with the bits that planar coding has told; the bits left along each axis."""
-    left = np.zeros(3, dtype=np.int64)
+@kernel
+def _take_planes(node: DirectNode, coded: Ints, left: Ints) -> None:
+    """Begin both points with the bits that planar coding has told; set how many are left."""
     for axis in range(3):
         known = node.bits[axis] > 0 and node.planar >> axis & 1 != 0
         left[axis] = node.bits[axis] - np.int64(known)
         first = (node.upper >> axis & 1) if known else 0
         coded[0, axis] = first
         coded[1, axis] = first
-    return left
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_common_bits(coder: Any, models: Models, given: Ints, left: Ints, coded: Ints) -> None:
     """Code two ordered points' bits along each axis as far as the first that differs."""
     equal = True
@@ -157,7 +156,7 @@ def _code_common_bits(coder: Any, models: Models, given: Ints, left: Ints, coded
         equal = equal and same != 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def local_points(leaves: Ints, bits: tuple[int, int, int], local: Ints, ordered: bool) -> None:
     """Split the codes of one or two leaves into coordinates within their node, into `local`.
 
@@ -176,7 +175,7 @@ def local_points(leaves: Ints, bits: tuple[int, int, int], local: Ints, ordered:
             return
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def placed(node: int, bits: tuple[int, int, int], local: Ints) -> int:
     """Code of the leaf at `local` (3,) within the node with code `node`."""
     code = 0

@@ -116,6 +116,7 @@ def slice_state(gps: GeometryParameterSet, most_points: int) -> octree.Slice:
         np.array([0, most_points or 1 << 62], dtype=np.int64),
         scratch,
         scratch.copy(),
+        np.zeros(3, dtype=np.int64),
     )
 
 

@@ -6,9 +6,10 @@ shifted by the axes that the level splits, and the child's index below.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.compiled import compiled, inlined
 
 Ints = NDArray[np.int64]
 
@@ -25,7 +26,7 @@ AXES_BITS = np.array(
 )
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def below(morton: int, axes: int) -> int:
     """Code of the first child of the node `morton` where `axes` are split."""
     if axes == 7:
@@ -34,7 +35,7 @@ def below(morton: int, axes: int) -> int:
     return (morton & split) << 3 | morton & ~split
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def above(morton: int, axes: int) -> int:
     """Code of the parent of the first child `morton` where `axes` are split."""
     if axes == 7:
@@ -43,7 +44,7 @@ def above(morton: int, axes: int) -> int:
     return (morton & split) >> 3 | morton & ~split
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def gathered(bits: int) -> int:
     """Every third bit, from the lowest, side by side."""
     bits &= Z_BITS
@@ -54,7 +55,7 @@ def gathered(bits: int) -> int:
     return (bits | bits >> 32) & 0x1FFFFF
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def spread(bits: int) -> int:
     """The inverse of `gathered`: bits at every third place."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
@@ -64,7 +65,7 @@ def spread(bits: int) -> int:
     return (bits | bits << 2) & Z_BITS
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def coordinates(morton: Ints, axes: Ints, origin: Ints) -> Ints:
     """Points (n, 3) of codes (n,): column c is the axis axes[c] (0 x, 1 y, 2 z) plus origin[c]."""
     points = np.empty((len(morton), 3), dtype=np.int64)

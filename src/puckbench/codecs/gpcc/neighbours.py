@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.compiled import inlined, kernel
 from puckbench.codecs.gpcc.bitcount import bit_count
 from puckbench.codecs.gpcc.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
 
@@ -103,7 +103,7 @@ def atlas(boundary: int) -> Atlas:
     return Atlas(np.zeros(size, dtype=np.uint8), np.zeros(size, dtype=np.uint8), boundary)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def enter_cube(
     cubes: Atlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
@@ -128,7 +128,7 @@ def enter_cube(
     return end
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
     """Occupancy of the parent next to the one at `address` along an axis; 0 outside the cube."""
     bits = _AXIS[axis]
@@ -145,7 +145,7 @@ def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
     return np.int64(cubes.parents[moved | address & ~bits])
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def face_neighbours(cubes: Atlas, axes: int, base: int, occupancy: int) -> Six:
     """For x+1, x-1, y-1, y+1, z-1, z+1: which children of a parent have an occupied neighbour.
 
@@ -169,7 +169,7 @@ def face_neighbours(cubes: Atlas, axes: int, base: int, occupancy: int) -> Six:
     return high, low, behind, ahead, under, over
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def face_pattern(faces: Six, child: int) -> int:
     """Neighbour pattern of one child."""
     return (
@@ -182,7 +182,7 @@ def face_pattern(faces: Six, child: int) -> int:
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def adjacent_children(
     cubes: Atlas, axes: int, node: int, pattern: int
 ) -> tuple[int, int, int, int, int]:
@@ -214,7 +214,7 @@ def adjacent_children(
     return pattern, one, two, empty, seen
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def neighbour_grid(cubes: Atlas, axes: int, base: int) -> int:
     """Occupancy of the 4 x 4 x 4 nodes around a parent's children, as bits of a word.
 
@@ -239,7 +239,7 @@ def neighbour_grid(cubes: Atlas, axes: int, base: int) -> int:
     return grid
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
     """The bits of one axis moved by place - 1; -1 when that leaves the cube."""
     own = address & bits
@@ -250,7 +250,7 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
     return -1 if own == within & bits else ((address | ~bits) + 1) & bits
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def predicted_children(grid: int, child: int) -> tuple[int, int]:
     """Children of a node whose occupancy its neighbours foretell, and those foretold occupied."""
     around = (grid >> _CHILD_CELL[child]) & _AROUND

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
+from puckbench.codecs.gpcc.compiled import inlined, kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, load, save, step
 from puckbench.codecs.gpcc.models import OCCUPANCY, SINGLE_CHILD, Models
 from puckbench.codecs.gpcc.tables import (
@@ -49,7 +49,7 @@ class Planes(NamedTuple):
     possible: int
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_occupancy(
     coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
 ) -> int:
@@ -82,13 +82,13 @@ def code_occupancy(
     return _code_masked_bits(coder, models, around, planes, occupancy)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _known_child(planes: Planes) -> int:
     """The lowest child that is in every known plane."""
     return (planes.masked_x & 1) << 2 | (planes.masked_y & 1) << 1 | (planes.masked_z & 1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_single_child(coder: Any, planes: Planes, occupancy: int) -> int:
     """Code the index of the only child, without the axes whose plane is known."""
     child = _known_child(planes)
@@ -101,7 +101,7 @@ def _code_single_child(coder: Any, planes: Planes, occupancy: int) -> int:
     return 1 << child
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def _map_index(around: Surroundings, i: int, child: int, predict: bool) -> int:
     """Which of the 18 context maps the i-th coded bit, that of `child`, goes by."""
     adjacent = (around.empty >> child & 1) + 2 * (
@@ -114,7 +114,7 @@ def _map_index(around: Surroundings, i: int, child: int, predict: bool) -> int:
     return 3 * adjacent + (around.foretold >> child & 1) + (around.expected >> child & 1)
 
 
-@numba.njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inlined
 def _code_mapped(
     coder: Any, models: Models, state: Any, place: int, bit: int
 ) -> tuple[int, Any]:
@@ -131,7 +131,7 @@ def _code_mapped(
     return bit, state
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_bits(coder: Any, models: Models, around: Surroundings, occupancy: int) -> int:
     """Code eight bits, but those that must be ones: some child is occupied, and two when the
     node has no neighbour (one child alone was coded otherwise).
@@ -154,7 +154,7 @@ def _code_bits(coder: Any, models: Models, around: Surroundings, occupancy: int)
     return coded
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_masked_bits(
     coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
 ) -> int:
@@ -180,7 +180,7 @@ def _code_masked_bits(
     return coded
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _must_be_one(planes: Planes, zeros: int, child: int, alone: bool) -> bool:
     """Whether the children known empty leave no other choice than that this one is occupied."""
     if COUNT[zeros] >= (6 if alone else 7):

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted, is_encoder
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
@@ -103,7 +103,7 @@ class Slice(NamedTuple):
     """State that lasts over the levels of a slice.
 
     atlas, planar: of the contexts. leaves: codes of decoded points. tally: how many there are,
-    how many there may be. given, coded: (2, 3) scratch of direct coding.
+    how many there may be. given, coded: (2, 3), left: (3,), scratch of direct coding.
     """
 
     atlas: Atlas
@@ -112,9 +112,10 @@ class Slice(NamedTuple):
     tally: Ints
     given: Ints
     coded: Ints
+    left: Ints
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_level(
     coder: Any,
     models: Models,
@@ -189,7 +190,7 @@ class Family(NamedTuple):
     eligible: int
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_node(
     coder: Any,
     models: Models,
@@ -247,7 +248,7 @@ def _code_node(
     return occupancy, pattern
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _eligible(
     level: Level, siblings: int, pattern: int, occupancy: int, enabled: int
 ) -> tuple[int, int]:
@@ -266,7 +267,7 @@ def _eligible(
     return mask, enabled
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_directly(
     coder: Any,
     models: Models,
@@ -283,7 +284,7 @@ def _code_directly(
     if is_encoder(coder):
         start, end = np.int64(source.start[index]), np.int64(source.start[index + 1])
         leaves = end - start
-        points = leaves if level.unique else np.int64(source.counts[start:end].sum())
+        points = leaves if level.unique else _points(source, start, end)
     direct = np.int64(fits(level.unique, leaves, points))
     if not code_bit(coder, models.probabilities, IS_DIRECT, direct):
         return False
@@ -291,7 +292,7 @@ def _code_directly(
         local_points(source.leaves[start:end], level.bits, slice_.given, level.joint)
     node = DirectNode(level.bits, level.unique, level.joint, planar, upper)
     leaves, points = code_direct(
-        coder, models, node, slice_.given, leaves, points, slice_.coded
+        coder, models, node, slice_.given, leaves, points, slice_.coded, slice_.left
     )
     if not is_encoder(coder):
         for i in range(leaves):
@@ -300,7 +301,16 @@ def _code_directly(
     return True
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
+def _points(source: Source, start: int, end: int) -> int:
+    """Points at the leaves from `start` to `end`."""
+    points = 0
+    for leaf in range(start, end):
+        points += source.counts[leaf]
+    return points
+
+
+@kernel
 def _code_leaves(
     coder: Any,
     models: Models,
@@ -329,7 +339,7 @@ def _code_leaves(
         leaf += 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _put(slice_: Slice, morton: int, points: int) -> None:
     """Keep `points` decoded points at a leaf, as far as there may be so many."""
     done = slice_.tally[0]

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
 from puckbench.codecs.gpcc.morton import gathered
@@ -56,7 +56,7 @@ def forget_planes(state: PlanarState) -> None:
     state.plane.fill(_UNUSED)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def count_planes(state: PlanarState, occupancy: int) -> None:
     """Take the occupancy of the parent of the next nodes into the rates."""
     rates = state.rates
@@ -66,7 +66,7 @@ def count_planes(state: PlanarState, occupancy: int) -> None:
     rates[3] = (255 * rates[3] + 1024 * COUNT[occupancy]) >> 8
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def eligible_axes(state: PlanarState, axes: int) -> int:
     """The axes (1 x, 2 y, 4 z) to try, of those split (4 x, 2 y, 1 z)."""
     rates = state.rates
@@ -83,7 +83,7 @@ def eligible_axes(state: PlanarState, axes: int) -> int:
     return found
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def planes_of(occupancy: int) -> tuple[int, int]:
     """Axes (1 x, 2 y, 4 z) along which only one plane is occupied; those where it is the upper."""
     planar, upper = 0, 0
@@ -96,7 +96,7 @@ def planes_of(occupancy: int) -> tuple[int, int]:
     return planar, upper
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def masked_children(planar: int, upper: int, axis: int) -> int:
     """Children known empty because the occupied plane of an axis is known."""
     if planar >> axis & 1 == 0:
@@ -118,7 +118,7 @@ class Node(NamedTuple):
     known: bool
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def code_planes(
     coder: Any, models: Models, state: PlanarState, node: Node, eligible: int, occupancy: int
 ) -> tuple[int, int, int]:
@@ -143,7 +143,7 @@ def code_planes(
     return planar, upper, possible
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _code_plane(
     coder: Any,
     models: Models,
@@ -171,7 +171,7 @@ def _code_plane(
     return plane
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _planes_beside(node: Node, axis: int) -> int:
     """Context by which of the planes next to a node's two are occupied."""
     before = (1, 2, 4)[axis]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.compiled import compiled
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -124,7 +125,7 @@ def _child_of_bits(axes: int) -> Ints:
     return np.array(children, dtype=np.int64)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _keys(points: Ints, tables: Ints) -> Ints:
     keys = np.empty(len(points), dtype=np.int64)
     for i in range(len(points)):
@@ -137,7 +138,7 @@ def _keys(points: Ints, tables: Ints) -> Ints:
     return keys
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _permuted(keys: Ints, tables: Ints) -> Ints:
     codes = np.zeros(len(keys), dtype=np.int64)
     for i in range(len(keys)):
@@ -146,7 +147,7 @@ def _permuted(keys: Ints, tables: Ints) -> Ints:
     return codes
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _distinct(keys: Ints) -> tuple[Ints, Indices]:
     """The distinct ones of sorted keys, and how often each stands there."""
     count = 1
@@ -163,7 +164,7 @@ def _distinct(keys: Ints) -> tuple[Ints, Indices]:
     return distinct, counts
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
     """Parents of nodes with sorted keys, of which the lowest `width` bits tell the child."""
     count = 1
