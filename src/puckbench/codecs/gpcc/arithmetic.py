@@ -85,11 +85,6 @@ def finish(coder: Encoder) -> bytes:
     return coder.data[: coder.state[3]].tobytes()
 
 
-def is_encoder(coder: Any) -> bool:
-    """Whether a coder codes (in kernels a constant, so that the other direction costs nothing)."""
-    return isinstance(coder, Encoder)
-
-
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
     """Code one bit: the bit, the new state and the new probability."""
     raise NotImplementedError("compiled only")
@@ -103,11 +98,6 @@ def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
 def exhausted(coder: Any) -> bool:
     """Whether a decoder has read further than its stream can have symbols."""
     raise NotImplementedError("compiled only")
-
-
-@overload(is_encoder, jit_options=INLINED)
-def _is_encoder(coder: Any) -> Any:
-    return _yes if coder.instance_class is Encoder else _no
 
 
 @overload(exhausted, jit_options=INLINED)
@@ -127,10 +117,6 @@ def _bypass_step(coder: Any, state: Any, bit: Any) -> Any:
     if coder.instance_class is Encoder:
         return _encode_bypass
     return _decode_bypass
-
-
-def _yes(coder: Any) -> bool:
-    return True
 
 
 def _no(coder: Any) -> bool:

@@ -114,18 +114,10 @@ def _decode_level(
 ) -> octree.Nodes:
     count = int(COUNT[parents.occupancy].sum())
     nodes = empty_nodes(0 if level.last else count, encoding=False)
-    kept = octree.code_level(coder, adaptive, level, parents, nodes, _NO_SOURCE, state)
+    kept = octree.code_level(coder, adaptive, level, parents, nodes, None, state)
     if kept == octree.TOO_MANY_POINTS:
         raise InputError("G-PCC stream: a slice holds more points than it says")
     if kept < 0 or consumed(coder) > coder.state[4]:
         raise InputError(_DAMAGED)
     return first_nodes(nodes, kept)
 
-
-_NO_SOURCE = octree.Source(
-    np.empty(0, dtype=np.uint8),
-    np.empty(0, dtype=np.int32),
-    np.empty(0, dtype=np.int32),
-    np.empty(0, dtype=np.int64),
-    np.empty(0, dtype=np.int32),
-)

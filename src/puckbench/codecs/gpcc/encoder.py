@@ -33,11 +33,11 @@ def encode_slice(
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     footer = GeometryFooter(geom_num_points_minus1=points - 1)
     head = written(geometry_header, header, sps, gps)
-    return head + _coded(tree, header, gps) + footer_bytes(footer)
+    return head + coded_tree(tree, header, gps) + footer_bytes(footer)
 
 
-def _coded(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
-    """The arithmetic-coded part."""
+def coded_tree(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
+    """The arithmetic-coded part of a data unit."""
     coder = encoder(64)
     adaptive = models.fresh_models()
     state = slice_state(gps, 0)

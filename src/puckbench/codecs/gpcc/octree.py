@@ -1,6 +1,6 @@
 """One level of the octree: every node's planes, direct points or occupancy, in breadth-first order.
 
-The same kernel codes (given an `Encoder` and the tree) and decodes (given a `Decoder`).
+The same kernel codes (given an `Encoder` and a `Source`) and decodes (given a `Decoder` and None).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.compiled import kernel
-from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted, is_encoder
+from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -85,7 +85,7 @@ class Nodes(NamedTuple):
 
 
 class Source(NamedTuple):
-    """The tree that an encoder codes; empty in a decoder.
+    """The tree that an encoder codes.
 
     occupancy, first: of all nodes of a level, and the index of each one's first child below.
     start: index of each one's first leaf, and the number of leaves. leaves: codes of all leaves,
@@ -122,7 +122,7 @@ def code_level(
     level: Level,
     parents: Nodes,
     nodes: Nodes,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
 ) -> int:
     """Code the children of `parents`; those that have children themselves go into `nodes`.
@@ -144,7 +144,7 @@ def code_level(
             count_planes(slice_.planar, siblings)
         faces = face_neighbours(slice_.atlas, level.parent_axes, base, siblings)
         grid = neighbour_grid(slice_.atlas, level.parent_axes, base) if level.predict else 0
-        index = np.int64(parents.first[p]) if is_encoder(coder) else 0
+        index = np.int64(parents.first[p]) if source is not None else 0
         family = Family(base, siblings, grid, np.int64(parents.eligible[p]))
         for child in range(8):
             if siblings >> child & 1 == 0:
@@ -163,7 +163,7 @@ def code_level(
                     nodes.occupancy[count] = occupancy
                     mask, enabled = _eligible(level, siblings, pattern, occupancy, enabled)
                     nodes.eligible[count] = mask
-                    if is_encoder(coder):
+                    if source is not None:
                         nodes.first[count] = source.first[index]
                     count += 1
             index += 1
@@ -195,7 +195,7 @@ def _code_node(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     family: Family,
     child: int,
@@ -209,7 +209,7 @@ def _code_node(
         pattern, one, two, empty, seen = adjacent_children(
             slice_.atlas, level.axes, morton, pattern
         )
-    occupancy = np.int64(source.occupancy[index]) if is_encoder(coder) else 0
+    occupancy = np.int64(source.occupancy[index]) if source is not None else 0
     planar, upper, possible = 0, 0, 7
     if slice_.planar.enabled:
         eligible = eligible_axes(slice_.planar, level.axes)
@@ -272,7 +272,7 @@ def _code_directly(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     morton: int,
     index: int,
@@ -281,20 +281,20 @@ def _code_directly(
 ) -> bool:
     """Code whether a node's points are coded directly and, if so, code them."""
     leaves, points, start, end = 0, 0, 0, 0
-    if is_encoder(coder):
+    if source is not None:
         start, end = np.int64(source.start[index]), np.int64(source.start[index + 1])
         leaves = end - start
         points = leaves if level.unique else _points(source, start, end)
     direct = np.int64(fits(level.unique, leaves, points))
     if not code_bit(coder, models.probabilities, IS_DIRECT, direct):
         return False
-    if is_encoder(coder):
+    if source is not None:
         local_points(source.leaves[start:end], level.bits, slice_.given, level.joint)
     node = DirectNode(level.bits, level.unique, level.joint, planar, upper)
     leaves, points = code_direct(
         coder, models, node, slice_.given, leaves, points, slice_.coded, slice_.left
     )
-    if not is_encoder(coder):
+    if source is None:
         for i in range(leaves):
             repeats = points - leaves + 1 if i == 0 else 1
             _put(slice_, placed(morton, level.bits, slice_.coded[i]), repeats)
@@ -315,7 +315,7 @@ def _code_leaves(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     morton: int,
     occupancy: int,
@@ -323,18 +323,18 @@ def _code_leaves(
 ) -> None:
     """Code how many points each leaf of a node of the last level holds; a decoder keeps them."""
     base = below(morton, level.axes)
-    leaf = np.int64(source.first[index]) if is_encoder(coder) else 0
+    leaf = np.int64(source.first[index]) if source is not None else 0
     for child in range(8):
         if occupancy >> child & 1 == 0:
             continue
         points = np.int64(1)
         if not level.unique:
-            more = np.int64(source.counts[leaf]) - 1 if is_encoder(coder) else 0
+            more = np.int64(source.counts[leaf]) - 1 if source is not None else 0
             if code_bit(coder, models.probabilities, DUPLICATES_GT0, np.int64(more > 0)):
                 points = 2 + code_exp_golomb(
                     coder, models.probabilities, DUPLICATES_PREFIX, more - 1
                 )
-        if not is_encoder(coder):
+        if source is None:
             _put(slice_, base | child, points)
         leaf += 1
 
