@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import INLINED, inlined, kernel
+from puckbench.codecs.gpcc.compiled import INLINED, inlined, integer, kernel
 from puckbench.codecs.gpcc.tables import ADAPTATION
 
 Bytes = NDArray[np.uint8]
@@ -125,7 +125,7 @@ def _no(coder: Any) -> bool:
 
 def _overrun(coder: Any) -> bool:
     overrun: bool = coder.state[3] > coder.state[4] + PADDING
-    return overrun
+    return overrun or coder.state[6] > len(coder.bypass)
 
 
 def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
@@ -178,7 +178,7 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
     if coder.state[5]:
         index = coder.state[6]
         coder.state[6] += 1
-        return (np.int64(coder.bypass[index]) if index < len(coder.bypass) else 0), state
+        return (integer(coder.bypass[index]) if index < len(coder.bypass) else 0), state
     decoded, state, _ = step(coder, state, HALF, bit)
     return decoded, state
 
@@ -211,7 +211,7 @@ def _next_word(data: Bytes, place: int) -> int:
     """Four bytes, big endian; past the end they are 0xFF."""
     word = 0
     for k in range(4):
-        byte = np.int64(data[place + k]) if place + k < len(data) else 0xFF
+        byte = integer(data[place + k]) if place + k < len(data) else 0xFF
         word = word << 8 | byte
     return word
 
@@ -257,7 +257,7 @@ def save(coder: Any, state: State) -> None:
 @kernel
 def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int) -> int:
     """Code one bit with an adaptive model."""
-    coded, state, probability = step(coder, load(coder), np.int64(probabilities[model]), bit)
+    coded, state, probability = step(coder, load(coder), integer(probabilities[model]), bit)
     probabilities[model] = probability
     save(coder, state)
     return coded
@@ -276,7 +276,7 @@ def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: 
     """Code a number, Exp-Golomb of order 0; at most 24 prefix bits are read."""
     order = 0
     base = 0
-    while order < 24 and code_bit(coder, models, prefix, np.int64(value - base >= 1 << order)):
+    while order < 24 and code_bit(coder, models, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
         order += 1
     rest = 0

@@ -29,6 +29,9 @@ __all__ = [
     "warm_up",
 ]
 
+MOST_POINTS = 1 << 24
+"""Most points of a stream: as many as one slice can say it has, so that memory has a bound."""
+
 _LARGEST = 1 << 31
 _FINEST_SCALE = 1 << 16
 
@@ -57,7 +60,7 @@ class DecodedGeometry:
         """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
-        whole = self.points * self.global_scale.numerator
+        whole = self.points * float(self.global_scale.numerator)
         positions: NDArray[np.float64] = whole * (step / self.global_scale.denominator) + corner
         return positions
 
@@ -90,7 +93,10 @@ def encode_geometry(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    for number, part in enumerate(_slices(points - least, options)):
+    parts = list(_slices(points - least, options))
+    if sum(part.coded_points(options) for part in parts) > MOST_POINTS:
+        raise InputError(f"G-PCC: more than {MOST_POINTS} points")
+    for number, part in enumerate(parts):
         unit = _data_unit(part, number, sps, gps)
         stream.append(syntax.encapsulated(syntax.GEOMETRY_DATA_UNIT, unit))
     return b"".join(stream)
@@ -256,6 +262,8 @@ class _Contents:
             raise InputError("G-PCC stream: slices of different sequences")
         self._active = sps
         coded = read_slice(payload, sps, gps)
+        if sum(map(len, self._slices)) + coded.points > MOST_POINTS:
+            raise InputError(f"G-PCC stream: more than {MOST_POINTS} points")
         self._check_frame(coded)
         if not coded.header.entropy_continuation_flag:
             self._models = fresh_models()
@@ -292,9 +300,7 @@ class _Contents:
         points = self._slices[0] if len(self._slices) == 1 else np.concatenate(self._slices)
         return DecodedGeometry(
             points=points,
-            scale=Fraction(
-                sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1
-            ),
+            scale=Fraction(sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1),
             origin=_origin(sps),
             global_scale=_global_scale(sps),
             metres=bool(sps.seq_unit_is_metres_flag),

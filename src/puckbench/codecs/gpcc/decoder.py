@@ -41,9 +41,7 @@ class CodedSlice:
     points: int
 
 
-def read_slice(
-    payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet
-) -> CodedSlice:
+def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
     """Take a geometry data unit apart; InputError when it cannot be a slice."""
     reader = Reader(payload)
     header = GeometryHeader()
@@ -76,7 +74,7 @@ def decode_slice(
             saved = models.copied(adaptive), state.planar.rates.copy()
         if streams and number > depth - 1 - streams:
             _next_stream(coder, adaptive, state, saved)
-        planar.forget_planes(state.planar)
+        planar.forget_planes(state.planar, 1 << number)
         parents = _decode_level(coder, adaptive, level_of(header, gps, number), parents, state)
         if not len(parents.morton):
             break
@@ -120,4 +118,3 @@ def _decode_level(
     if kept < 0 or consumed(coder) > coder.state[4]:
         raise InputError(_DAMAGED)
     return first_nodes(nodes, kept)
-

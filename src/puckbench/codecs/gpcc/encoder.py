@@ -44,7 +44,7 @@ def coded_tree(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) ->
     parents = root_parent()
     for number, source in enumerate(_sources(tree, header, gps)):
         level = level_of(header, gps, number)
-        planar.forget_planes(state.planar)
+        planar.forget_planes(state.planar, 1 << number)
         count = len(source.occupancy)
         coder = enlarged(coder, 64 + count * _most_bytes(level))
         nodes = empty_nodes(0 if level.last else count, encoding=True)
@@ -113,7 +113,7 @@ def slice_state(gps: GeometryParameterSet, most_points: int) -> octree.Slice:
         neighbours.atlas(minus1 + 1 if minus1 else 0),
         planar.planar_state(bool(gps.geom_planar_mode_enabled_flag), thresholds),
         np.empty(most_points, dtype=np.int64),
-        np.array([0, most_points or 1 << 62], dtype=np.int64),
+        np.array([0, most_points or 1 << 62, 0, 0, 0], dtype=np.int64),
         scratch,
         scratch.copy(),
         np.zeros(3, dtype=np.int64),

@@ -74,9 +74,7 @@ def _header(bits: tuple[int, int, int]) -> syntax.GeometryHeader:
     """A slice's header with the splits of a box; one level at least."""
     x, y, z = bits
     axes = split_axes((max(x, 1), y, z) if max(bits) == 0 else bits, qtbt=True)
-    return syntax.GeometryHeader(
-        tree_depth_minus1=len(axes) - 1, tree_lvl_coded_axis_list=axes
-    )
+    return syntax.GeometryHeader(tree_depth_minus1=len(axes) - 1, tree_lvl_coded_axis_list=axes)
 
 
 def _base_128(number: int) -> bytes:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import inlined, kernel
 from puckbench.codecs.gpcc.bitcount import bit_count
+from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
 from puckbench.codecs.gpcc.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
 
 Ints = NDArray[np.int64]
@@ -42,7 +42,10 @@ _GRID_OF_OCCUPANCY = np.array(
 _CHILD_CELL = np.array([_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)], dtype=np.int64)
 _AROUND = sum(
     1 << _cell(x, y, z)
-    for x in range(3) for y in range(3) for z in range(3) if (x, y, z) != (1, 1, 1)
+    for x in range(3)
+    for y in range(3)
+    for z in range(3)
+    if (x, y, z) != (1, 1, 1)
 )
 # The seven neighbours of a node that touch its child k.
 _TOUCHING = np.array(
@@ -65,7 +68,7 @@ _ALL_CELLS = 0x00330033
 
 
 def _placing(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
-    """Which cells of the parent `offsets` parents away are in the grid, and how far to move them."""
+    """Cells of the parent `offsets` parents away that are in the grid; how far to move them."""
     cut, shift = _ALL_CELLS, 0
     for axis, offset in enumerate(offsets):
         split = axes >> (2 - axis) & 1
@@ -142,7 +145,7 @@ def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
         if own == 0:
             return 0
         moved = (own - 1) & bits
-    return np.int64(cubes.parents[moved | address & ~bits])
+    return integer(cubes.parents[moved | address & ~bits])
 
 
 @kernel
@@ -200,7 +203,7 @@ def adjacent_children(
             continue
         bits = _AXIS[axis]
         beside = ((address & bits) - 1) & bits | address & ~bits
-        occupancy = np.int64(cubes.nodes[beside])
+        occupancy = integer(cubes.nodes[beside])
         seen |= occupancy << 8 * axis
         facing, step = UPPER[axis], _STEP[axis]
         if axes & step == 0:
@@ -258,6 +261,6 @@ def predicted_children(grid: int, child: int) -> tuple[int, int]:
     foretold, occupied = 0, 0
     for k in range(8):
         touching = bit_count(around & _TOUCHING[k])
-        foretold |= np.int64(touching <= 2 or touching >= most) << k
-        occupied |= np.int64(touching >= most) << k
+        foretold |= integer(touching <= 2 or touching >= most) << k
+        occupied |= integer(touching >= most) << k
     return foretold, occupied

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import compiled
+from puckbench.codecs.gpcc.compiled import compiled, integer
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -152,7 +152,7 @@ def _distinct(keys: Ints) -> tuple[Ints, Indices]:
     """The distinct ones of sorted keys, and how often each stands there."""
     count = 1
     for i in range(1, len(keys)):
-        count += np.int64(keys[i] != keys[i - 1])
+        count += integer(keys[i] != keys[i - 1])
     distinct = np.empty(count, dtype=np.int64)
     counts = np.zeros(count, dtype=np.int32)
     k = -1
@@ -169,7 +169,7 @@ def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, 
     """Parents of nodes with sorted keys, of which the lowest `width` bits tell the child."""
     count = 1
     for i in range(1, len(keys)):
-        count += np.int64((keys[i] ^ keys[i - 1]) >> width != 0)
+        count += integer((keys[i] ^ keys[i - 1]) >> width != 0)
     parents = np.empty(count, dtype=np.int64)
     occupancy = np.zeros(count, dtype=np.uint8)
     first = np.empty(count, dtype=np.int32)
