@@ -103,7 +103,8 @@ def main() -> None:
             cases, failed = cases + 1, failed + bool(found.fault)
             identical += found.same
             where = f"{name}, {profile}, {duplicates}, {rounding}, scale {SCALES[rate]:g}"
-            print(f"{where}: {found.ours} / {found.reference} bytes {found.fault}", flush=True)
+            said = found.fault or ("identical" if found.same else "other bytes")
+            print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
     print(f"{cases} cases, {identical} byte-identical, {failed} failed")
     sys.exit(failed > 0)
 
