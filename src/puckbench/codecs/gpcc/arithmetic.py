@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import INLINED, inlined, integer, kernel
+from puckbench.codecs.gpcc.compiled import INLINED, entry, inlined, integer, kernel
 from puckbench.codecs.gpcc.tables import ADAPTATION
 
 Bytes = NDArray[np.uint8]
@@ -216,7 +216,7 @@ def _next_word(data: Bytes, place: int) -> int:
     return word
 
 
-@kernel
+@entry
 def _flush(coder: Encoder) -> None:
     """Write what is left in low: the reference's own rule, which fixes the last bytes."""
     low, span, count, place = load(coder)
@@ -285,10 +285,8 @@ def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: 
     return base + rest
 
 
-@kernel
 def restart(coder: Decoder) -> None:
     """Begin the next entropy stream, which follows the present one's last byte."""
-    used = coder.state[3] - coder.state[2] // 8
-    place = min(used, coder.state[4])
-    first = _next_word(coder.data, place) >> 16
-    coder.state[0], coder.state[1], coder.state[2], coder.state[3] = first, 0xFFFF, 0, place + 2
+    place = min(consumed(coder), int(coder.state[4]))
+    first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
+    coder.state[:4] = first, 0xFFFF, 0, place + 2

@@ -11,10 +11,12 @@ import numpy as np
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _njit: Any = numba.njit
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 # Kernels own no arrays; counting references to those that they are given took half of their time.
-BORROWING = {**_OPTIONS, "_nrt": False}
-INLINED: Any = {**BORROWING, "forceinline": True}
+_BORROWING = {**_OPTIONS, "_nrt": False}
+# What lets Python call a function takes longer to compile than most functions.
+_INTERNAL = {**_BORROWING, "no_cpython_wrapper": True}
+INLINED: Any = {**_INTERNAL, "forceinline": True}
 
 integer = cast(Callable[[Any], int], np.int64)
 """Makes a 64-bit integer of a narrower one or of a truth value; in kernels, wherever a number is
@@ -26,9 +28,14 @@ def compiled(function: Function) -> Function:
     return cast(Function, _njit(cache=True, **_OPTIONS)(function))
 
 
+def entry(function: Function) -> Function:
+    """Compile a kernel that Python calls: it makes no array, but works on those it is given."""
+    return cast(Function, _njit(cache=True, **_BORROWING)(function))
+
+
 def kernel(function: Function) -> Function:
-    """Compile a function that makes no array but works on those that it is given."""
-    return cast(Function, _njit(cache=True, **BORROWING)(function))
+    """Compile a kernel that only others call."""
+    return cast(Function, _njit(cache=True, **_INTERNAL)(function))
 
 
 def inlined(function: Function) -> Function:

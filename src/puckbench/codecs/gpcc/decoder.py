@@ -78,7 +78,9 @@ def decode_slice(
         parents = _decode_level(coder, adaptive, level_of(header, gps, number), parents, state)
         if not len(parents.morton):
             break
-    return state.leaves[: state.tally[0]]
+    if state.tally[0] != coded.points:
+        raise InputError("G-PCC stream: a slice holds fewer points than it says")
+    return state.leaves
 
 
 def _decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:

@@ -40,7 +40,6 @@ class DirectNode(NamedTuple):
     upper: int
 
 
-@kernel
 def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     """Which of 32 successive candidate nodes may be coded directly, as bits."""
     if mode == 0:
@@ -50,7 +49,7 @@ def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     mask, sum_of_rates = 0, 0
     for i in range(32):
         sum_of_rates += rate_minus1 + 1
-        mask |= integer(sum_of_rates >= 32) << i
+        mask |= (sum_of_rates >= 32) << i
         sum_of_rates &= 31
     return mask
 

@@ -64,8 +64,6 @@ def decode_voxels(stream: bytes) -> Ints:
         raise InputError("packed voxels: the header is damaged")
     coded = CodedSlice(_header(bits), bytes(rest), count)
     codes = decode_slice(coded, _SPS, _GPS, fresh_models())
-    if len(codes) != count:
-        raise InputError("packed voxels: the stream is damaged or truncated")
     least = [(v >> 1) if v % 2 == 0 else -(v + 1 >> 1) for v in signed]
     return coordinates(codes, _AXES, np.array(least, dtype=np.int64))
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
-from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, integer, kernel
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -133,7 +133,7 @@ class Family(NamedTuple):
     first: int
 
 
-@kernel
+@entry
 def code_level(
     coder: Any,
     models: Models,
