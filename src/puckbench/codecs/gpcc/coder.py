@@ -17,7 +17,7 @@ from puckbench.codecs.gpcc.encoder import encode_slice
 from puckbench.codecs.gpcc.models import Models, fresh_models
 from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
-from puckbench.codecs.gpcc.tree import Tree, build_tree, split_axes
+from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, split_axes
 from puckbench.errors import InputError
 
 __all__ = [
@@ -79,8 +79,8 @@ def encode_geometry(
     points = np.ascontiguousarray(points, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError("G-PCC: no points to code")
-    least = points.min(axis=0)
-    if (points.max(axis=0) - least >= 1 << MOST_BITS).any():
+    least, most = bounds(points)
+    if (most - least >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
     corner = tuple(int(a) + int(b) for a, b in zip(least, origin, strict=True))
     sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_FINEST_SCALE))
@@ -93,7 +93,7 @@ def encode_geometry(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    parts = list(_slices(points - least, options))
+    parts = list(_slices(points, least, options))
     if sum(part.coded_points(options) for part in parts) > MOST_POINTS:
         raise InputError(f"G-PCC: more than {MOST_POINTS} points")
     for number, part in enumerate(parts):
@@ -151,17 +151,20 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     )
 
 
-def _slices(points: Ints, options: GpccOptions) -> Iterator[_Part]:
-    """Parts of the cloud of at most slice_max_points, halved along their longest side."""
-    part = _part(points, options)
+def _slices(points: Ints, start: Ints, options: GpccOptions) -> Iterator[_Part]:
+    """Parts of the cloud of at most slice_max_points, halved along their longest side.
+
+    start: origin of the sequence.
+    """
+    part = _part(points, start, options)
     if part.coded_points(options) <= options.slice_max_points:
         yield part
         return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     middle = _between_positions(points[order, axis])
-    yield from _slices(points[order[:middle]], options)
-    yield from _slices(points[order[middle:]], options)
+    yield from _slices(points[order[:middle]], start, options)
+    yield from _slices(points[order[middle:]], start, options)
 
 
 def _between_positions(sorted_values: Ints) -> int:
@@ -187,14 +190,14 @@ class _Part:
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
-def _part(points: Ints, options: GpccOptions) -> _Part:
-    least = points.min(axis=0)
-    x, y, z = (max(int(size).bit_length(), 1) for size in points.max(axis=0) - least)
+def _part(points: Ints, start: Ints, options: GpccOptions) -> _Part:
+    least, most = bounds(points)
+    x, y, z = (max(int(size).bit_length(), 1) for size in most - least)
     axes = split_axes(
         (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
     )
-    corner = (int(least[0]), int(least[1]), int(least[2]))
-    return _Part(corner, axes, build_tree(points - least, axes))
+    a, b, c = (least - start).tolist()
+    return _Part((a, b, c), axes, build_tree(points, least, axes))
 
 
 def _data_unit(

@@ -17,7 +17,7 @@ from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice
 from puckbench.codecs.gpcc.encoder import coded_tree
 from puckbench.codecs.gpcc.models import fresh_models
 from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
-from puckbench.codecs.gpcc.tree import build_tree, split_axes
+from puckbench.codecs.gpcc.tree import bounds, build_tree, split_axes
 from puckbench.errors import InputError
 
 _SPS = syntax.SequenceParameterSet()
@@ -39,12 +39,12 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):
         return b""
-    least = voxels.min(axis=0)
-    x, y, z = (int(size).bit_length() for size in voxels.max(axis=0) - least)
+    least, most = bounds(voxels)
+    x, y, z = (int(size).bit_length() for size in most - least)
     if max(x, y, z) > MOST_BITS or np.abs(least).max() >= 1 << 31:
         raise InputError(f"voxels are more than {MOST_BITS} bits apart, or too far away")
     header = _header((x, y, z))
-    tree = build_tree(voxels - least, header.tree_lvl_coded_axis_list)
+    tree = build_tree(voxels, least, header.tree_lvl_coded_axis_list)
     if len(tree.keys) > _MOST_VOXELS:
         raise InputError(f"more than {_MOST_VOXELS} voxels")
     signed = [2 * abs(int(v)) - (v < 0) for v in least]
