@@ -1,4 +1,8 @@
-"""How the kernels are compiled."""
+"""How the kernels are compiled.
+
+The cache on disk looks at the file of a kernel alone: after a change to one that another file's
+kernels call, remove the package's __pycache__.
+"""
 
 from __future__ import annotations
 

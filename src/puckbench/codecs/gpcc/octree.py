@@ -24,7 +24,6 @@ from puckbench.codecs.gpcc.models import DUPLICATES_GT0, DUPLICATES_PREFIX, IS_D
 from puckbench.codecs.gpcc.morton import below
 from puckbench.codecs.gpcc.neighbours import (
     Atlas,
-    Six,
     adjacent_children,
     enter_cube,
     face_neighbours,
@@ -120,14 +119,14 @@ class Slice(NamedTuple):
 class Family(NamedTuple):
     """A parent as its children see it.
 
-    base: code of its first child. siblings: its occupancy. faces: of the children by occupied face
-    neighbour. grid: occupied nodes around the children. eligible: children that may be coded
+    base: code of its first child. siblings: its occupancy. faces: its children's occupied
+    face neighbours. grid: occupied nodes around the children. eligible: children that may be coded
     directly. first: in an encoder, index of its first child among all nodes of the level.
     """
 
     base: int
     siblings: int
-    faces: Six
+    faces: int
     grid: int
     eligible: int
     first: int

@@ -14,7 +14,7 @@ from puckbench.codecs.gpcc.arithmetic import code_bit
 from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
 from puckbench.codecs.gpcc.morton import gathered
-from puckbench.codecs.gpcc.neighbours import UPPER
+from puckbench.codecs.gpcc.neighbours import AFTER, BEFORE, UPPER
 from puckbench.codecs.gpcc.tables import COUNT
 
 _ROWS = 1 << 14
@@ -174,8 +174,7 @@ def _code_plane(
 @kernel
 def _planes_beside(node: Node, axis: int) -> int:
     """Context by which of the planes next to a node's two are occupied."""
-    before = (1, 2, 4)[axis]
-    after = (0, 3, 5)[axis]
+    before, after = BEFORE[axis], AFTER[axis]
     if node.known:
         low = node.seen >> (8 * axis) & UPPER[axis] != 0
     else:
