@@ -60,8 +60,10 @@ class DecodedGeometry:
         """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
-        whole = self.points * float(self.global_scale.numerator)
-        positions: NDArray[np.float64] = whole * (step / self.global_scale.denominator) + corner
+        positions = self.points.astype(np.float64)
+        positions *= float(self.global_scale.numerator)
+        positions *= step / self.global_scale.denominator
+        positions += corner
         return positions
 
 

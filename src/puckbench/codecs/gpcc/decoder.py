@@ -13,7 +13,7 @@ from puckbench.codecs.gpcc.bypass import demultiplexed
 from puckbench.codecs.gpcc.encoder import (
     empty_nodes,
     first_nodes,
-    level_of,
+    levels_of,
     root_parent,
     slice_state,
 )
@@ -66,16 +66,16 @@ def decode_slice(
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
     coder = _decoder(coded, sps)
-    state = slice_state(gps, coded.points)
+    state = slice_state(gps, depth, coded.points)
     parents = root_parent()
     saved = models.copied(adaptive), state.planar.rates.copy()
-    for number in range(depth):
+    for number, level in enumerate(levels_of(header, gps)):
         if number == depth - 1 - streams:
             saved = models.copied(adaptive), state.planar.rates.copy()
         if streams and number > depth - 1 - streams:
             _next_stream(coder, adaptive, state, saved)
         planar.forget_planes(state.planar, 1 << number)
-        parents = _decode_level(coder, adaptive, level_of(header, gps, number), parents, state)
+        parents = _decode_level(coder, adaptive, level, parents, state)
         if not len(parents.morton):
             break
     if state.tally[0] != coded.points:

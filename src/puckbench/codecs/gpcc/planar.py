@@ -28,7 +28,7 @@ class PlanarState(NamedTuple):
 
     enabled: whether there is any. rates: of planes along x, y, z, and the density of nodes.
     thresholds: rates from which the most, second and least frequent axis are tried. place, plane:
-    (3, 16384) for each axis and position along it, where the last planar node was and its plane.
+    (3, rows) for each axis and position along it, where the last planar node was and its plane.
     """
 
     enabled: bool
@@ -38,9 +38,9 @@ class PlanarState(NamedTuple):
     plane: NDArray[np.int64]
 
 
-def planar_state(enabled: bool, thresholds: tuple[int, int, int]) -> PlanarState:
-    """The state at the start of a slice."""
-    rows = _ROWS if enabled else 1
+def planar_state(enabled: bool, depth: int, thresholds: tuple[int, int, int]) -> PlanarState:
+    """The state at the start of a slice, a tree of `depth` levels."""
+    rows = min(_ROWS, 1 << depth) if enabled else 1
     return PlanarState(
         enabled,
         np.array([1024, 1024, 1024, 4096], dtype=np.int64),
