@@ -88,6 +88,20 @@ def test_a_scan_by_hand_from_mesh_to_distortion(
     assert noise_m == pytest.approx(0.0172, rel=0.25)  # hypot(0.014, 0.010), less by incidence
 
 
+def test_gpcc_streams_with_and_without_what_puckbench_adds(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, bare = tmp_path / "ours.bin", tmp_path / "bare.bin"
+    for stream, how in ((ours, []), (bare, ["--raw"])):
+        _json(capsys, "encode", cloud, stream, "--codec", "gpcc", "--rate", "r4", *how)
+    assert ours.read_bytes().endswith(bare.read_bytes())
+    found = _json(capsys, "decode", ours, tmp_path / "a.ply")
+    read = _json(capsys, "decode", bare, tmp_path / "b.ply", "--codec", "gpcc")
+    assert found["codec"] == "gpcc"
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+    assert found["points_out"] == read["points_out"] > 0
+
+
 def test_evaluating_a_stream_gives_the_whole_row(
     cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
