@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
-from puckbench.codecs.gpcc.compiled import entry, inlined, integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, inlined, integer, kernel, part
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -175,7 +175,7 @@ def code_level(
     return integer(slice_.tally[2])
 
 
-@kernel
+@part
 def _code_family(
     coder: Any,
     models: Models,
@@ -212,7 +212,7 @@ def _code_family(
     return 0
 
 
-@kernel
+@part
 def _code_node(
     coder: Any,
     models: Models,
