@@ -45,3 +45,8 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Compile a kernel into those that call it."""
     return cast(Function, _njit(cache=True, **INLINED)(function))
+
+
+def part(function: Function) -> Function:
+    """Make a kernel part of the one that calls it: for one that is called at a single place."""
+    return cast(Function, _njit(cache=True, inline="always", **_INTERNAL)(function))

@@ -47,6 +47,12 @@ class Planes(NamedTuple):
     possible: int
 
 
+@inlined
+def no_plane_known(planes: Planes) -> bool:
+    """Whether no child is known empty because of planes."""
+    return planes.masked_x | planes.masked_y | planes.masked_z == 0
+
+
 @kernel
 def code_occupancy(
     coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
@@ -54,7 +60,6 @@ def code_occupancy(
     """Code which children are occupied."""
     if planes.masked_x and planes.masked_y and planes.masked_z:
         return 1 << _known_child(planes)
-    masked = planes.masked_x | planes.masked_y | planes.masked_z
     if around.pattern == 0:
         single = integer(COUNT[occupancy] == 1)
         if planes.possible == 7 and code_bit(coder, models.probabilities, SINGLE_CHILD, single):
@@ -62,7 +67,7 @@ def code_occupancy(
         pair = _pair_of_children(planes)
         if pair:
             return pair
-    if masked == 0 and planes.possible == 7:
+    if no_plane_known(planes) and planes.possible == 7:
         return _code_bits(coder, models, around, occupancy)
     return _code_masked_bits(coder, models, around, planes, occupancy)
 

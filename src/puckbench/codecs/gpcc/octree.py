@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
-from puckbench.codecs.gpcc.compiled import entry, integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, inlined, integer, kernel, part
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -31,7 +31,12 @@ from puckbench.codecs.gpcc.neighbours import (
     neighbour_grid,
     predicted_children,
 )
-from puckbench.codecs.gpcc.occupancy import Planes, Surroundings, code_occupancy
+from puckbench.codecs.gpcc.occupancy import (
+    Planes,
+    Surroundings,
+    code_occupancy,
+    no_plane_known,
+)
 from puckbench.codecs.gpcc.planar import (
     Node,
     PlanarState,
@@ -170,7 +175,7 @@ def code_level(
     return integer(slice_.tally[2])
 
 
-@kernel
+@part
 def _code_family(
     coder: Any,
     models: Models,
@@ -207,7 +212,7 @@ def _code_family(
     return 0
 
 
-@kernel
+@part
 def _code_node(
     coder: Any,
     models: Models,
@@ -229,33 +234,20 @@ def _code_node(
     occupancy = integer(source.occupancy[index]) if source is not None else 0
     planar, upper, possible = 0, 0, 7
     if slice_.planar.enabled:
+        siblings = 0 if level.root else family.siblings
+        node = Node(morton, child, siblings, pattern, seen, level.adjacent)
         eligible = eligible_axes(slice_.planar, level.axes)
-        if eligible:
-            node = Node(
-                morton,
-                child,
-                0 if level.root else family.siblings,
-                pattern,
-                seen,
-                level.adjacent,
-            )
-            planar, upper, possible = code_planes(
-                coder, models, slice_.planar, node, eligible, occupancy
-            )
+        planar, upper, possible = code_planes(
+            coder, models, slice_.planar, node, eligible, occupancy
+        )
     if family.eligible >> child & 1 and _code_directly(
         coder, models, level, source, slice_, morton, index, planar, upper
     ):
         occupancy = 0
     else:
-        planar |= ((level.axes >> 2 & 1) | (level.axes & 2) | (level.axes & 1) << 2) ^ 7
-        planes = Planes(
-            masked_children(planar, upper, 0),
-            masked_children(planar, upper, 1),
-            masked_children(planar, upper, 2),
-            possible,
-        )
+        planes = _planes(level.axes, planar, upper, possible)
         foretold, expected = 0, 0
-        if level.predict and planar == 0:
+        if level.predict and no_plane_known(planes):
             foretold, expected = predicted_children(family.grid, child)
         known = integer(slice_.atlas.side > 0)
         around = Surroundings(known, pattern, one, two, empty, foretold, expected)
@@ -263,6 +255,18 @@ def _code_node(
     if level.adjacent:
         slice_.atlas.nodes[morton & ((1 << 3 * slice_.atlas.side) - 1)] = occupancy
     return occupancy, pattern
+
+
+@inlined
+def _planes(axes: int, planar: int, upper: int, possible: int) -> Planes:
+    """What is known of a node's planes; along an axis that is not split only the lower exists."""
+    planar |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
+    return Planes(
+        masked_children(planar, upper, 0),
+        masked_children(planar, upper, 1),
+        masked_children(planar, upper, 2),
+        possible,
+    )
 
 
 @kernel

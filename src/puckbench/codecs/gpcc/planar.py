@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit
-from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
 from puckbench.codecs.gpcc.morton import gathered
 from puckbench.codecs.gpcc.neighbours import AFTER, BEFORE, UPPER
@@ -96,7 +96,7 @@ def planes_of(occupancy: int) -> tuple[int, int]:
     return planar, upper
 
 
-@kernel
+@inlined
 def masked_children(planar: int, upper: int, axis: int) -> int:
     """Children known empty because the occupied plane of an axis is known."""
     if planar >> axis & 1 == 0:
@@ -127,8 +127,10 @@ def code_planes(
     Returns, as masks of axes (1 x, 2 y, 4 z): planar ones, those whose upper plane is occupied,
     and those not known to have both planes occupied.
     """
-    given, given_upper = planes_of(occupancy)
     planar, upper, possible = 0, 0, 7
+    if eligible == 0:
+        return planar, upper, possible
+    given, given_upper = planes_of(occupancy)
     for axis in range(3):
         if eligible >> axis & 1 == 0:
             continue
