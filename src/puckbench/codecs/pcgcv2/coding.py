@@ -42,7 +42,9 @@ def decode_latent(data: bytes, count: int, tables: tuple[Table, ...]) -> Integer
 
     if len(data) % _WORD:
         raise InputError("the stream is damaged (features)")
-    coder = constriction.stream.queue.RangeDecoder(np.frombuffer(data, dtype="<u4").astype(np.uint32))
+    coder = constriction.stream.queue.RangeDecoder(
+        np.frombuffer(data, dtype="<u4").astype(np.uint32)
+    )
     latent = np.empty((count, len(tables)), dtype=np.int32)
     try:
         for values, table in zip(latent.T, tables, strict=True):

@@ -91,7 +91,9 @@ def residual_block(
 
     def work(rows: slice, scratch: Scratch) -> None:
         size = (rows.stop - rows.start) * where.layout.children
-        first = scratch.take("near", size * 2 * quarter).view(-1, where.layout.children, 2 * quarter)
+        first = scratch.take("near", size * 2 * quarter).view(
+            -1, where.layout.children, 2 * quarter
+        )
         _summed(hidden[:, :, :quarter], near, where, rows, scratch, first)
         second = scratch.take("middle", size * quarter).view(-1, where.layout.children, quarter)
         _summed(hidden[:, :, quarter:], middle, where, rows, scratch, second)

@@ -78,9 +78,7 @@ class Encoder(nn.Module):
         self.downs = nn.ModuleList(Down(a, b) for a, b in zip(widths, widths[1:], strict=False))
         self.blocks = nn.ModuleList(Blocks(width, shape.blocks) for width in widths[1:])
         ends = [*widths[1:-1], shape.latent]
-        self.convs = nn.ModuleList(
-            Convolution(a, b) for a, b in zip(widths[1:], ends, strict=True)
-        )
+        self.convs = nn.ModuleList(Convolution(a, b) for a, b in zip(widths[1:], ends, strict=True))
 
     def forward(self, sites: list[Site], families: list[Families], features: Tensor) -> Tensor:
         """Ones (n, 1, 1) to the latent (m, 1, latent); sites of strides 1, 2, 4, 8, in rows."""

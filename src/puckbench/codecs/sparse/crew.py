@@ -65,7 +65,8 @@ def crew(threads: int | None = None) -> Iterator[Crew]:
     threads = threads or before
     torch.set_num_threads(1)
     try:
-        with ThreadPoolExecutor(threads) as pool:
+        # a thread's first product would else be computed by as many threads as the machine has
+        with ThreadPoolExecutor(threads, "sparse", torch.set_num_threads, (1,)) as pool:
             yield Crew(threads, pool if threads > 1 else None)
     finally:
         torch.set_num_threads(before)

@@ -104,9 +104,7 @@ class TorchMover:
                 onto[target] = onto[target] + product.view(len(inside), len(children), -1)
 
 
-def segments(
-    room: Tensor, counts: NDArray[np.int64], layout: Layout, width: int
-) -> Segments:
+def segments(room: Tensor, counts: NDArray[np.int64], layout: Layout, width: int) -> Segments:
     """Cut flat memory into the pairs of each offset, one after the other."""
     found: Segments = []
     at = 0
