@@ -7,6 +7,7 @@ ICLR 2018, appendix 6.1: a small monotone network is the cumulative distribution
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -28,7 +29,7 @@ class Bottleneck(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.channels = channels
-        steps = list(zip(FILTERS, FILTERS[1:], strict=False))
+        steps = list(pairwise(FILTERS))
         start = np.log(np.expm1(1 / 10 ** (1 / len(steps))))
         self.matrices = nn.ParameterList(
             torch.full((channels, b, a), float(start - np.log(b))) for a, b in steps

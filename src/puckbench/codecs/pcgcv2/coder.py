@@ -38,7 +38,7 @@ class Coder:
     threads: int | None = None
 
     def encode(self, voxels: Voxels) -> Coded:
-        """Code voxels (n, 3), in any order and with duplicates; InputError when they span too much."""
+        """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much."""
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
@@ -54,7 +54,8 @@ class Coder:
         """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
             parts = [self._decode_block(block, workers) for block in coded.blocks]
-        return np.vstack(parts) + np.array(coded.origin)
+        voxels: Voxels = np.vstack(parts) + np.array(coded.origin)
+        return voxels
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
         found = analyse(self.weights.model, keys, workers)

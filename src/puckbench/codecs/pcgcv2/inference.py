@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -50,7 +49,7 @@ def ready_inward(block: InceptionResidual, layout: Layout) -> Ready:
     """Both layers of a block that read its input, the pointwise one as part of the centre."""
     near = products_of(block.near_in.kernel.detach(), layout)
     width, quarter = block.near_in.kernel.shape[1:]
-    point = torch.block_diag(*[block.point_in.kernel.detach()[0]] * layout.children)
+    point = torch.kron(torch.eye(layout.children), block.point_in.kernel.detach()[0])
     parts = [matrix.view(layout.children * width, layout.children, quarter)
              for matrix in (near[CENTRE], point)]  # fmt: skip
     bias = torch.cat([block.near_in.bias.detach(), block.point_in.bias.detach()])
@@ -83,7 +82,7 @@ def _summed(
 def residual_block(
     features: Tensor, block: InceptionResidual, where: Site, hidden: Tensor, into: Tensor
 ) -> Tensor:
-    """One Inception-ResNet block: features and `into` (n, children, c), hidden (n, children, c / 2)."""
+    """One Inception-ResNet block, (n, children, c) into the same; hidden: (n, children, c / 2)."""
     convolved(features, ready_inward(block, where.layout), where, hidden, relu=True)
     quarter = hidden.shape[2] // 2
     near, middle = (ready(layer, where.layout) for layer in (block.near_out, block.middle))
@@ -122,7 +121,9 @@ def _memory(crew: Crew, rows: int, children: int, width: int) -> Memory:
     return Memory(**{name: flat[name].view(rows, children, wide) for name, wide in sizes.items()})
 
 
-def _blocks(features: Tensor, blocks: Any, where: Site, memory: Memory) -> Tensor:
+def _blocks(
+    features: Tensor, blocks: Iterable[InceptionResidual], where: Site, memory: Memory
+) -> Tensor:
     for block in blocks:
         other = memory.there if features is memory.here else memory.here
         features = residual_block(features, block, where, memory.hidden, other)
@@ -159,14 +160,13 @@ def analyse(model: PCGCv2, keys: Keys, crew: Crew) -> Analysis:
 def _encoder_scale(
     model: PCGCv2, scale: int, features: Tensor, families: Families, where: Site
 ) -> Tensor:
-    encoder = model.encoder
-    down, conv = encoder.downs[scale], encoder.convs[scale]
-    parents, width = len(families.first) - 1, down.kernel.shape[2]
-    lowered = _lowered(features, down, families, where.crew)
+    layers = model.encoder.scale(scale)
+    parents, width = len(families.first) - 1, layers.down.kernel.shape[2]
+    lowered = _lowered(features, layers.down, families, where.crew)
     memory = _memory(where.crew, parents, 1, width)
-    features = _blocks(memory.here.copy_(lowered), encoder.blocks[scale], where, memory)
-    into = torch.empty(parents, 1, conv.kernel.shape[2])
-    return convolved(features, ready(conv, where.layout), where, into, scale + 1 < SCALES)
+    features = _blocks(memory.here.copy_(lowered), layers.blocks, where, memory)
+    into = torch.empty(parents, 1, layers.conv.kernel.shape[2])
+    return convolved(features, ready(layers.conv, where.layout), where, into, scale + 1 < SCALES)
 
 
 def _lowered(features: Tensor, down: Down, families: Families, crew: Crew) -> Tensor:
@@ -200,15 +200,14 @@ def synthesise(
     parents, features = sets[0], torch.from_numpy(latent)
     _reserve(model, (len(coarse), *counts[:0:-1]), crew)
     for scale, keep in enumerate(reversed(counts)):
-        last = scale + 1 == SCALES
         children, logits = _decoder_scale(model, scale, features, parents, crew)
         kept = largest(logits.view(-1).numpy(), keep)
-        keys = (parents.keys[kept >> 3] << 3) | (kept & 7)
-        if last:
-            return keys
+        keys: Keys = (parents.keys[kept >> 3] << 3) | (kept & 7)
+        if scale + 1 == SCALES:
+            break
         features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
         parents = children_voxels(_those_with_children(parents, kept), keys)
-    return parents.keys
+    return keys
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], crew: Crew) -> None:
@@ -234,15 +233,14 @@ def _decoder_scale(
     model: PCGCv2, scale: int, features: Tensor, parents: Voxels, crew: Crew
 ) -> tuple[Tensor, Tensor]:
     """Features (m, 8, d) of all children and their logits (m, 8)."""
-    decoder, layout = model.decoder, blocks_layout()
+    layers, layout = model.decoder.scale(scale), blocks_layout()
     where = site(parents.neighbours, layout, crew)
-    up, conv = decoder.ups[scale], decoder.convs[scale]
-    memory = _memory(crew, len(parents), CHILDREN, conv.kernel.shape[2])
-    _raised(features, up, crew, memory.here)
-    convolved(memory.here, ready(conv, layout), where, memory.there, relu=True)
-    children = _blocks(memory.there, decoder.blocks[scale], where, memory)
+    memory = _memory(crew, len(parents), CHILDREN, layers.conv.kernel.shape[2])
+    _raised(features, layers.up, crew, memory.here)
+    convolved(memory.here, ready(layers.conv, layout), where, memory.there, relu=True)
+    children = _blocks(memory.there, layers.blocks, where, memory)
     logits = torch.empty(len(parents), CHILDREN, 1)
-    convolved(children, ready(decoder.logits[scale], layout), where, logits, relu=False)
+    convolved(children, ready(layers.logits, layout), where, logits, relu=False)
     return children, logits[:, :, 0]
 
 

@@ -8,7 +8,9 @@ one set of weights serves a whole rate-distortion curve; each rate has a bottlen
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import cast
 
 import torch
@@ -61,11 +63,30 @@ class Blocks(nn.ModuleList):
     def __init__(self, width: int, count: int) -> None:
         super().__init__(InceptionResidual(width) for _ in range(count))
 
+    def __iter__(self) -> Iterator[InceptionResidual]:
+        return cast(Iterator[InceptionResidual], super().__iter__())
+
     def forward(self, features: Tensor, where: Site) -> Tensor:
         """(n, children, c) to the same."""
         for block in self:
             features = block(features, where)
         return features
+
+
+class EncoderScale(nn.Module):
+    """From a set of voxels to the next coarser one."""
+
+    def __init__(self, width: int, wider: int, end: int, blocks: int) -> None:
+        super().__init__()
+        self.down = Down(width, wider)
+        self.blocks = Blocks(wider, blocks)
+        self.conv = Convolution(wider, end)
+
+    def forward(self, features: Tensor, families: Families, where: Site) -> Tensor:
+        """(n, 1, c) to (m, 1, d), before the ReLU."""
+        features = self.blocks(self.down(features, families).relu(), where)
+        result: Tensor = self.conv(features, where)
+        return result
 
 
 class Encoder(nn.Module):
@@ -74,38 +95,55 @@ class Encoder(nn.Module):
     def __init__(self, shape: Shape) -> None:
         super().__init__()
         widths = shape.widths
-        self.first = Convolution(1, widths[0])
-        self.downs = nn.ModuleList(Down(a, b) for a, b in zip(widths, widths[1:], strict=False))
-        self.blocks = nn.ModuleList(Blocks(width, shape.blocks) for width in widths[1:])
         ends = [*widths[1:-1], shape.latent]
-        self.convs = nn.ModuleList(Convolution(a, b) for a, b in zip(widths[1:], ends, strict=True))
+        self.first = Convolution(1, widths[0])
+        self.scales = nn.ModuleList(
+            EncoderScale(*steps, shape.blocks)
+            for steps in zip(widths, widths[1:], ends, strict=False)
+        )
+
+    def scale(self, scale: int) -> EncoderScale:
+        """The layers from stride ``2**scale`` to the next."""
+        return cast(EncoderScale, self.scales[scale])
 
     def forward(self, sites: list[Site], families: list[Families], features: Tensor) -> Tensor:
         """Ones (n, 1, 1) to the latent (m, 1, latent); sites of strides 1, 2, 4, 8, in rows."""
         features = self.first(features, sites[0])
         for scale in range(SCALES):
-            features = self.downs[scale](features.relu(), families[scale]).relu()
-            features = self.blocks[scale](features, sites[scale + 1])
-            features = self.convs[scale](features, sites[scale + 1])
+            features = self.scale(scale)(features.relu(), families[scale], sites[scale + 1])
         return features
 
 
+class DecoderScale(nn.Module):
+    """From a set of voxels to all their children, with a logit of occupancy for each."""
+
+    def __init__(self, width: int, wider: int, blocks: int) -> None:
+        super().__init__()
+        self.up = Up(width, wider)
+        self.conv = Convolution(wider, wider)
+        self.blocks = Blocks(wider, blocks)
+        self.logits = Convolution(wider, 1)
+
+    def forward(self, features: Tensor, where: Site) -> tuple[Tensor, Tensor]:
+        """Features (m, c) of parents to those of their children (m, 8, d) and logits (m, 8)."""
+        children = self.conv(self.up(features).relu(), where).relu()
+        children = self.blocks(children, where)
+        return children, self.logits(children, where)[:, :, 0]
+
+
 class Decoder(nn.Module):
-    """From features at stride 8 to a logit of occupancy for every child, scale by scale."""
+    """From features at stride 8 to occupancy, scale by scale."""
 
     def __init__(self, shape: Shape) -> None:
         super().__init__()
         widths = (shape.latent, *shape.widths[2::-1])
-        self.ups = nn.ModuleList(Up(a, b) for a, b in zip(widths, widths[1:], strict=False))
-        self.convs = nn.ModuleList(Convolution(width, width) for width in widths[1:])
-        self.blocks = nn.ModuleList(Blocks(width, shape.blocks) for width in widths[1:])
-        self.logits = nn.ModuleList(Convolution(width, 1) for width in widths[1:])
+        self.scales = nn.ModuleList(
+            DecoderScale(*steps, shape.blocks) for steps in pairwise(widths)
+        )
 
-    def scale(self, scale: int, features: Tensor, where: Site) -> tuple[Tensor, Tensor]:
-        """Features (m, c) of parents to those of their children (m, 8, d) and logits (m, 8)."""
-        children = self.convs[scale](self.ups[scale](features).relu(), where).relu()
-        children = self.blocks[scale](children, where)
-        return children, self.logits[scale](children, where)[:, :, 0]
+    def scale(self, scale: int) -> DecoderScale:
+        """The layers to strides 4, 2 and 1, for scales 0, 1 and 2."""
+        return cast(DecoderScale, self.scales[scale])
 
 
 class PCGCv2(nn.Module):

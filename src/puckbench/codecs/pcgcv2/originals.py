@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -70,16 +71,15 @@ def _names() -> dict[tuple[str, str], str]:
     """Module by module: (part, the authors' name) to ours."""
     names = {("encoder", "conv0"): "first"}
     for scale in range(SCALES):
-        names["encoder", f"down{scale}"] = f"downs.{scale}"
-        names["encoder", f"conv{scale + 1}"] = f"convs.{scale}"
-        names["decoder", f"up{scale}"] = f"ups.{scale}"
-        names["decoder", f"conv{scale}"] = f"convs.{scale}"
-        names["decoder", f"conv{scale}_cls"] = f"logits.{scale}"
-        for part in ("encoder", "decoder"):
-            for block in range(Shape().blocks):
-                for theirs, ours in _BLOCK.items():
-                    own = f"blocks.{scale}.{block}.{ours}"
-                    names[part, f"block{scale}.{block}.{theirs}"] = own
+        own = f"scales.{scale}"
+        names["encoder", f"down{scale}"] = f"{own}.down"
+        names["encoder", f"conv{scale + 1}"] = f"{own}.conv"
+        names["decoder", f"up{scale}"] = f"{own}.up"
+        names["decoder", f"conv{scale}"] = f"{own}.conv"
+        names["decoder", f"conv{scale}_cls"] = f"{own}.logits"
+        for part, block in product(("encoder", "decoder"), range(Shape().blocks)):
+            for theirs, ours in _BLOCK.items():
+                names[part, f"block{scale}.{block}.{theirs}"] = f"{own}.blocks.{block}.{ours}"
     return names
 
 

@@ -81,8 +81,7 @@ def read_stream(stream: bytes) -> Coded | Floats:
     body = stream[_START.size :]
     if zlib.crc32(body) != check:
         raise InputError("the stream is damaged or truncated")
-    coded = _read_few(body) if kind == _FEW else _read_coded(body)
-    return coded
+    return _read_few(body) if kind == _FEW else _read_coded(body)
 
 
 def _read_few(body: bytes) -> Floats:

@@ -54,7 +54,7 @@ def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Site) -> Ten
     Differentiable. Voxels that are not in the set count as zero, and get no value.
     """
     pairs = torch.from_numpy(where.layout.kernel_of_pair).to(kernel.device)
-    result: Tensor = _Convolution.apply(features, kernel[pairs], bias, where)
+    result: Tensor = _Convolution.apply(features, kernel[pairs], bias, where)  # type: ignore[no-untyped-call]
     return result
 
 
@@ -97,7 +97,7 @@ class _Convolution(torch.autograd.Function):
         return _apply(features.detach(), _products(kernels.detach(), where.layout), bias, where)
 
     @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
+    @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, Tensor, Tensor, None]:
         features, kernels = ctx.saved_tensors
         gradient = gradient.contiguous()
@@ -112,7 +112,7 @@ class _Convolution(torch.autograd.Function):
 
 
 def _products(kernels: Tensor, layout: Layout) -> Products:
-    parts = kernels.split([many * many for many in layout.sizes])
+    parts = torch.split(kernels, [many * many for many in layout.sizes])
     return tuple(
         part.view(many, many, *part.shape[1:]).transpose(1, 2).flatten(2).flatten(0, 1).contiguous()
         for part, many in zip(parts, layout.sizes, strict=True)

@@ -27,7 +27,7 @@ class Scratch:
         self._held: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """`size` floats, whatever was last written there; the next request of the name gets the same."""
+        """`size` floats, whatever they hold; the next request of the name gets the same memory."""
         held = self._held.get(name)
         if held is None or len(held) < size:
             held = self._held[name] = torch.empty(size, dtype=torch.float32)
@@ -60,7 +60,7 @@ class Crew:
 
 @contextmanager
 def crew(threads: int | None = None) -> Iterator[Crew]:
-    """A crew of `threads` (as many as PyTorch uses); until it is dismissed PyTorch itself uses one."""
+    """A crew of `threads` (PyTorch's number by default); while it works PyTorch itself uses one."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

@@ -17,8 +17,10 @@ from torch import Tensor
 
 from puckbench.codecs.sparse.crew import Scratch
 from puckbench.codecs.sparse.layout import Layout
+from puckbench.codecs.sparse.runs import add_run, copy_run
 from puckbench.codecs.sparse.voxels import CENTRE, OFFSETS
 
+Flat = NDArray[np.float32]
 Segments = list[Tensor | None]
 """For each offset the features (m, many * width) of its m pairs of rows; None without any."""
 
@@ -35,7 +37,7 @@ class Mover(Protocol):
         """
 
     def add(self, products: Segments, onto: Tensor, layout: Layout, rows: slice) -> None:
-        """Add products to the children they go to, offset by offset; onto: (rows, children, width)."""
+        """Add products to the children they go to; onto: (rows, children, width)."""
 
 
 class CompiledMover:
@@ -123,17 +125,25 @@ def _flat(features: Tensor) -> tuple[Any, int, int]:
 
 def _after(features: Tensor) -> int:
     """Elements of the memory from the tensor's first one on."""
-    return features.untyped_storage().nbytes() // 4 - features.storage_offset()
+    return int(features.untyped_storage().nbytes() // 4 - features.storage_offset())
 
 
 @cache
 def _gatherer(width: int) -> Callable[..., None]:
-    from puckbench.codecs.sparse.runs import copy_run
-
     @numba.njit(cache=True, nogil=True)
-    def gather(  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-        features, row_stride, child_stride, table, first, last, many, children, own, into, counts
-    ):
+    def gather(
+        features: Flat,
+        row_stride: int,
+        child_stride: int,
+        table: NDArray[np.int32],
+        first: int,
+        last: int,
+        many: NDArray[np.int64],
+        children: NDArray[np.int64],
+        own: bool,
+        into: Flat,
+        counts: NDArray[np.int64],
+    ) -> None:
         at = 0
         for offset in range(OFFSETS):
             if offset == CENTRE:
@@ -155,12 +165,18 @@ def _gatherer(width: int) -> Callable[..., None]:
 
 @cache
 def _adder(width: int) -> Callable[..., None]:
-    from puckbench.codecs.sparse.runs import add_run
-
     @numba.njit(cache=True, nogil=True)
-    def add(  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-        products, table, first, last, many, children, onto, row_stride, child_stride
-    ):
+    def add(
+        products: Flat,
+        table: NDArray[np.int32],
+        first: int,
+        last: int,
+        many: NDArray[np.int64],
+        children: NDArray[np.int64],
+        onto: Flat,
+        row_stride: int,
+        child_stride: int,
+    ) -> None:
         at = 0
         for offset in range(OFFSETS):
             if offset == CENTRE:

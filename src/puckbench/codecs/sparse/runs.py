@@ -42,13 +42,16 @@ def _run(length: Any, onto: Any, source: Any, adds: bool) -> Any:
     return types.void(onto, types.intp, source, types.intp, length), code
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def copy_run(typing: Any, onto: Any, i: Any, source: Any, j: Any, length: Any) -> Any:
-    """``onto[i : i + length] = source[j : j + length]``, both flat; nothing is checked."""
+def _copy_run(typing: Any, onto: Any, i: Any, source: Any, j: Any, length: Any) -> Any:
     return _run(length, onto, source, adds=False)
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def add_run(typing: Any, onto: Any, i: Any, source: Any, j: Any, length: Any) -> Any:
-    """``onto[i : i + length] += source[j : j + length]``, both flat; nothing is checked."""
+def _add_run(typing: Any, onto: Any, i: Any, source: Any, j: Any, length: Any) -> Any:
     return _run(length, onto, source, adds=True)
+
+
+copy_run: Any = intrinsic(prefer_literal=True)(_copy_run)
+"""``copy_run(onto, i, source, j, n)``: ``onto[i : i + n] = source[j : j + n]``, unchecked."""
+
+add_run: Any = intrinsic(prefer_literal=True)(_add_run)
+"""``add_run(onto, i, source, j, n)``: ``onto[i : i + n] += source[j : j + n]``, unchecked."""
