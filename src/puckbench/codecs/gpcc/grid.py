@@ -1,0 +1,83 @@
+"""Real coordinates to the integer grid that G-PCC codes, and back."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+
+Rounding = Literal["nearest", "truncate"]
+ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
+MOST_BITS = 21
+"""Bits of a coordinate, at most: the bounding box of the reference's default level."""
+_FARTHEST = 2.0**30
+"""Coordinates beyond it do not fit the origin that a stream signals."""
+
+
+class Frame(NamedTuple):
+    """Length of the input grid's step, and the point of the input that lies at its origin."""
+
+    unit: float = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Quantised(NamedTuple):
+    """Grid positions (n, 3) from 0, int64, and the one (3,) that must be added to them."""
+
+    positions: NDArray[np.int64]
+    origin: NDArray[np.int64]
+
+
+def frame_of(points: Floats, unit: float, scale: float) -> Frame:
+    """The frame of the input itself, or one moved to the cloud when that is too far away."""
+    ends = _ends(points)
+    if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
+        return Frame(unit)
+    x, y, z = ends[0]
+    return Frame(unit, (float(x), float(y), float(z)))
+
+
+def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) -> Quantised:
+    """Points (n, 3) on the grid whose step is unit / scale.
+
+    ``nearest`` rounds once, to that grid. ``truncate`` is what TMC13 does to the floating-point
+    file that it reads: towards zero on the unit's grid, then round in single precision.
+    InputError when the cloud spans more than `MOST_BITS` bits.
+    """
+    with np.errstate(over="ignore"):
+        units = points if frame == Frame() else (points - frame.offset) / frame.unit
+        ends = _ends(units)
+        widest = float(np.ptp(ends, axis=0).max()) * scale
+    if not widest < 2**MOST_BITS - 1:
+        raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}")
+    positions = _rounded(units, scale, rounding)
+    origin = _rounded(ends, scale, rounding)[0]  # rounding keeps the order
+    positions -= origin
+    return Quantised(positions, origin)
+
+
+def _ends(points: Floats) -> Floats:
+    """Least and greatest coordinates (2, 3); ten times faster than NumPy's along an axis."""
+    columns = [points[:, axis] for axis in range(3)]
+    return np.array([[column.min() for column in columns], [column.max() for column in columns]])
+
+
+def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
+    """Halves go away from zero, as in C's ``round``."""
+    if rounding == "nearest":
+        scaled = units * scale
+    else:
+        scaled = (np.trunc(units).astype(np.float32) * np.float32(scale)).astype(np.float64)
+    scaled += np.copysign(np.nextafter(0.5, 0), scaled)
+    return scaled.astype(np.int64)
+
+
+def in_frame(units: Floats, frame: Frame) -> Floats:
+    """Points (m, 3) given in units, in the coordinates of the input."""
+    if frame == Frame():
+        return units
+    return np.asarray(units * frame.unit + np.asarray(frame.offset))
