@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,26 @@ _WORD = 4
 
 
 def encode_latent(latent: Integers, tables: tuple[Table, ...]) -> bytes:
-    """Code integers (n, channels), a channel after the other.
+    """Code integers (n, channels), a channel after the other."""
+    return encode_groups(zip(latent.T, tables, strict=True))
 
-    Values outside a channel's table are escaped: the last symbol, then 16 bits each after the
-    channel. Beyond 16 bits they are clipped.
+
+def decode_latent(data: bytes, count: int, tables: tuple[Table, ...]) -> Integers:
+    """Integers (count, channels) of `encode_latent`; InputError when the data are damaged."""
+    columns = decode_groups(data, [(count, table) for table in tables])
+    return np.stack(columns, axis=1)
+
+
+def encode_groups(groups: Iterable[tuple[Integers, Table]]) -> bytes:
+    """Code groups of integers (n,), each with a table of its own.
+
+    Values outside a group's table are escaped: the last symbol, then 16 bits each after the
+    group. Beyond 16 bits they are clipped.
     """
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()
-    for values, table in zip(latent.T, tables, strict=True):
+    for values, table in groups:
         escape = len(table.frequencies) - 1
         symbols = values.astype(np.int64) - table.lowest
         outside = (symbols < 0) | (symbols >= escape)
@@ -36,30 +48,32 @@ def encode_latent(latent: Integers, tables: tuple[Table, ...]) -> bytes:
     return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
-def decode_latent(data: bytes, count: int, tables: tuple[Table, ...]) -> Integers:
-    """Integers (count, channels) of `encode_latent`; InputError when the data are damaged."""
+def decode_groups(data: bytes, groups: Iterable[tuple[int, Table]]) -> list[Integers]:
+    """The groups of `encode_groups`, of given sizes; InputError when the data are damaged."""
     import constriction
 
     if len(data) % _WORD:
         raise InputError("the stream is damaged (features)")
-    coder = constriction.stream.queue.RangeDecoder(
-        np.frombuffer(data, dtype="<u4").astype(np.uint32)
-    )
-    latent = np.empty((count, len(tables)), dtype=np.int32)
+    words = np.frombuffer(data, dtype="<u4").astype(np.uint32)
+    coder = constriction.stream.queue.RangeDecoder(words)
     try:
-        for values, table in zip(latent.T, tables, strict=True):
-            escape = len(table.frequencies) - 1
-            symbols = coder.decode(_model(table), count)
-            values[:] = symbols + table.lowest
-            outside = symbols == escape
-            if outside.any():
-                escaped = coder.decode(_escaped(), int(outside.sum()))
-                values[outside] = escaped - _ESCAPE_RANGE // 2
+        decoded = [_decode_group(coder, count, table) for count, table in groups]
     except (AssertionError, ValueError) as error:  # constriction's word for impossible data
         raise InputError("the stream is damaged (features)") from error
     if not coder.maybe_exhausted():
         raise InputError("the stream is damaged (features)")
-    return latent
+    return decoded
+
+
+def _decode_group(coder: Any, count: int, table: Table) -> Integers:
+    escape = len(table.frequencies) - 1
+    symbols: Integers = coder.decode(_model(table), count)
+    values = symbols + np.int32(table.lowest)
+    outside = symbols == escape
+    if outside.any():
+        escaped = coder.decode(_escaped(), int(outside.sum()))
+        values[outside] = escaped - _ESCAPE_RANGE // 2
+    return values
 
 
 def _model(table: Table) -> Any:
