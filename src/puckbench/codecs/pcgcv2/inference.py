@@ -20,7 +20,8 @@ from puckbench.codecs.sparse.voxels import (
     Families,
     Keys,
     Voxels,
-    children_voxels,
+    descended,
+    keys_of_slots,
     pyramid,
 )
 
@@ -202,12 +203,10 @@ def synthesise(
     for scale, keep in enumerate(reversed(counts)):
         children, logits = _decoder_scale(model, scale, features, parents, crew)
         kept = largest(logits.view(-1).numpy(), keep)
-        keys: Keys = (parents.keys[kept >> 3] << 3) | (kept & 7)
-        if scale + 1 == SCALES:
-            break
-        features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
-        parents = children_voxels(_those_with_children(parents, kept), keys)
-    return keys
+        if scale + 1 < SCALES:
+            features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
+            parents = descended(parents, kept)
+    return keys_of_slots(parents.keys, kept)
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], crew: Crew) -> None:
@@ -216,17 +215,6 @@ def _reserve(model: PCGCv2, parents: Sequence[int], crew: Crew) -> None:
     rows = max(count * width for count, width in zip(parents, widths, strict=True))
     _memory(crew, rows, CHILDREN, 1)
     crew.shared.take("hidden", rows * CHILDREN // 2)
-
-
-def _those_with_children(parents: Voxels, kept: NDArray[np.int64]) -> Voxels:
-    """The parents of the kept children; the others are gone."""
-    stays = np.zeros(len(parents), dtype=bool)
-    stays[kept >> 3] = True
-    if stays.all():
-        return parents
-    row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
-    table = parents.neighbours[:, stays]
-    return Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
 
 
 def _decoder_scale(

@@ -78,7 +78,7 @@ class Up(Weighted):
 
 
 def largest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Rows of the `count` largest, ascending; of equal ones the first, which have smaller keys."""
+    """Rows of the `count` (1 or more) largest, ascending; of equal ones the first, by key."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]

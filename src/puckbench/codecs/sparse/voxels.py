@@ -119,6 +119,22 @@ def children_voxels(parents: Voxels, keys: Keys) -> Voxels:
     return Voxels(keys, table)
 
 
+def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
+    """Keys of children named by slots, ``8 * row of the parent + child number``."""
+    keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
+    return keys
+
+
+def descended(parents: Voxels, slots: NDArray[np.int64]) -> Voxels:
+    """The set of the children in ascending slots; parents may be left with none."""
+    stays = np.zeros(len(parents), dtype=bool)
+    stays[slots >> 3] = True
+    row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
+    table = parents.neighbours[:, stays]
+    left = Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
+    return children_voxels(left, keys_of_slots(parents.keys, slots))
+
+
 @cache
 def _family_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For a child and an offset: the offset of the parent it leads to, and the child there."""
