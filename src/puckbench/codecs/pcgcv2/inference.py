@@ -13,10 +13,11 @@ from torch import Tensor
 from puckbench.codecs.pcgcv2.model import SCALES, InceptionResidual, PCGCv2
 from puckbench.codecs.sparse.convolution import Products, Site, accumulate, products_of, site
 from puckbench.codecs.sparse.crew import Crew, Scratch
-from puckbench.codecs.sparse.layers import CHILDREN, Convolution, Down, Up, largest
+from puckbench.codecs.sparse.layers import Convolution, Down, Up, largest
 from puckbench.codecs.sparse.layout import Layout, blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import (
     CENTRE,
+    CHILDREN,
     Families,
     Keys,
     Voxels,
@@ -146,16 +147,27 @@ class Analysis:
 
 def analyse(model: PCGCv2, keys: Keys, crew: Crew) -> Analysis:
     """Features of voxels in Morton order."""
-    sets, families = pyramid(keys, SCALES)
-    layout, encoder = rows_layout(), model.encoder
-    sites = [site(voxels.neighbours, layout, crew) for voxels in sets]
-    width = encoder.first.kernel.shape[2]
-    ones, first = torch.ones(len(keys), 1, 1), _memory(crew, len(keys), 1, width).here
-    features = convolved(ones, ready(encoder.first, layout), sites[0], first, relu=True)
+    sets, families = pyramid(keys, SCALES, crew)
+    features = _first_features(model, sets[0], crew)
     for scale in range(SCALES):
-        features = _encoder_scale(model, scale, features, families[scale], sites[scale + 1])
+        where = site(sets[scale + 1].neighbours, rows_layout(), crew)
+        features = _encoder_scale(model, scale, features, families[scale], where)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
     return Analysis(features[:, 0].numpy().copy(), sets[SCALES].keys, counts)
+
+
+def _first_features(model: PCGCv2, voxels: Voxels, crew: Crew) -> Tensor:
+    """The first convolution and its ReLU: (n, 1, c). Its input is one wherever there is a voxel."""
+    kernel, bias = model.encoder.first.kernel.detach()[:, 0], model.encoder.first.bias.detach()
+    into = _memory(crew, len(voxels), 1, len(bias)).here
+
+    def work(rows: slice, _: Scratch) -> None:
+        present = torch.from_numpy(voxels.neighbours[:, rows] >= 0).float()
+        torch.addmm(bias, present.T, kernel, out=into[rows, 0])
+        into[rows].relu_()
+
+    crew.over(len(voxels), _ROWS, work)
+    return into
 
 
 def _encoder_scale(
@@ -197,7 +209,7 @@ def synthesise(
 
     counts: voxels to keep at strides 1, 2 and 4.
     """
-    sets, _ = pyramid(coarse, 0)
+    sets, _ = pyramid(coarse, 0, crew)
     parents, features = sets[0], torch.from_numpy(latent)
     _reserve(model, (len(coarse), *counts[:0:-1]), crew)
     for scale, keep in enumerate(reversed(counts)):
@@ -205,7 +217,7 @@ def synthesise(
         kept = largest(logits.view(-1).numpy(), keep)
         if scale + 1 < SCALES:
             features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
-            parents = descended(parents, kept)
+            parents = descended(parents, kept, crew)
     return keys_of_slots(parents.keys, kept)
 
 

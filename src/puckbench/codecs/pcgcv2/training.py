@@ -22,9 +22,9 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from puckbench.codecs.pcgcv2.model import SCALES, PCGCv2
 from puckbench.codecs.sparse.convolution import site
 from puckbench.codecs.sparse.crew import Crew
-from puckbench.codecs.sparse.layers import CHILDREN, largest
+from puckbench.codecs.sparse.layers import largest
 from puckbench.codecs.sparse.layout import blocks_layout, rows_layout
-from puckbench.codecs.sparse.voxels import Keys, Voxels, descended, keys_of_slots, pyramid
+from puckbench.codecs.sparse.voxels import CHILDREN, Keys, Voxels, descended, keys_of_slots, pyramid
 from puckbench.errors import InputError
 from puckbench.files import written_whole
 
@@ -73,7 +73,7 @@ def loss_of(
 ) -> Loss:
     """The loss of voxels in Morton order at a rate."""
     device = model.log_gains.device
-    sets, families = pyramid(keys, SCALES)
+    sets, families = pyramid(keys, SCALES, crew)
     sites = [site(voxels.neighbours, rows_layout(), crew, device) for voxels in sets]
     latent = model.encoder(sites, families, torch.ones(len(keys), 1, 1, device=device))[:, 0]
     scaled = latent * model.gain(rate)
@@ -97,7 +97,7 @@ def _entropies(model: PCGCv2, features: Tensor, sets: list[Voxels], crew: Crew) 
             chosen = largest(logits.detach().cpu().reshape(-1).numpy(), len(truth))
             kept = np.union1d(chosen, np.flatnonzero(occupied))
             features = children.flatten(0, 1)[torch.from_numpy(kept).to(features.device)]
-            parents = descended(parents, kept)
+            parents = descended(parents, kept, crew)
     return entropies
 
 

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from puckbench.codecs.sparse.convolution import Site, convolve
-from puckbench.codecs.sparse.voxels import OFFSETS, Families
-
-CHILDREN = 8
+from puckbench.codecs.sparse.voxels import CHILDREN, OFFSETS, Families
 
 
 class Weighted(nn.Module):

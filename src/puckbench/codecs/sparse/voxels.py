@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from puckbench.codecs.sparse.crew import Crew
 
 Keys = NDArray[np.int64]
 Table = NDArray[np.int32]
@@ -22,6 +25,7 @@ AXIS_BITS = 20
 OFFSETS = 27
 """Neighbours within one voxel, itself among them: ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
 CENTRE = 13
+CHILDREN = 8
 
 
 @dataclass(frozen=True)
@@ -88,11 +92,13 @@ def parents_of(keys: Keys) -> tuple[Keys, Families]:
     return above[starts], Families(np.append(starts, len(keys)), 8 * parent + (keys & 7))
 
 
-def pyramid(keys: Keys, scales: int) -> tuple[list[Voxels], list[Families]]:
+def pyramid(
+    keys: Keys, scales: int, crew: Crew | None = None
+) -> tuple[list[Voxels], list[Families]]:
     """A set and its coarser sets with their neighbours, finest first: `scales` + 1 of them.
 
     The tables are made from the top down: a child's neighbours are children of its parent's
-    neighbours, so nothing is ever searched for.
+    neighbours, so nothing is ever searched for. crew: shares the work.
     """
     sets, families = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:
@@ -101,7 +107,7 @@ def pyramid(keys: Keys, scales: int) -> tuple[list[Voxels], list[Families]]:
         families.append(family)
     voxels = [_lone(sets[-1])]
     for fine in reversed(sets[:-1]):
-        voxels.append(children_voxels(voxels[-1], fine))
+        voxels.append(children_voxels(voxels[-1], fine, crew))
     return voxels[::-1][: scales + 1], families[:scales]
 
 
@@ -111,11 +117,21 @@ def _lone(keys: Keys) -> Voxels:
     return Voxels(keys, table)
 
 
-def children_voxels(parents: Voxels, keys: Keys) -> Voxels:
+def children_voxels(parents: Voxels, keys: Keys, crew: Crew | None = None) -> Voxels:
     """The set of some of the parents' children, each parent having at least one."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
+    rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
+    rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
     table = np.empty((OFFSETS, len(keys)), dtype=np.int32)
-    _descend(parents.neighbours, first, keys, *_family_steps(), table)
+
+    def work(offsets: slice, _: object = None) -> None:
+        steps = (*_family_steps(), offsets.start, offsets.stop)
+        _descend(parents.neighbours, first, keys, rows, *steps, table)
+
+    if crew is None:
+        work(slice(0, OFFSETS))
+    else:
+        crew.over(OFFSETS, -(-OFFSETS // crew.threads), work)
     return Voxels(keys, table)
 
 
@@ -125,14 +141,14 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
     return keys
 
 
-def descended(parents: Voxels, slots: NDArray[np.int64]) -> Voxels:
+def descended(parents: Voxels, slots: NDArray[np.int64], crew: Crew | None = None) -> Voxels:
     """The set of the children in ascending slots; parents may be left with none."""
     stays = np.zeros(len(parents), dtype=bool)
     stays[slots >> 3] = True
     row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
     table = parents.neighbours[:, stays]
     left = Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
-    return children_voxels(left, keys_of_slots(parents.keys, slots))
+    return children_voxels(left, keys_of_slots(parents.keys, slots), crew)
 
 
 @cache
@@ -152,17 +168,15 @@ def _descend(
     parent_table: Table,
     first: NDArray[np.int64],
     keys: Keys,
+    rows: Table,
     above: NDArray[np.int64],
     within: NDArray[np.int64],
+    first_offset: int,
+    last_offset: int,
     table: Table,
 ) -> None:
-    parents = len(first) - 1
-    rows = np.full((parents, 8), -1, dtype=np.int32)
-    for parent in range(parents):
-        for row in range(first[parent], first[parent + 1]):
-            rows[parent, keys[row] & 7] = row
-    for offset in range(27):
-        for parent in range(parents):
+    for offset in range(first_offset, last_offset):
+        for parent in range(len(first) - 1):
             for row in range(first[parent], first[parent + 1]):
                 child = keys[row] & 7
                 other = parent_table[above[child, offset], parent]
