@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from puckbench.cli import main
+from puckbench.cloud import PointCloud, write_cloud
+from puckbench.codecs.pcgcv2.examples import Examples
 from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
 from puckbench.codecs.pcgcv2.training import (
     Loss,
@@ -14,6 +17,7 @@ from puckbench.codecs.pcgcv2.training import (
     spread_gains,
     train,
 )
+from puckbench.codecs.pcgcv2.weights import load_weights
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import morton_keys, morton_voxels
 from puckbench.errors import InputError
@@ -111,3 +115,42 @@ def test_another_trainings_checkpoint_is_refused(tmp_path: Path) -> None:
         _trainer(workers, steps=4).save(tmp_path / "a.pt")
         with pytest.raises(InputError, match="other settings"):
             _trainer(workers, steps=5).resume(tmp_path / "a.pt")
+
+
+def _plane() -> np.ndarray:
+    grid = np.stack(np.meshgrid(np.arange(60), np.arange(60), indexing="ij"), axis=-1)
+    return np.column_stack([grid.reshape(-1, 2), grid.reshape(-1, 2).sum(axis=1) // 2])
+
+
+def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
+    examples = [Examples([_plane()], side=32, cubes=3, seed=seed) for seed in (1, 1, 2)]
+    batches = [made.batch(7) for made in examples]
+    assert all(np.array_equal(a, b) for a, b in zip(batches[0], batches[1], strict=True))
+    assert not np.array_equal(batches[0][0], batches[2][0])
+    assert not np.array_equal(examples[0].batch(8)[0], batches[0][0])
+    assert all(morton_voxels(keys).max() < 32 for keys in batches[0])
+
+
+def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
+    with pytest.raises(InputError, match="no cube of 8 voxels' side holds 500"):
+        Examples([_plane()], side=8).batch(0)
+
+
+def test_the_command_trains_resumes_and_exports(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", PointCloud(_plane().astype(float)))
+    command = ["train", f"{tmp_path}/a.ply", "--out", f"{tmp_path}/set.pcgw", "--side", "32"]
+    command += ["--alphas", "4", "1", "--cubes", "1", "--widths", "4", "8", "8", "8"]
+    assert main([*command, "--steps", "3", "--json"]) == 0
+    weights = load_weights(tmp_path / "set.pcgw")
+    assert weights.alphas == (1.0, 4.0)
+    assert weights.card["steps"] == 3
+    assert weights.card["data"] == ["a.ply"]
+    digest = weights.digest
+    assert main([*command, "--steps", "3"]) == 0
+    again = load_weights(tmp_path / "set.pcgw")
+    for name, value in weights.model.state_dict().items():
+        assert torch.equal(again.model.state_dict()[name], value)
+    assert again.digest != digest  # the card says another time
+    rows = (tmp_path / "set.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["step", "1", "2", "3"]
+    assert main([*command, "--steps", "4"]) == 2
