@@ -5,6 +5,7 @@ from puckbench.codecs.sparse.voxels import (
     Voxels,
     children_voxels,
     descended,
+    distinct,
     morton_keys,
     morton_voxels,
     pyramid,
@@ -43,6 +44,10 @@ def test_neighbours_are_those_that_a_search_finds_at_every_scale() -> None:
     sets, _ = pyramid(np.sort(morton_keys(_scattered(12, 400))), scales=3)
     for voxels in sets:
         assert np.array_equal(voxels.neighbours, _table_by_search(morton_voxels(voxels.keys)))
+
+
+def test_distinct_keys_are_in_order_and_each_once() -> None:
+    assert distinct(np.array([5, 0, 7, 5, 0])).tolist() == [0, 5, 7]
 
 
 def test_coarser_sets_are_the_voxels_halved() -> None:

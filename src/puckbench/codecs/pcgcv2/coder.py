@@ -16,7 +16,7 @@ from puckbench.codecs.pcgcv2.model import SCALES
 from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, Block, Coded
 from puckbench.codecs.pcgcv2.weights import WeightSet
 from puckbench.codecs.sparse.crew import Crew, crew
-from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, morton_keys, morton_voxels
+from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, distinct, morton_keys, morton_voxels
 from puckbench.errors import InputError
 
 Voxels = NDArray[np.int64]
@@ -42,7 +42,7 @@ class Coder:
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
-        keys = np.unique(morton_keys(voxels - origin))
+        keys = distinct(morton_keys(voxels - origin))
         with crew(self.threads) as workers, torch.no_grad():
             blocks = tuple(
                 self._encode_block(part, workers) for part in split(keys, self.most_voxels)
@@ -84,7 +84,7 @@ def _coarse_keys(block: Block) -> Keys:
     voxels = decode_voxels(block.coordinates)
     if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
         raise InputError("the stream is damaged (coordinates)")
-    keys = np.unique(morton_keys(voxels))
+    keys = distinct(morton_keys(voxels))
     if len(keys) != len(voxels):
         raise InputError("the stream is damaged (coordinates)")
     return keys

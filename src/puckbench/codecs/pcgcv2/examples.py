@@ -36,7 +36,7 @@ class Examples:
 
     def _cube(self, rng: np.random.Generator) -> Keys:
         for _ in range(_TRIES):
-            voxels = self.clouds[rng.integers(len(self.clouds))]
+            voxels = self.clouds[int(rng.integers(len(self.clouds)))]
             centre = voxels[rng.integers(len(voxels))]
             least = centre - rng.integers(0, self.side, 3)
             inside = voxels[((voxels >= least) & (voxels < least + self.side)).all(axis=1)] - least

@@ -66,6 +66,12 @@ def morton_voxels(keys: Keys) -> NDArray[np.int64]:
     return np.column_stack([_gathered(keys >> axis) for axis in range(3)])
 
 
+def distinct(keys: Keys) -> Keys:
+    """Keys in order, each once; faster than `numpy.unique`, which makes a hash table first."""
+    ordered: Keys = np.sort(keys)
+    return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
+
+
 _SPREADS = ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
             (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249))  # fmt: skip
 
