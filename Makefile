@@ -24,7 +24,7 @@ setup:
 	@envs/setup.sh
 
 setup-test:
-	@envs/setup.sh test
+	@envs/setup.sh test learned
 
 learned:
 	@envs/setup.sh learned

@@ -43,6 +43,7 @@ def test_every_package_has_a_layer() -> None:
 
 HEAVY = {
     "torch",
+    "constriction",
     "open3d",
     "numba",
     "matplotlib",
@@ -67,7 +68,13 @@ def test_planning_imports_nothing_heavy(module: str) -> None:
     assert HEAVY & set(done.stdout.split()) == set()
 
 
-def test_a_draco_job_does_not_import_torch_or_open3d(tmp_path: Path) -> None:
+NEEDED = {"draco": {"DracoPy"}, "gpcc": {"numba", "scipy"}}  # numba looks for scipy
+
+
+@pytest.mark.parametrize("codec", NEEDED)
+def test_a_classical_codecs_job_imports_no_other_codecs_packages(
+    codec: str, tmp_path: Path
+) -> None:
     import subprocess
     import sys
 
@@ -78,10 +85,10 @@ def test_a_draco_job_does_not_import_torch_or_open3d(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", PointCloud(np.random.default_rng(0).random((100, 3))))
     program = (
         "import sys; from puckbench.cli import main;"
-        f"main(['encode', '{tmp_path}/a.ply', '{tmp_path}/a.bin', '--codec', 'draco',"
+        f"main(['encode', '{tmp_path}/a.ply', '{tmp_path}/a.bin', '--codec', '{codec}',"
         " '--rate', 'r1', '--json']); print(*sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert (HEAVY - {"DracoPy"}) & set(done.stdout.split()) == set()
+    assert (HEAVY - NEEDED[codec]) & set(done.stdout.split()) == set()

@@ -24,6 +24,7 @@ COMMANDS = {
     "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
     "encode": "code a cloud with a codec at a rate",
     "decode": "decode a stream",
+    "train": "train a learned codec's weights on clouds",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
     "wall": "scan a wall and a floor: the points, in the wall's frame",
     "table": "make a table of the sensor study",

@@ -1,0 +1,134 @@
+"""The bytes of a PCGCv1 stream: which weights made it, where its cubes are, what is in them.
+
+magic "PCG1", version, CRC-32 of all that follows
+digest of the weights (8 bytes), number of the rate among theirs, scale (double)
+base-128 numbers: bytes of positions, of counts and of sparse voxels, number of cubes
+positions of the cubes (octree), voxels to keep in each, voxels of sparse cubes (octree)
+each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents and of latents,
+    the hyper-latents, the latents
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+from puckbench.errors import InputError
+
+MAGIC = b"PCG1"
+VERSION = 1
+BLOCK = 32
+"""Cubes of a block; the last one may have fewer."""
+_START = struct.Struct("<4sBI")
+_HEADER = struct.Struct("<8sBd")
+_CHECK = struct.Struct("<I")
+_LONGEST_NUMBER = 5
+
+
+@dataclass(frozen=True)
+class Block:
+    """Up to `BLOCK` cubes. check: of the tables that the hyper-latents chose for the latents."""
+
+    check: int
+    hyper: bytes
+    latent: bytes
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A cloud coded by a network. scale: voxels per unit. sparse: voxels coded without it."""
+
+    digest: bytes
+    rate: int
+    scale: float
+    cubes: int
+    positions: bytes
+    counts: bytes
+    sparse: bytes
+    blocks: tuple[Block, ...]
+
+
+def write_stream(coded: Coded) -> bytes:
+    """The stream of a coded cloud; InputError when its cubes are too many for its size."""
+    parts = (coded.positions, coded.counts, coded.sparse)
+    numbers = [*map(len, parts), coded.cubes]
+    body = _HEADER.pack(coded.digest, coded.rate, coded.scale)
+    body += b"".join(map(_base_128, numbers)) + b"".join(parts)
+    body += b"".join(map(_written, coded.blocks))
+    if coded.cubes > _most_cubes(body):
+        raise InputError("too many cubes with too little in them")
+    return _START.pack(MAGIC, VERSION, zlib.crc32(body)) + body
+
+
+def _written(block: Block) -> bytes:
+    sizes = _base_128(len(block.hyper)) + _base_128(len(block.latent))
+    return _CHECK.pack(block.check) + sizes + block.hyper + block.latent
+
+
+def _most_cubes(body: bytes) -> int:
+    """A cube is at least a second's tenth of work: a damaged stream must not promise many."""
+    return 64 + len(body)
+
+
+def read_stream(stream: bytes) -> Coded:
+    """A coded cloud; InputError for any other bytes.
+
+    The number of cubes is held against the size of the stream before anybody works on it.
+    """
+    if len(stream) < _START.size:
+        raise InputError("the stream is truncated")
+    magic, version, check = _START.unpack_from(stream)
+    if magic != MAGIC or version != VERSION:
+        raise InputError("not a PCGCv1 stream of this version")
+    body = stream[_START.size :]
+    if zlib.crc32(body) != check:
+        raise InputError("the stream is damaged or truncated")
+    return _read_body(_Reader(body))
+
+
+class _Reader:
+    """Takes a body apart from its beginning."""
+
+    def __init__(self, body: bytes) -> None:
+        self.body, self.at = body, 0
+
+    def take(self, size: int) -> bytes:
+        self.at += size
+        if self.at > len(self.body):
+            raise InputError("the stream is truncated")
+        return self.body[self.at - size : self.at]
+
+    def number(self) -> int:
+        """A base-128 number: the lowest bits first, the top bit says that more follow."""
+        number = 0
+        for k in range(_LONGEST_NUMBER):
+            byte = self.take(1)[0]
+            number |= (byte & 127) << 7 * k
+            if byte < 128:
+                return number
+        raise InputError("the stream is damaged (a number)")
+
+    def block(self) -> Block:
+        check = _CHECK.unpack(self.take(_CHECK.size))[0]
+        hyper, latent = self.number(), self.number()
+        return Block(check, self.take(hyper), self.take(latent))
+
+
+def _read_body(reader: _Reader) -> Coded:
+    digest, rate, scale = _HEADER.unpack(reader.take(_HEADER.size))
+    *sizes, cubes = (reader.number() for _ in range(4))
+    if cubes > _most_cubes(reader.body) or not 0 < scale < 2**16:
+        raise InputError("the stream is damaged (its header)")
+    positions, counts, sparse = (reader.take(size) for size in sizes)
+    blocks = tuple(reader.block() for _ in range(-(-cubes // BLOCK)))
+    if reader.at != len(reader.body):
+        raise InputError("the stream is damaged (its length)")
+    return Coded(digest, rate, scale, cubes, positions, counts, sparse, blocks)
+
+
+def _base_128(number: int) -> bytes:
+    groups = [number & 127]
+    while number := number >> 7:
+        groups.append(number & 127)
+    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])

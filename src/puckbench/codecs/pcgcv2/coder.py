@@ -1,0 +1,102 @@
+"""Coding voxels with a set of weights: network, latent, coordinates, block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.pcgcv2.bottleneck import Table
+from puckbench.codecs.pcgcv2.coding import decode_latent, encode_latent
+from puckbench.codecs.pcgcv2.inference import analyse, synthesise
+from puckbench.codecs.pcgcv2.model import SCALES
+from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, Block, Coded
+from puckbench.codecs.pcgcv2.weights import WeightSet
+from puckbench.codecs.sparse.crew import Crew, crew
+from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, distinct, morton_keys, morton_voxels
+from puckbench.errors import InputError
+
+Voxels = NDArray[np.int64]
+STRIDE = 2**SCALES
+
+
+@dataclass(frozen=True)
+class Coder:
+    """Codes voxels at one rate of a set of weights.
+
+    rho: share of the occupied voxels that the decoder keeps at the last scale. most_voxels: of a
+    block. threads: as many as PyTorch would use by default.
+    """
+
+    weights: WeightSet
+    rate: int
+    rho: float = 1.0
+    most_voxels: int = MOST_VOXELS
+    threads: int | None = None
+
+    def encode(self, voxels: Voxels) -> Coded:
+        """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much."""
+        origin = voxels.min(axis=0) // STRIDE * STRIDE
+        if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
+            raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
+        keys = distinct(morton_keys(voxels - origin))
+        with crew(self.threads) as workers, torch.no_grad():
+            blocks = tuple(
+                self._encode_block(part, workers) for part in split(keys, self.most_voxels)
+            )
+        x, y, z = origin.tolist()
+        return Coded(self.weights.digest, self.rate, (x, y, z), blocks)
+
+    def decode(self, coded: Coded) -> Voxels:
+        """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
+        with crew(self.threads) as workers, torch.no_grad():
+            parts = [self._decode_block(block, workers) for block in coded.blocks]
+        voxels: Voxels = np.vstack(parts) + np.array(coded.origin)
+        return voxels
+
+    def _encode_block(self, keys: Keys, workers: Crew) -> Block:
+        found = analyse(self.weights.model, keys, workers)
+        latent = np.rint(found.latent * self._gain()).astype(np.int32)
+        fine, two, four = found.counts
+        counts = (max(1, round(self.rho * fine)), two, four, len(found.coarse))
+        coordinates = encode_voxels(morton_voxels(found.coarse))
+        return Block(counts, coordinates, encode_latent(latent, self._tables()))
+
+    def _decode_block(self, block: Block, workers: Crew) -> Voxels:
+        coarse = _coarse_keys(block)
+        latent = decode_latent(block.features, len(coarse), self._tables())
+        features = latent.astype(np.float32) / self._gain()
+        keys = synthesise(self.weights.model, features, coarse, block.counts[:3], workers)
+        return morton_voxels(keys)
+
+    def _tables(self) -> tuple[Table, ...]:
+        return self.weights.tables[self.rate]
+
+    def _gain(self) -> NDArray[np.float32]:
+        gain: NDArray[np.float32] = self.weights.model.gain(self.rate).detach().numpy()
+        return gain
+
+
+def _coarse_keys(block: Block) -> Keys:
+    voxels = decode_voxels(block.coordinates)
+    if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
+        raise InputError("the stream is damaged (coordinates)")
+    keys = distinct(morton_keys(voxels))
+    if len(keys) != len(voxels):
+        raise InputError("the stream is damaged (coordinates)")
+    return keys
+
+
+def split(keys: Keys, most: int) -> list[Keys]:
+    """Cut keys, in order, into parts of about equal size and at most `most`, between coarse voxels.
+
+    A coarse voxel has at most 512 children, so a part may be that much larger.
+    """
+    parts = -(-len(keys) // most)
+    borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
+    wanted = np.arange(1, parts) * len(keys) // parts
+    cuts = borders[np.minimum(np.searchsorted(borders, wanted), len(borders) - 1)]
+    return [part for part in np.split(keys, np.unique(cuts)) if len(part)]

@@ -1,0 +1,134 @@
+"""The bytes of a PCGCv2 stream: which weights made it, counts per scale, coordinates, features.
+
+magic "PCG2", version, kind, CRC-32 of all that follows
+kind 0, a cloud too small for a network: its points, three little-endian doubles each
+kind 1: digest of the weights (8 bytes), number of the rate among theirs, origin (3 int32),
+    number of blocks; each block: voxels at strides 1, 2, 4 and 8 (4 uint32), bytes of
+    coordinates and of features (2 uint32), the coordinates, the features
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+
+MAGIC = b"PCG2"
+VERSION = 1
+MOST_VOXELS = 2**20
+"""Most voxels of a block, at any scale; more are coded as several blocks."""
+_FEW, _NETWORK = 0, 1
+_START = struct.Struct("<4sBBI")
+_HEADER = struct.Struct("<8sB3iH")
+_BLOCK = struct.Struct("<6I")
+_MOST_BLOCKS = 2**16 - 1
+
+
+@dataclass(frozen=True)
+class Block:
+    """Part of a cloud: counts at strides 1, 2, 4, 8; coordinates at stride 8; the latent."""
+
+    counts: tuple[int, int, int, int]
+    coordinates: bytes
+    features: bytes
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A cloud coded by a network. origin: voxel that is subtracted from all others."""
+
+    digest: bytes
+    rate: int
+    origin: tuple[int, int, int]
+    blocks: tuple[Block, ...]
+
+
+def write_few(points: Floats) -> bytes:
+    """The stream of a cloud (n, 3) that is too small for a network."""
+    return _framed(_FEW, points.astype("<f8").tobytes())
+
+
+def write_coded(coded: Coded) -> bytes:
+    """The stream of a coded cloud; InputError when it has too many blocks."""
+    if len(coded.blocks) > _MOST_BLOCKS:
+        raise InputError("the cloud is too large for one stream")
+    parts = [_HEADER.pack(coded.digest, coded.rate, *coded.origin, len(coded.blocks))]
+    for block in coded.blocks:
+        sizes = (len(block.coordinates), len(block.features))
+        parts += [_BLOCK.pack(*block.counts, *sizes), block.coordinates, block.features]
+    return _framed(_NETWORK, b"".join(parts))
+
+
+def _framed(kind: int, body: bytes) -> bytes:
+    return _START.pack(MAGIC, VERSION, kind, zlib.crc32(body)) + body
+
+
+def read_stream(stream: bytes) -> Coded | Floats:
+    """A coded cloud, or the points of a small one; InputError for any other bytes.
+
+    What the counts promise is held against the size of the stream before anybody works on it.
+    """
+    if len(stream) < _START.size:
+        raise InputError("the stream is truncated")
+    magic, version, kind, check = _START.unpack_from(stream)
+    if magic != MAGIC or version != VERSION:
+        raise InputError("not a PCGCv2 stream of this version")
+    body = stream[_START.size :]
+    if zlib.crc32(body) != check:
+        raise InputError("the stream is damaged or truncated")
+    return _read_few(body) if kind == _FEW else _read_coded(body)
+
+
+def _read_few(body: bytes) -> Floats:
+    if not body or len(body) % 24:
+        raise InputError("the stream is damaged (points)")
+    points = np.frombuffer(body, dtype="<f8").reshape(-1, 3).astype(np.float64)
+    if not np.isfinite(points).all():
+        raise InputError("the stream is damaged (points)")
+    return points
+
+
+def _read_coded(body: bytes) -> Coded:
+    if len(body) < _HEADER.size:
+        raise InputError("the stream is truncated")
+    digest, rate, *origin, count = _HEADER.unpack_from(body)
+    blocks, at = [], _HEADER.size
+    for _ in range(count):
+        block, at = _read_block(body, at)
+        blocks.append(block)
+    if at != len(body) or not blocks:
+        raise InputError("the stream is damaged (its length)")
+    if sum(block.counts[0] for block in blocks) > _most_voxels(body):
+        raise InputError("the stream is damaged (it promises too many voxels)")
+    return Coded(digest, rate, (origin[0], origin[1], origin[2]), tuple(blocks))
+
+
+def _most_voxels(body: bytes) -> int:
+    """Largest believable count: a damaged stream must not keep the decoder busy for long."""
+    return 65536 + 8192 * len(body)
+
+
+def _read_block(body: bytes, at: int) -> tuple[Block, int]:
+    if len(body) < at + _BLOCK.size:
+        raise InputError("the stream is truncated")
+    *counts, coordinates, features = _BLOCK.unpack_from(body, at)
+    at += _BLOCK.size
+    end = at + coordinates + features
+    if end > len(body):
+        raise InputError("the stream is truncated")
+    _check_counts(counts)
+    block = Block(tuple(counts), body[at : at + coordinates], body[at + coordinates : end])
+    return block, end
+
+
+def _check_counts(counts: list[int]) -> None:
+    """Every voxel has at least one child and at most eight (the last scale may have fewer)."""
+    fine, two, four, eight = counts
+    fits = 1 <= eight <= four <= 8 * eight and four <= two <= 8 * four and 1 <= fine <= 8 * two
+    if not fits or max(counts) > 2 * MOST_VOXELS:
+        raise InputError("the stream is damaged (counts per scale)")

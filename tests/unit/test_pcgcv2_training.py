@@ -1,0 +1,156 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from puckbench.cli import main
+from puckbench.cloud import PointCloud, write_cloud
+from puckbench.codecs.pcgcv2.examples import Examples
+from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
+from puckbench.codecs.pcgcv2.training import (
+    Loss,
+    Trainer,
+    Training,
+    batch,
+    loss_of,
+    spread_gains,
+    train,
+)
+from puckbench.codecs.pcgcv2.weights import load_weights
+from puckbench.codecs.sparse.crew import Crew, crew
+from puckbench.codecs.sparse.voxels import morton_keys, morton_voxels
+from puckbench.errors import InputError
+
+TINY = Shape(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
+ALPHAS = (1.0, 4.0)
+
+
+def _cloud(step: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(step)
+    sides = rng.integers(4, 12, 3)
+    grid = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
+    shell = grid[((grid == 0) | (grid == sides - 1)).any(axis=1)]
+    return [np.sort(morton_keys(shell + rng.integers(0, 4, 3)))]
+
+
+def _trainer(workers: Crew, steps: int = 4) -> Trainer:
+    torch.manual_seed(0)
+    model = PCGCv2(TINY)
+    spread_gains(model, ALPHAS)
+    return Trainer(model, Training(ALPHAS, steps, rate_first=5e-3), workers)
+
+
+def _number(value: torch.Tensor) -> float:
+    return float(value.detach())
+
+
+def test_clouds_of_a_batch_do_not_touch() -> None:
+    clouds = [_cloud(0)[0], _cloud(1)[0], _cloud(2)[0]]
+    keys = batch(clouds)
+    assert np.array_equal(np.unique(keys), keys)
+    owner = np.repeat(np.arange(3), [len(cloud) for cloud in clouds])
+    voxels = morton_voxels(keys)
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        apart = np.abs(voxels[owner == one][:, None] - voxels[owner == other][None]).max(axis=2)
+        assert apart.min() > 8
+
+
+def test_the_loss_is_the_weighted_sum_of_its_parts() -> None:
+    with crew(1) as workers:
+        trainer = _trainer(workers)
+        loss = loss_of(trainer.model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+    expected = 4.0 * sum(map(_number, loss.entropies)) + _number(loss.bpp)
+    assert _number(loss.total) == pytest.approx(expected, rel=1e-5)
+
+
+def test_an_even_guess_costs_one_bit_a_candidate() -> None:
+    with crew(1) as workers:
+        model = _trainer(workers).model
+        with torch.no_grad():
+            for scale in range(3):
+                model.decoder.scale(scale).logits.kernel.zero_()
+        loss = loss_of(model, _cloud(0)[0], 0, 1.0, workers, torch.Generator())
+    assert [_number(entropy) for entropy in loss.entropies] == pytest.approx([1, 1, 1])
+
+
+def test_training_lowers_the_loss() -> None:
+    with crew(2) as workers:
+        trainer = _trainer(workers, steps=30)
+        losses = [float(sum(trainer.step(_cloud(0)).entropies)) for _ in range(30)]
+    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+
+
+def test_every_parameter_of_the_chosen_rate_has_a_gradient() -> None:
+    with crew(1) as workers:
+        model = _trainer(workers).model
+        loss = loss_of(model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+        loss.total.backward()
+    lacking = [name for name, value in model.named_parameters() if value.grad is None]
+    assert lacking
+    assert all(name.startswith("bottlenecks.0.") for name in lacking)
+
+
+def _ignore(step: int, loss: Loss) -> None:
+    pass
+
+
+def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
+    with crew(2) as workers:
+        whole = _trainer(workers)
+        train(whole, _cloud, tmp_path / "whole.pt", 10, _ignore)
+        broken = _trainer(workers)
+        for step in range(2):
+            broken.step(_cloud(step))
+        broken.save(tmp_path / "broken.pt")
+        resumed = _trainer(workers)
+        train(resumed, _cloud, tmp_path / "broken.pt", 1, _ignore)
+    assert resumed.done == whole.done == 4
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(resumed.model.state_dict()[name], value), name
+
+
+def test_another_trainings_checkpoint_is_refused(tmp_path: Path) -> None:
+    with crew(1) as workers:
+        _trainer(workers, steps=4).save(tmp_path / "a.pt")
+        with pytest.raises(InputError, match="other settings"):
+            _trainer(workers, steps=5).resume(tmp_path / "a.pt")
+
+
+def _plane() -> np.ndarray:
+    grid = np.stack(np.meshgrid(np.arange(60), np.arange(60), indexing="ij"), axis=-1)
+    return np.column_stack([grid.reshape(-1, 2), grid.reshape(-1, 2).sum(axis=1) // 2])
+
+
+def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
+    examples = [Examples([_plane()], side=32, cubes=3, seed=seed) for seed in (1, 1, 2)]
+    batches = [made.batch(7) for made in examples]
+    assert all(np.array_equal(a, b) for a, b in zip(batches[0], batches[1], strict=True))
+    assert not np.array_equal(batches[0][0], batches[2][0])
+    assert not np.array_equal(examples[0].batch(8)[0], batches[0][0])
+    assert all(morton_voxels(keys).max() < 32 for keys in batches[0])
+
+
+def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
+    with pytest.raises(InputError, match="no cube of 8 voxels' side holds 500"):
+        Examples([_plane()], side=8).batch(0)
+
+
+def test_the_command_trains_resumes_and_exports(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", PointCloud(_plane().astype(float)))
+    command = ["train", f"{tmp_path}/a.ply", "--out", f"{tmp_path}/set.pcgw", "--side", "32"]
+    command += ["--alphas", "4", "1", "--cubes", "1", "--widths", "4", "8", "8", "8"]
+    assert main([*command, "--steps", "3", "--json"]) == 0
+    weights = load_weights(tmp_path / "set.pcgw")
+    assert weights.alphas == (1.0, 4.0)
+    assert weights.card["steps"] == 3
+    assert weights.card["data"] == ["a.ply"]
+    digest = weights.digest
+    assert main([*command, "--steps", "3"]) == 0
+    again = load_weights(tmp_path / "set.pcgw")
+    for name, value in weights.model.state_dict().items():
+        assert torch.equal(again.model.state_dict()[name], value)
+    assert again.digest != digest  # the card says another time
+    rows = (tmp_path / "set.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["step", "1", "2", "3"]
+    assert main([*command, "--steps", "4"]) == 2
