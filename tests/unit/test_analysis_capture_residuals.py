@@ -250,7 +250,7 @@ def test_a_summary_for_people_has_a_line_per_plane(
         ({"still_s": [2, 1]}, "still_s must be"),
         ({"planes": []}, "planes must be a list of at least one"),
         ({"planes": [{"surface": "roof", "box": WALL_AHEAD["box"]}]}, "plane 1: surface is 'roof'"),
-        ({"planes": [{"surface": "wall"}]}, "plane 1: missing"),
+        ({"planes": [{"surface": "wall"}]}, "plane 1: lacks box"),
         ({"planes": [{**WALL_AHEAD, "box": [[0, 0], [1, 1]]}]}, "box must be two corners"),
         ({"planes": [{**WALL_AHEAD, "box": [[0, 0, 0], [1, 0, 1]]}]}, "first corner must be below"),
         ({"planes": [WALL_AHEAD, 7]}, "plane 2 is 7, but must be options by name"),

@@ -9,7 +9,7 @@ from puckbench.codeversion import imports
 
 SOURCE = Path(__file__).parents[2] / "src" / "puckbench"
 LAYERS = [
-    {"errors", "files", "seeding", "plugins", "codeversion"},
+    {"errors", "files", "seeding", "plugins", "codeversion", "compiling"},
     {"cloud", "mesh", "config"},
     {"meshfiles", "scenes", "render"},
     {"datasets", "sensor", "metrics"},

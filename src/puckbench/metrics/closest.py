@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.compiling import compiled
 from puckbench.mesh import Mesh
-from puckbench.metrics.compiled import compiled
 
 
 @dataclass(frozen=True)

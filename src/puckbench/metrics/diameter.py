@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.cloud import Floats, check_points
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 from puckbench.metrics.spatial import distinct_rows
 
 BLOCK = 64

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats, PointCloud, check_points
+from puckbench.compiling import compiled
 from puckbench.errors import InputError
-from puckbench.metrics.compiled import compiled
 from puckbench.metrics.neighbours import Neighbours, Points
 from puckbench.metrics.spatial import Rows, distinct_rows
 

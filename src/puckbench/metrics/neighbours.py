@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pykdtree.kdtree import KDTree
 
 from puckbench.cloud import Floats
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]

@@ -10,7 +10,7 @@ import numpy as np
 
 from puckbench.analysis.calibration.observations import Codes
 from puckbench.cloud import Floats
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 # Columns of the sums of a group: w = 1 / variance, b the basis, z the error.
 WIDTH = 16

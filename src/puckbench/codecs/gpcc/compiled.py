@@ -1,20 +1,16 @@
-"""How the kernels are compiled.
-
-The cache on disk looks at the file of a kernel alone: after a change to one that another file's
-kernels call, remove the package's __pycache__.
-"""
+"""How the kernels are compiled."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
+
+from puckbench import compiling
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_njit: Any = numba.njit
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 # Kernels own no arrays; counting references to those that they are given took half of their time.
 _BORROWING = {**_OPTIONS, "_nrt": False}
@@ -29,24 +25,24 @@ not certain to be one already, since unsigned and signed numbers together would 
 
 def compiled(function: Function) -> Function:
     """Compile a function that makes arrays, on its first call; later processes load it."""
-    return cast(Function, _njit(cache=True, **_OPTIONS)(function))
+    return compiling.compiled(function, **_OPTIONS)
 
 
 def entry(function: Function) -> Function:
     """Compile a kernel that Python calls: it makes no array, but works on those it is given."""
-    return cast(Function, _njit(cache=True, **_BORROWING)(function))
+    return compiling.compiled(function, **_BORROWING)
 
 
 def kernel(function: Function) -> Function:
     """Compile a kernel that only others call."""
-    return cast(Function, _njit(cache=True, **_INTERNAL)(function))
+    return compiling.compiled(function, **_INTERNAL)
 
 
 def inlined(function: Function) -> Function:
     """Compile a kernel into those that call it."""
-    return cast(Function, _njit(cache=True, **INLINED)(function))
+    return compiling.compiled(function, **INLINED)
 
 
 def part(function: Function) -> Function:
     """Make a kernel part of the one that calls it: for one that is called at a single place."""
-    return cast(Function, _njit(cache=True, inline="always", **_INTERNAL)(function))
+    return compiling.compiled(function, inline="always", **_INTERNAL)

@@ -1,0 +1,43 @@
+"""Machine code for loops: numba's compiler, cached on disk for each state of a package's sources.
+
+Numba's own cache looks at the file of a function alone, and would go on using machine code in which
+an older version of another file's function is compiled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_config: Any = numba.config  # its entries come from the environment
+
+
+def compiled(function: Function, **options: Any) -> Function:
+    """Compile `function` on its first call; later processes load it from the cache.
+
+    The cache holds while no file changes in the folder of the function's file, which is therefore
+    where all that it calls must be. Arithmetic is strict IEEE (no fused or reordered operations)
+    unless numba's `options` say otherwise, so that equal distances stay equal.
+    """
+    folder = Path(function.__code__.co_filename).parent
+    chosen = _config.CACHE_DIR
+    _config.CACHE_DIR = str(Path(chosen or folder / "__pycache__") / _state_of(folder))
+    try:
+        return cast(Function, numba.njit(cache=True, **options)(function))
+    finally:
+        _config.CACHE_DIR = chosen
+
+
+@cache
+def _state_of(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(folder.glob("*.py")):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return f"numba-{digest.hexdigest()[:12]}"
