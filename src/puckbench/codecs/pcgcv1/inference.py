@@ -11,20 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import conv3d, pad
 
-from puckbench.codecs.pcgcv1.model import Conv, Down, PCGCv1, Up, VoxceptionResNet
+from puckbench.codecs.pcgcv1.model import Conv, Down, PCGCv1, Pointwise, Up, VoxceptionResNet
 
 _LANES = 16
 _TILE = 4
-"""The last layer, with its one output, takes tiles of 4 x 4 voxels."""
+"""Most voxels taken together along an axis; the layer with one output takes 4 x 4 of them."""
+_ROWS = 16384
+"""Voxels of a chunk that stays in the cache while a block is finished."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
@@ -41,7 +42,7 @@ class Inference:
             self._falling = [_residuals(blocks) for blocks in analysis.blocks]
             self._hyper = (_strips(hyper.first), _plain(hyper.down), _strips(hyper.last))
             self._begin, self._end = _strips(synthesis.first), _tiles(synthesis.last)
-            self._ups = [cast(Up, up) for up in synthesis.ups]
+            self._ups = [_parities(cast(Up, up)) for up in synthesis.ups]
             self._rising = [_residuals(blocks) for blocks in synthesis.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
@@ -65,7 +66,7 @@ class Inference:
             features = _laid(torch.from_numpy(latent)[None].float() / self._gains[rate])
             features = _through(self._rising[0], self._begin.over(features).relu_())
             for up, blocks in zip(self._ups, self._rising[1:], strict=True):
-                features = _through(blocks, _laid(up(features)).relu_())
+                features = _through(blocks, up.over(features))
             logits: Floats32 = _occupancy(features, self._end).numpy()
         return logits
 
@@ -98,7 +99,7 @@ def _lowered(features: Tensor, layer: Plain) -> Tensor:
 
 def _convolution(features: Tensor, layer: Plain, stride: list[int], padding: int) -> Tensor:
     """conv3d by oneDNN where there is one; PyTorch would take a slow way for a single image."""
-    if not torch.backends.mkldnn.is_available():
+    if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
     around, apart = [padding] * 3, [1, 1, 1]
     return torch.mkldnn_convolution(
@@ -123,7 +124,7 @@ class Strips:
 
 
 def _strips(layer: Conv) -> Strips:
-    together = max(1, _LANES // layer.out_channels)
+    together = max(1, min(_TILE, _LANES // layer.out_channels))
     kernel = side_by_side(layer.weight.detach(), together, axis=4)
     bias = cast(Tensor, layer.bias).detach().repeat(together)
     return Strips(Plain(_laid(kernel), bias), layer.out_channels, together)
@@ -151,14 +152,79 @@ def _occupancy(features: Tensor, layer: Plain) -> Tensor:
 
 
 @dataclass(frozen=True)
+class Parities:
+    """A transposed convolution and its ReLU, by the parity of x and y; both of z at once.
+
+    An even output has two inputs along an axis, an odd one one, so that four small kernels do
+    what one large kernel would do with every other product a zero.
+    """
+
+    layers: tuple[tuple[Plain, Plain], tuple[Plain, Plain]]
+    out: int
+
+    def over(self, features: Tensor) -> Tensor:
+        """One cube (1, c, s, s, s) to (1, d, 2 s, 2 s, 2 s), in channels-last memory."""
+        side = features.shape[-1]
+        padded = _laid(pad(features, (1, 0) * 3))
+        raised = torch.empty(side, 2, side, 2, 2 * side * self.out)
+        for x, row in enumerate(self.layers):
+            for y, layer in enumerate(row):
+                found = _laid(_convolution(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
+                strips = found.permute(0, 2, 3, 4, 1).reshape(side, side, -1)
+                torch.clamp_min(strips, 0, out=raised[:, x, :, y])
+        cube = raised.view(1, 2 * side, 2 * side, 2 * side, self.out)
+        return cube.permute(0, 4, 1, 2, 3)
+
+
+def _parities(layer: Up) -> Parities:
+    kernel = layer.weight.detach().transpose(0, 1)
+    bias = cast(Tensor, layer.bias).detach().repeat(2)
+
+    def one(x: int, y: int) -> Plain:
+        part = _taps(_taps(kernel, x, axis=2), y, axis=3)
+        even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
+        return Plain(_laid(torch.cat([even, odd])), bias)
+
+    return Parities(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
+
+
+def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
+    """What outputs of a parity use of a kernel of three: of the input before and of their own."""
+    taps = torch.tensor([1] if parity else [2, 0])
+    return kernel.index_select(axis, taps)
+
+
+@dataclass(frozen=True)
+class Points:
+    """A 1x1x1 convolution as a matrix that serves several voxels at once, and its bias."""
+
+    matrix: Tensor
+    bias: Tensor
+    together: int
+
+    def over(self, rows: Tensor) -> Tensor:
+        """(n, c) to (n, d); n is a multiple of the voxels taken together."""
+        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.together, -1), self.matrix)
+        return wide.view(len(rows), -1)
+
+
+def _points(layer: Pointwise) -> Points:
+    together = max(1, _LANES // min(layer.out_channels, layer.in_channels))
+    matrix = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
+    bias = cast(Tensor, layer.bias).detach().repeat(together)
+    blocks = torch.block_diag(*[matrix] * together)  # type: ignore[no-untyped-call]
+    return Points(blocks, bias, together)
+
+
+@dataclass(frozen=True)
 class Residual:
-    """A Voxception-ResNet block; its 1x1x1 layers as matrices (in, out) and biases."""
+    """A Voxception-ResNet block."""
 
     near_in: Strips
     near_out: Strips
+    point_in: Points
     middle: Strips
-    point_in: tuple[Tensor, Tensor]
-    point_out: tuple[Tensor, Tensor]
+    point_out: Points
 
 
 def _residuals(blocks: nn.Module) -> list[Residual]:
@@ -169,15 +235,10 @@ def _residual(block: VoxceptionResNet) -> Residual:
     return Residual(
         _strips(block.near_in),
         _strips(block.near_out),
+        _points(block.point_in),
         _strips(block.middle),
-        _matrix(block.point_in),
-        _matrix(block.point_out),
+        _points(block.point_out),
     )
-
-
-def _matrix(layer: Conv) -> tuple[Tensor, Tensor]:
-    kernel = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
-    return kernel, cast(Tensor, layer.bias).detach()
 
 
 def _through(blocks: list[Residual], features: Tensor) -> Tensor:
@@ -186,39 +247,22 @@ def _through(blocks: list[Residual], features: Tensor) -> Tensor:
     rows = _rows(features)
     for block in blocks:
         near = block.near_out.over(block.near_in.over(features).relu_())
-        matrix, bias = block.point_in
-        point = torch.addmm(bias, rows, matrix).relu_()
-        point = point.view(1, *features.shape[2:], -1).permute(0, 4, 1, 2, 3)
-        point = block.middle.over(point)
-        matrix, bias = block.point_out
-        _join(*_arrays(rows, _rows(near), _rows(point), matrix, bias))
+        point = block.point_in.over(rows).relu_().view(1, *features.shape[2:], -1)
+        point = block.middle.over(point.permute(0, 4, 1, 2, 3))
+        for first in range(0, len(rows), _ROWS):
+            chunk = slice(first, first + _ROWS)
+            _join(rows[chunk], _rows(near)[chunk], _rows(point)[chunk], block.point_out)
     return features
+
+
+def _join(rows: Tensor, near: Tensor, point: Tensor, out: Points) -> None:
+    """rows = relu(rows + [relu(near), relu(point_out(relu(point)))]), in place."""
+    half = near.shape[1]
+    rows[:, :half] += near.relu_()
+    rows[:, half:] += out.over(point.relu_()).relu_()
+    rows.relu_()
 
 
 def _rows(features: Tensor) -> Tensor:
     """A view of a cube as (voxels, features)."""
     return features.permute(0, 2, 3, 4, 1).view(-1, features.shape[1])
-
-
-def _arrays(*tensors: Tensor) -> list[NDArray[Any]]:
-    return [tensor.numpy() for tensor in tensors]
-
-
-@numba.njit(cache=True, nogil=True)
-def _join(
-    rows: Floats32, near: Floats32, point: Floats32, matrix: Floats32, bias: Floats32
-) -> None:
-    """rows = relu(rows + [relu(near), relu(relu(point) @ matrix + bias)]), in place."""
-    half, quarter = near.shape[1], point.shape[1]
-    sums = np.empty(half, dtype=np.float32)
-    for row in range(len(rows)):
-        for k in range(half):
-            sums[k] = bias[k]
-        for j in range(quarter):
-            value = max(point[row, j], np.float32(0))
-            for k in range(half):
-                sums[k] += value * matrix[j, k]
-        for k in range(half):
-            rows[row, k] = max(rows[row, k] + max(near[row, k], np.float32(0)), np.float32(0))
-            tail = rows[row, half + k] + max(sums[k], np.float32(0))
-            rows[row, half + k] = max(tail, np.float32(0))
