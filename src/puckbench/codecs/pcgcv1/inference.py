@@ -26,6 +26,10 @@ _TILE = 4
 """Most voxels taken together along an axis; the layer with one output takes 4 x 4 of them."""
 _ROWS = 16384
 """Voxels of a chunk that stays in the cache while a block is finished."""
+_REACH = 16
+"""Margin around the voxels of a cube. Seven layers of three spread what they see seven voxels far,
+and let as much of a false border in: `_UNSURE` of the margin is thrown away."""
+_UNSURE = 8
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
@@ -35,6 +39,7 @@ class Inference:
 
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
+            self._empties: dict[tuple[int, ...], Tensor] = {}
             self._gains = [model.gain(rate).detach() for rate in range(model.shape.rates)]
             analysis, synthesis, hyper = model.analysis, model.synthesis, model.hyper_encoder
             self._first, self._last = _strips(analysis.first), _strips(analysis.last)
@@ -48,12 +53,38 @@ class Inference:
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
         """Voxels (side, side, side) of zeros and ones to latent and hyper-latent, rounded."""
         with torch.inference_mode():
-            features = self._first.over(_laid(torch.from_numpy(occupied)[None, None])).relu_()
-            features = _through(self._falling[0], features)
-            for down, blocks in zip(self._downs, self._falling[1:], strict=True):
-                features = _through(blocks, _lowered(features, down).relu_())
+            features = _through(self._falling[1], self._halved(occupied))
+            features = _through(self._falling[2], _lowered(features, self._downs[1]).relu_())
             latent = self._last.over(features) * self._gains[rate]
             return _rounded(latent), _rounded(self._hyper_encoded(latent))
+
+    def _halved(self, occupied: Floats32) -> Tensor:
+        """Features at stride 2; beyond the reach of any voxel they are an empty cube's."""
+        sides = occupied.shape
+        box = _box(occupied)
+        part = self._halved_whole(occupied[tuple(slice(low, high) for low, high in box)])
+        kept = [
+            ((low + _UNSURE) // 2 if low else 0, (high - _UNSURE if high < side else high) // 2)
+            for (low, high), side in zip(box, sides, strict=True)
+        ]
+        whole = self._empty(sides).clone(memory_format=torch.channels_last_3d)
+        there = tuple(slice(low, high) for low, high in kept)
+        here = tuple(
+            slice(low - first // 2, high - first // 2)
+            for (low, high), (first, _) in zip(kept, box, strict=True)
+        )
+        whole[0][(slice(None), *there)] = part[0][(slice(None), *here)]
+        return whole
+
+    def _empty(self, sides: tuple[int, ...]) -> Tensor:
+        if sides not in self._empties:
+            self._empties[sides] = self._halved_whole(np.zeros(sides, dtype=np.float32))
+        return self._empties[sides]
+
+    def _halved_whole(self, occupied: Floats32) -> Tensor:
+        voxels = _laid(torch.from_numpy(np.ascontiguousarray(occupied))[None, None])
+        features = _through(self._falling[0], self._first.over(voxels).relu_())
+        return _laid(_lowered(features, self._downs[0]).relu_())
 
     def _hyper_encoded(self, latent: Tensor) -> Tensor:
         first, down, last = self._hyper
@@ -69,6 +100,18 @@ class Inference:
                 features = _through(blocks, up.over(features))
             logits: Floats32 = _occupancy(features, self._end).numpy()
         return logits
+
+
+def _box(occupied: Floats32) -> list[tuple[int, int]]:
+    """First and last of the voxels along each axis, with a margin, at multiples of four."""
+    box = []
+    for axis, side in enumerate(occupied.shape):
+        others = tuple(other for other in range(3) if other != axis)
+        found = np.flatnonzero(occupied.any(axis=others))
+        low, high = (found[0], found[-1] + 1) if len(found) else (0, side)
+        last = -(-(int(high) + _REACH) // _TILE) * _TILE
+        box.append((max(int(low) - _REACH, 0) // _TILE * _TILE, min(last, side)))
+    return box
 
 
 def _laid(features: Tensor) -> Tensor:
@@ -117,9 +160,9 @@ class Strips:
 
     def over(self, features: Tensor) -> Tensor:
         """One cube (1, c, s, s, s), in channels-last memory, to (1, d, s, s, s) in the same."""
-        side = features.shape[-1]
+        sides = features.shape[2:]
         strips = _laid(_convolution(features, self.layer, [1, 1, self.together], 1))
-        flat = strips.permute(0, 2, 3, 4, 1).reshape(1, side, side, side, self.out)
+        flat = strips.permute(0, 2, 3, 4, 1).reshape(1, *sides, self.out)
         return flat.permute(0, 4, 1, 2, 3)
 
 
