@@ -64,7 +64,7 @@ def test_every_registered_function_exists() -> None:
 
 
 def test_an_unknown_figure_is_named() -> None:
-    with pytest.raises(InputError, match=r"unknown figure 'fig_7_1'; there are fig_6_1, "):
+    with pytest.raises(InputError, match=r"unknown figure 'fig_7_1'; there are fig_5_1, "):
         figure_entry("fig_7_1")
 
 
