@@ -50,7 +50,7 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def _shares(metrics: pd.DataFrame) -> pd.DataFrame:
     """Quantiles over clouds, one column each, by data set, codec and rate."""
     groups = metrics.dropna(subset=["cd_plane"]).groupby(["dataset", "codec", "rate"])
-    return groups["cd_plane"].quantile(list(_SHARES)).unstack()
+    return groups["cd_plane"].quantile(np.array(_SHARES)).unstack()
 
 
 def _panel(shares: pd.DataFrame, dataset: str, codec: str, rates: list[str]) -> pd.DataFrame:
