@@ -27,12 +27,15 @@ _FIRST = (
     "decode_peak_mib",
 )
 """Columns that come first, in this order, where a table has them; the others follow by name."""
+SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
+"""Quantiles over clouds that stand beside each median of the summary."""
 _COUNTS = {"truth_points_a", "truth_points_b"}
 _SUMMARY = (
     "bpp",
     "cd_point",
     "cd_plane",
     "hausdorff_plane",
+    "hausdorff_sq_plane",
     "d1_psnr",
     "d2_psnr",
     "truth_cd_plane",
@@ -71,7 +74,16 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Medians over the clouds of each data set, codec and rate, with the number of clouds."""
+    """Medians over the clouds of each data set, codec and rate, their spread, and how many.
+
+    ``cd_plane`` is the median, ``cd_plane_q25`` and ``cd_plane_q75`` the quartiles,
+    ``cd_plane_q05`` and ``cd_plane_q95`` hold nine clouds in ten, and so on (linear between
+    clouds, so that few clouds have a q05 near their least value).
+    """
     groups = table.groupby(["dataset", "codec", "rate"], sort=False)
     numbers = [name for name in _SUMMARY if name in table]
-    return groups[numbers].median().assign(clouds=groups.size()).reset_index()
+    shares = [
+        groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
+    ]
+    medians = groups[numbers].median().assign(clouds=groups.size())
+    return pd.concat([medians, *shares], axis=1).reset_index()

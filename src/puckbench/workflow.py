@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
+from puckbench.analysis.registry import RESULTS as RESULT_TABLES
+from puckbench.analysis.registry import table_entry
 from puckbench.codecs.registry import module_of
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
@@ -48,6 +50,8 @@ class Workflow:
         self.figures = figures(self.config, self.plan)
         for name in self.figures:
             self._check_style(name)
+        for name in self.result_tables():
+            self.table_options(name)
 
     def dataset(self, name: str) -> DataSetPlan:
         """The plan of a data set."""
@@ -177,9 +181,35 @@ class Workflow:
             if self.plan.study is not None and known.keys() >= set(entry.inputs)
         }
 
+    def result_tables(self) -> dict[str, dict[str, str]]:
+        """The tables of the benchmark: those of rate deltas want a codec beside the anchor."""
+        if not self.plan.datasets or len(self.plan.codecs) < 2:
+            return {}
+        return {
+            name: {needed: _table(self.plan, needed) for needed in entry.inputs}
+            for name, entry in RESULT_TABLES.items()
+        }
+
+    def table_options(self, table: str) -> str:
+        """Options of `puckbench table` for a table of the benchmark, as JSON."""
+        chosen = self.config["bd_rate"]
+        options = {"anchor": self.anchor, "qualities": chosen["metrics"]}
+        if table == "bd_rate":
+            options |= {"resamples": chosen["resamples"], "seed": self.config["seed"]}
+        return json.dumps(options, sort_keys=True)
+
+    @property
+    def anchor(self) -> str:
+        """The codec that the others are compared with: the configured one, else the first."""
+        anchor = str(self.config["bd_rate"].get("anchor", next(iter(self.plan.codecs))))
+        if anchor not in self.plan.codecs:
+            known = ", ".join(self.plan.codecs)
+            raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {known}")
+        return anchor
+
     def table_code(self, table: str) -> str:
-        """Fingerprint of a study table's own module and of what writes all of them."""
-        entry = STUDY_TABLES[table]
+        """Fingerprint of a table's own module and of what writes all of them."""
+        entry = table_entry(table)
         return f"{code_version('puckbench.cli.table', entry.function.split(':')[0])} {entry}"
 
     def figure_style(self, figure: str) -> str:

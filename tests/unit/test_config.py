@@ -36,7 +36,7 @@ def test_the_users_configuration_is_not_changed() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("datasetz",), {}, "unknown key 'datasetz' .known: codecs, datasets"),
+        (("datasetz",), {}, "unknown key 'datasetz' .known: bd_rate, codecs, datasets"),
         (("datasets", "d", "maek"), "scan", r"datasets\.d: unknown key 'maek'"),
         (
             ("datasets", "d", "make"),

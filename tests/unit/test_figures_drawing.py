@@ -10,6 +10,7 @@ import pytest
 from figures_lookalike import CD_MEDIANS, clouds_table, metrics_table, room_cloud
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
 from residuals_lookalike import residual_table, scan_table
 
 from puckbench.cloud import write_cloud
@@ -273,3 +274,14 @@ def test_a_failed_drawing_leaves_no_file(input_files: dict[str, Path], tmp_path:
     with pytest.raises(InputError, match="figure fig_6_4: needs the input 'clouds'"):
         draw_files("fig_6_4", {}, [tmp_path / "a.pdf"], FigureStyle())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_spread_shows_quartiles_and_nine_clouds_in_ten() -> None:
+    values = np.arange(1.0, 102.0)
+    table = pd.DataFrame({"dataset": "rooms", "codec": "draco", "rate": "r1", "cd_plane": values})
+    axes = draw("spread", metrics=table).axes[0]
+    (box,) = axes.patches
+    assert isinstance(box, PathPatch)
+    assert set(box.get_path().vertices[:4, 1]) == {26.0, 76.0}
+    ends = {float(y) for line in axes.get_lines() for y in line.get_ydata()}
+    assert {6.0, 51.0, 96.0} <= ends

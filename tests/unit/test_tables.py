@@ -44,6 +44,18 @@ def test_the_summary_has_medians_over_clouds() -> None:
     assert found.clouds.tolist() == [3, 1]
 
 
+def test_the_summary_has_the_spread_over_clouds() -> None:
+    rows = [_row(f"c{i}", "r1", float(i)) for i in range(101)]
+    found = summary(table_of(rows, METRIC_KEYS)).iloc[0]
+    assert found[["bpp_q05", "bpp_q25", "bpp", "bpp_q75", "bpp_q95"]].tolist() == [
+        5,
+        25,
+        50,
+        75,
+        95,
+    ]
+
+
 def test_csv_and_parquet_hold_the_same(tmp_path: Path) -> None:
     table = table_of([_row("a", "r1", 0.1), _row("b", "r1", 1e-17)], METRIC_KEYS)
     write_table(table, tmp_path / "t.csv", tmp_path / "t.parquet")

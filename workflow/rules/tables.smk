@@ -45,6 +45,43 @@ rule clouds_table:
         "../scripts/clouds_table.py"
 
 
+# Each a rule of its own, as the tables of the sensor study.
+for table, inputs in bench.result_tables().items():
+
+    rule:
+        name:
+            table
+        input:
+            **inputs,
+        output:
+            csv=report(
+                f"{RESULTS}/tables/{table}.csv",
+                caption=f"../report/{table}.rst",
+                category="Tables",
+            ),
+            parquet=f"{RESULTS}/tables/{table}.parquet",
+        params:
+            table=table,
+            inputs=lambda wildcards, input: json.dumps(dict(input.items())),
+            options=bench.table_options(table),
+            code=bench.table_code(table),
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        log:
+            f"{RESULTS}/logs/tables/{table}.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        shell:
+            "python -m puckbench table {params.table} {output.csv} {output.parquet}"
+            " --inputs {params.inputs:q} --options {params.options:q} > {log} 2>&1"
+
+
 TABLES = list(STUDY_TABLES)
 if bench.plan.datasets:
     TABLES += [*rules.metrics_table.output, *rules.clouds_table.output]
+TABLES += [
+    f"{RESULTS}/tables/{table}.{suffix}"
+    for table in bench.result_tables()
+    for suffix in ("csv", "parquet")
+]

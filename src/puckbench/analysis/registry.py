@@ -1,4 +1,4 @@
-"""The tables of the sensor study (thesis chapter 5): what makes each, and from which inputs.
+"""The tables of the sensor study and of the benchmark: what makes each, and from which inputs.
 
 Listing imports no pandas, so that the workflow can plan with it.
 """
@@ -17,9 +17,10 @@ from puckbench.errors import InputError
 class TableEntry:
     """One table: a dotted "module:function" and its inputs' names.
 
-    The function takes every input as a DataFrame under its name and returns a DataFrame. Inputs
-    are "residuals", the residual tables of all models in one; "scans", their points likewise;
-    "compared", real walls and error models on the same rays, where there are captures.
+    The function takes every input as a DataFrame under its name, further options of its own as
+    keywords, and returns a DataFrame. Inputs are "residuals", the residual tables of all models in
+    one; "scans", their points likewise; "compared", real walls and error models on the same rays,
+    where there are captures; "metrics", all results of the benchmark.
     """
 
     function: str
@@ -48,10 +49,18 @@ REGISTRY: dict[str, TableEntry] = {
     "thesis_numbers": TableEntry(f"{_HERE}.thesis_numbers:thesis_numbers", ("residuals",)),
     "model_distances": TableEntry(f"{_HERE}.comparison:model_distances", ("compared",)),
 }
+"""Tables of the sensor study (thesis chapter 5)."""
+
+RESULTS: dict[str, TableEntry] = {
+    "bd_rate": TableEntry(f"{_HERE}.bd_tables:bd_rate", ("metrics",)),
+    "bd_rate_clouds": TableEntry(f"{_HERE}.bd_tables:bd_rate_clouds", ("metrics",)),
+}
+"""Tables of the benchmark (chapter 6) beyond those of `puckbench.tables`."""
 
 
 def table_entry(name: str) -> TableEntry:
     """The entry of the table called `name`; InputError when there is none."""
-    if name not in REGISTRY:
-        raise InputError(f"unknown table {name!r}; there are {', '.join(REGISTRY)}")
-    return REGISTRY[name]
+    known = REGISTRY | RESULTS
+    if name not in known:
+        raise InputError(f"unknown table {name!r}; there are {', '.join(known)}")
+    return known[name]

@@ -1,12 +1,14 @@
-"""`puckbench table`: make a table of the sensor study (thesis chapter 5)."""
+"""`puckbench table`: make a table of the sensor study (thesis chapter 5) or of the benchmark."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from puckbench.analysis.registry import REGISTRY, table_entry
+from puckbench.analysis.registry import REGISTRY, RESULTS, table_entry
 from puckbench.cli.types import json_object
 from puckbench.errors import InputError
 
@@ -16,10 +18,13 @@ _DIGITS = 6
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("table", help=f"one of {', '.join(REGISTRY)}")
+    parser.add_argument("table", help=f"one of {', '.join(REGISTRY | RESULTS)}")
     parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet)")
     parser.add_argument(
         "--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}'
+    )
+    parser.add_argument(
+        "--options", type=json_object, default={}, help='JSON: {"anchor": "draco"} for bd_rate'
     )
 
 
@@ -31,7 +36,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if missing := [name for name in entry.inputs if name not in options.inputs]:
         raise InputError(f"table {options.table}: needs the input {missing[0]!r}")
     inputs = {name: read_table(Path(options.inputs[name])) for name in entry.inputs}
-    table = entry.load()(**inputs)
+    table = _made(options.table, entry.load(), inputs, options.options)
     for name in table.select_dtypes("floating"):
         table[name] = [float(f"{value:.{_DIGITS}g}") for value in table[name]]
     write_table(table, *options.out)
@@ -40,3 +45,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "rows": len(table),
         "files": [str(path) for path in options.out],
     }
+
+
+def _made(
+    name: str, function: Callable[..., Any], inputs: dict[str, Any], options: dict[str, Any]
+) -> Any:
+    """The table; InputError for options that it does not take or lacks."""
+    try:
+        signature(function).bind(**inputs, **options)
+    except TypeError as error:
+        raise InputError(f"table {name}: options: {error}") from error
+    return function(**inputs, **options)

@@ -1,4 +1,4 @@
-"""The figures of thesis chapter 6: clouds and what compression does to them."""
+"""The figures of thesis chapter 6: clouds and what compression does to them, and our own."""
 
 from __future__ import annotations
 
@@ -70,6 +70,12 @@ FIGURES: dict[str, FigureEntry] = {
         "Decoding time against bits per point",
         _CURVES,
         "6.9",
+    ),
+    "spread": FigureEntry(
+        f"{_HERE}.spread:draw_spread",
+        ("metrics",),
+        "Spread of the Chamfer distance over clouds, per codec and rate",
+        _RATES,
     ),
     "truth_rd": FigureEntry(
         f"{_HERE}.truth_rd:draw_truth_curves",
