@@ -6,23 +6,41 @@ a grid of the finest cells, so that a bitmap goes on where the neighbouring leaf
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.primitives.columns import Evidence, choose, gain_at
 from puckbench.codecs.primitives.entropy import Coder, code_bit
 from puckbench.codecs.primitives.walk import Frame, Leaves
 from puckbench.metrics.compiled import compiled
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+
+
+class Choice(NamedTuple):
+    """What the encoder chooses columns by.
+
+    missing: squared error of a sample that is left out. area: weight of the points in the place
+    of a sample. smoothness: price of an edge.
+    """
+
+    evidence: Evidence
+    missing: float
+    area: float
+    smoothness: float
+
+
 CONTEXTS = 729 * 2 + 6561 + 16 * 9
 MIXERS = 3
 
 
 @compiled
 def code_support(
-    coder: Coder, frame: Frame, leaves: Leaves, owner: Ints, wanted: Bytes, cover: Bytes
+    coder: Coder, frame: Frame, leaves: Leaves, owner: Ints, choice: Choice, cover: Bytes
 ) -> None:
     """Code the bitmaps of all leaves larger than a cell into `cover`: 0 no, 1 empty, 2 surface.
 
@@ -38,7 +56,7 @@ def code_support(
         if side == 1:
             continue
         if coder.registers[4] == 1:
-            _wanted_columns(frame, leaves, i, wanted, bits[:side, :side])
+            _wanted_columns(frame, leaves, i, owner, cover, choice, bits[:side, :side])
         _code_leaf(coder, frame, leaves, i, owner, bits[:side, :side], cover)
 
 
@@ -52,41 +70,41 @@ def dominant(plane: Floats) -> int:
 
 
 @compiled
-def _wanted_columns(frame: Frame, leaves: Leaves, i: int, wanted: Bytes, bits: Bytes) -> None:
-    """Columns that hold samples, small holes closed."""
+def _wanted_columns(
+    frame: Frame, leaves: Leaves, i: int, owner: Ints, cover: Bytes, choice: Choice, bits: Bytes
+) -> None:
+    """Choose the columns of a leaf: the error of its points against that of leaving them out."""
+    evidence = choice.evidence
     corner, side = leaves.corner[i], leaves.side[i]
     plane = leaves.planes[leaves.plane[i]]
-    cell = np.zeros(3, np.int64)
     axis = dominant(plane)
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    raw = np.zeros((side, side), np.uint8)
+    gains = np.zeros((side, side))
+    known = np.zeros((side + 2, side + 2), np.int64)
     at = np.zeros(3, np.int64)
+    p = np.zeros(3)
     for a in range(side):
         for b in range(side):
-            at[u], at[v] = corner[u] + a, corner[v] + b
-            if at[u] >= frame.shape[u] or at[v] >= frame.shape[v]:
+            if not _cell_of(frame, plane, axis, corner[u] + a, corner[v] + b, at):
+                gains[a, b] = -1
                 continue
-            if not _cell_of(frame, plane, axis, at[u], at[v], cell):
+            if at[axis] < corner[axis] or at[axis] >= corner[axis] + side:
+                gains[a, b] = 0
                 continue
-            height = cell[axis]
-            for c in range(max(height - 1, 0), min(height + 2, frame.shape[axis])):
-                at[axis] = c
-                if wanted[at[0], at[1], at[2]]:
-                    raw[a, b] = 1
-                    break
-    for a in range(side):
-        for b in range(side):
-            bits[a, b] = raw[a, b]
-            if raw[a, b]:
-                continue
-            near = total = 0
-            for da in range(-1, 2):
-                for db in range(-1, 2):
-                    if 0 <= a + da < side and 0 <= b + db < side and (da != 0 or db != 0):
-                        total += 1
-                        near += raw[a + da, b + db]
-            if 8 * near > 5 * total:
-                bits[a, b] = 1
+            gain = 0.0
+            for k in range(4):
+                p[u] = (corner[u] + a + 0.25 + 0.5 * (k & 1)) * frame.cell
+                p[v] = (corner[v] + b + 0.25 + 0.5 * (k >> 1)) * frame.cell
+                p[axis] = (plane[3] - plane[u] * p[u] - plane[v] * p[v]) / plane[axis]
+                gain += gain_at(evidence, p[0], p[1], p[2], choice.missing, choice.area)
+            gains[a, b] = gain / 4 * (frame.cell / evidence.cell) ** 2
+    for a in range(-1, side + 1):
+        for b in range(-1, side + 1):
+            if (0 <= a < side) != (0 <= b < side):
+                known[a + 1, b + 1] = _state(
+                    frame, plane, axis, corner[u] + a, corner[v] + b, i, owner, cover, at
+                )
+    choose(gains, choice.smoothness, known, bits)
 
 
 @compiled

@@ -49,14 +49,14 @@ def build(
 
 
 def prune(
-    levels: list[Level], price: float, bits_leaf: float, bits_split: float, coarsest: int
+    levels: list[Level], price: float, bits_leaf: float, bits_split: float, coarsest: int, finest: int
 ) -> None:
     """Mark the leaves that make squared distance + price * bits least; none above `coarsest`."""
     below = np.zeros(0)
-    for depth in range(len(levels) - 1, -1, -1):
+    for depth in range(finest, -1, -1):
         level = levels[depth]
         costs = _plane_costs(level.moments) + price * bits_leaf
-        if depth < len(levels) - 1:
+        if depth < finest:
             splitting = np.add.reduceat(below, level.first[:-1]) + price * bits_split
             level.leaf[:] = (costs < splitting) & (depth >= coarsest)
             costs = np.where(level.leaf, costs, splitting)

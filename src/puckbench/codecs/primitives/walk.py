@@ -61,9 +61,10 @@ class Leaves(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """depth, coarsest: levels. cell: side of the finest. shape: (3,) cells. steps: (levels,)."""
+    """depth: level of the cells; finest, coarsest: levels of leaves. cell: side of the finest. shape: (3,) cells. steps: (levels,)."""
 
     depth: int
+    finest: int
     coarsest: int
     cell: float
     shape: Ints
@@ -80,7 +81,7 @@ def code_tree(coder: Coder, frame: Frame, nodes: Nodes, leaves: Leaves, owner: I
     count = 1
     states = np.full((3, 3, 3), 1, np.uint8)
     states[1, 1, 1] = 2
-    for level in range(frame.depth + 1):
+    for level in range(frame.finest + 1):
         for i in range(count):
             leaf = _code_leaf(coder, frame, level, here[i], states, nodes)
             if leaf:
@@ -90,7 +91,7 @@ def code_tree(coder: Coder, frame: Frame, nodes: Nodes, leaves: Leaves, owner: I
                 here[i, 3] = -1 - here[i, 3]
             else:
                 states[here[i, 0] + 1, here[i, 1] + 1, here[i, 2] + 1] = 3
-        if level == frame.depth:
+        if level == frame.finest:
             break
         finer = _finer_states(frame, level + 1, leaves)
         made = 0
@@ -131,7 +132,7 @@ def _finer_states(frame: Frame, level: int, leaves: Leaves) -> Bytes:
 def _code_leaf(
     coder: Coder, frame: Frame, level: int, node: Ints, states: Bytes, nodes: Nodes
 ) -> bool:
-    if level == frame.depth:
+    if level == frame.finest:
         return True
     if level < frame.coarsest:
         return False
@@ -292,7 +293,7 @@ def _candidates(
             break
         votes[best] = 0
         plane = leaves.planes[names[best]]
-        reach = half * (abs(plane[0]) + abs(plane[1]) + abs(plane[2])) + frame.cell
+        reach = half * (abs(plane[0]) + abs(plane[1]) + abs(plane[2])) + frame.cell * (1 << (frame.depth - frame.finest))
         off = plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2] - plane[3]
         if abs(off) <= reach:
             found[kept] = names[best]
