@@ -2,6 +2,7 @@ import time
 
 import numpy as np
 
+from puckbench.codecs.codec import Cost
 from puckbench.codecs.measure import measured
 
 
@@ -20,3 +21,9 @@ def test_peak_memory_is_that_of_the_call_alone() -> None:
 
 def test_the_result_comes_back() -> None:
     assert measured(lambda: "x").result == "x"
+
+
+def test_the_cost_of_another_process_counts_in_place_of_ours() -> None:
+    costs = iter([Cost(5.0, 10.0), Cost(1.0, 30.0), Cost(2.0, 20.0)])
+    found = measured(lambda: "x", repeats=3, outside=lambda: next(costs))
+    assert (found.seconds, found.peak_mib) == (2.0, 30.0)

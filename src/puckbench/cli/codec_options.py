@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from puckbench.cli.types import json_object
 from puckbench.codecs.codec import Codec
@@ -23,12 +25,17 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
 
 def chosen_codec(options: argparse.Namespace, name: str) -> Codec:
     """The codec, loaded; InputError when it is unknown or cannot run here."""
-    entry = dict(options.entry)
+    entry = options.entry
     if options.weights:
-        entry["options"] = {**entry.get("options", {}), "weights": str(options.weights)}
+        entry = with_options(entry, weights=str(options.weights))
     codec = open_codec(name, entry)
     ok, why = codec.available()
     if not ok:
         raise InputError(f"codec {name} cannot run here: {why}")
     codec.load()
     return codec
+
+
+def with_options(entry: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    """The changes to a codec's entry with further options."""
+    return {**entry, "options": {**entry.get("options", {}), **more}}

@@ -42,7 +42,7 @@ def decode_file(path: Path, options: argparse.Namespace) -> Decoded:
     try:
         name = options.codec or codec_of(stream)
         codec = chosen_codec(options, name)
-        timed = measured(lambda: codec.decode(stream), options.repeats)
+        timed = measured(lambda: codec.decode(stream), options.repeats, codec.cost)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     record = {

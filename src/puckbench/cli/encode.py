@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.codec_options import chosen_codec, codec_arguments
+from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_options
 from puckbench.cloud import read_cloud
 from puckbench.codecs.measure import measured
 from puckbench.files import write_bytes, write_json
@@ -17,14 +17,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("cloud", type=Path, help="cloud to code (.ply)")
     parser.add_argument("out", type=Path, help="stream to write; what it cost goes beside it")
     parser.add_argument("--rate", required=True, help="r1 is the smallest bitrate")
+    parser.add_argument(
+        "--raw", action="store_true", help="G-PCC: a bare stream, as the reference software's"
+    )
     codec_arguments(parser, required=True)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the stream and its record."""
+    if options.raw:
+        options.entry = with_options(options.entry, raw=True)
     codec = chosen_codec(options, options.codec)
     points = read_cloud(options.cloud).xyz
-    coded = measured(lambda: codec.encode(points, options.rate), options.repeats)
+    coded = measured(lambda: codec.encode(points, options.rate), options.repeats, codec.cost)
     record = {
         "codec": options.codec,
         "rate": options.rate,

@@ -19,6 +19,13 @@ class Availability(NamedTuple):
     why: str = ""
 
 
+class Cost(NamedTuple):
+    """What a call cost: seconds, and peak memory in MiB."""
+
+    seconds: float
+    peak_mib: float
+
+
 class Codec(ABC):
     """A point-cloud geometry codec.
 
@@ -28,12 +35,18 @@ class Codec(ABC):
     name: the entry's name. rates: parameters per rate name, the smallest bitrate (r1) first.
     """
 
-    version: str = ""
-    """Version of the implementation, for the results table."""
+    grid: float = 0.0
+    """Spacing of the grid that coordinates are rounded to at the finest rate, in units of the
+    input; 0 for a codec that adapts to the extent of the cloud."""
 
     def __init__(self, name: str, rates: Mapping[str, Mapping[str, Any]]) -> None:
         self.name = name
         self.rates = dict(rates)
+
+    @property
+    def version(self) -> str:
+        """Version of the implementation, for the results table; a class may just assign it."""
+        return ""
 
     def available(self) -> Availability:
         """Whether the codec can run on this machine."""
@@ -41,6 +54,10 @@ class Codec(ABC):
 
     def load(self) -> None:  # noqa: B027 (most codecs have nothing to load)
         """Do once, outside the timed calls, what a first call would pay for (weights, JIT)."""
+
+    def cost(self) -> Cost | None:
+        """What the last call cost, for a codec that runs outside this process; else None."""
+        return None
 
     def encode(self, points: Floats, rate: str) -> bytes:
         """Code points (n, 3) at a named rate; the bytes are all that the decoder needs.

@@ -12,6 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
 
+from puckbench.codecs.codec import Cost
+
 T = TypeVar("T")
 
 
@@ -27,16 +29,23 @@ class Measured(NamedTuple, Generic[T]):
     peak_mib: float
 
 
-def measured(call: Callable[[], T], repeats: int = 1) -> Measured[T]:
-    """Run `call` `repeats` times; the result is the last one's."""
+def measured(
+    call: Callable[[], T], repeats: int = 1, outside: Callable[[], Cost | None] = lambda: None
+) -> Measured[T]:
+    """Run `call` `repeats` times; the result is the last one's.
+
+    outside: asked after each call, the cost of what ran in another process in its stead.
+    """
     seconds, peaks = [], []
     for _ in range(repeats):
         gc.collect()
         before = _reset_peak()
         start = time.perf_counter()
         result = call()
-        seconds.append(time.perf_counter() - start)
-        peaks.append(max(0.0, _peak_mib() - before))
+        here = Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before))
+        cost = outside() or here
+        seconds.append(cost.seconds)
+        peaks.append(cost.peak_mib)
     return Measured(result, statistics.median(seconds), max(peaks))
 
 

@@ -1,0 +1,128 @@
+"""Reading and writing syntax elements bit by bit, with one description for both directions.
+
+`Writer` and `Reader` have the same methods; each moves one syntax element, an attribute of a
+record, to or from the bits. A structure's syntax is one function over either of them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from puckbench.errors import InputError
+
+_LONGEST_NUMBER = 32
+_TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
+
+
+class SyntaxElements(ABC):
+    """Moves syntax elements between a record and bits. n: number of bits."""
+
+    writing: bool
+
+    @abstractmethod
+    def bits(self, n: int, value: int) -> int:
+        """`n` bits, the highest first: `value` written, or what is read."""
+
+    @abstractmethod
+    def align(self) -> None:
+        """Go on to the next whole byte."""
+
+    def u(self, record: Any, name: str, n: int) -> None:
+        """Unsigned number of `n` bits."""
+        setattr(record, name, self.bits(n, int(getattr(record, name))))
+
+    def flag(self, record: Any, name: str) -> None:
+        """One bit."""
+        self.u(record, name, 1)
+
+    def ue(self, record: Any, name: str) -> None:
+        """Unsigned Exp-Golomb number."""
+        setattr(record, name, self.exp_golomb(int(getattr(record, name))))
+
+    def se(self, record: Any, name: str) -> None:
+        """Signed Exp-Golomb number."""
+        value = int(getattr(record, name))
+        code = self.exp_golomb(2 * abs(value) - (value > 0))
+        setattr(record, name, (code + 1) // 2 if code & 1 else -(code // 2))
+
+    def u3(self, record: Any, name: str, n: int) -> None:
+        """Three unsigned numbers of `n` bits: x, y, z."""
+        setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
+
+    def s3(self, record: Any, name: str, n: int) -> None:
+        """Three numbers of `n` bits, each with its sign after it: x, y, z."""
+        values = []
+        for value in getattr(record, name):
+            magnitude = self.bits(n, abs(int(value)))
+            values.append(-magnitude if self.bits(1, value < 0) else magnitude)
+        setattr(record, name, tuple(values))
+
+    def exp_golomb(self, value: int) -> int:
+        """Exp-Golomb code of order 0: as many zeros as the number, plus one, has bits less one."""
+        length = (value + 1).bit_length() - 1
+        zeros = 0
+        while not self.bits(1, zeros == length):
+            zeros += 1
+            if zeros > _LONGEST_NUMBER:
+                raise InputError("G-PCC stream: a number in a parameter set or header is too long")
+        return ((1 << zeros) | self.bits(zeros, (value + 1) & ((1 << length) - 1))) - 1
+
+
+class Writer(SyntaxElements):
+    """Collects bits."""
+
+    writing = True
+
+    def __init__(self) -> None:
+        self._bits: list[int] = []
+
+    def bits(self, n: int, value: int) -> int:
+        """Write `value` in `n` bits; ValueError when it has more."""
+        if value >> n:
+            raise ValueError(f"{value} does not fit in {n} bits")
+        self._bits.extend(int(value) >> k & 1 for k in range(n - 1, -1, -1))
+        return value
+
+    def align(self) -> None:
+        """Fill the last byte with zeros."""
+        self._bits.extend([0] * (-len(self._bits) % 8))
+
+    def bytes(self) -> bytes:
+        """All that was written, filled to whole bytes."""
+        self.align()
+        return int("1" + "".join(map(str, self._bits)), 2).to_bytes(len(self._bits) // 8 + 1)[1:]
+
+
+class Reader(SyntaxElements):
+    """Gives bits; InputError past the end."""
+
+    writing = False
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._place = 0
+
+    def bits(self, n: int, value: int = 0) -> int:
+        """Read `n` bits."""
+        del value
+        end = self._place + n
+        if end > 8 * len(self._data):
+            raise InputError(_TRUNCATED)
+        first, last = self._place // 8, -(-end // 8)
+        word = int.from_bytes(self._data[first:last])
+        self._place = end
+        return word >> (8 * last - end) & ((1 << n) - 1)
+
+    def align(self) -> None:
+        """Go on to the next whole byte."""
+        self._place = -(-self._place // 8) * 8
+
+    def skip(self, n: int) -> None:
+        """Pass over `n` bytes."""
+        self.bits(8 * n)
+
+    @property
+    def position(self) -> int:
+        """Bytes read, the present one included."""
+        return -(-self._place // 8)

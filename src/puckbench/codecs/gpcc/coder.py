@@ -1,0 +1,317 @@
+"""Whole G-PCC geometry streams: integer points with their scale and origin, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.gpcc.bits import Reader
+from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice, read_slice
+from puckbench.codecs.gpcc.encoder import encode_slice
+from puckbench.codecs.gpcc.models import Models, fresh_models
+from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
+from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
+from puckbench.codecs.gpcc.tree import Tree, build_tree, split_axes
+from puckbench.errors import InputError
+
+__all__ = [
+    "PROFILES",
+    "DecodedGeometry",
+    "GpccOptions",
+    "decode_geometry",
+    "encode_geometry",
+    "warm_up",
+]
+
+_LARGEST = 1 << 31
+_FINEST_SCALE = 1 << 16
+
+# Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
+_AXIS_ORDERS = (
+    *((2, 1, 0), (0, 1, 2), (0, 2, 1), (2, 0, 1)),
+    *((2, 1, 0), (1, 2, 0), (1, 0, 2), (0, 1, 2)),
+)
+
+
+@dataclass(frozen=True)
+class DecodedGeometry:
+    """What a stream holds.
+
+    points: (m, 3) int64, as coded. Their positions are (points * global_scale + origin) / scale.
+    metres: whether positions are in metres, else their unit is the application's.
+    """
+
+    points: Ints
+    scale: Fraction
+    origin: tuple[int, int, int]
+    global_scale: Fraction = Fraction(1)
+    metres: bool = False
+
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
+        step = self.scale.denominator / self.scale.numerator
+        corner = np.array(self.origin, dtype=np.float64) * step
+        whole = self.points * self.global_scale.numerator
+        positions: NDArray[np.float64] = whole * (step / self.global_scale.denominator) + corner
+        return positions
+
+
+def encode_geometry(
+    points: NDArray[Any],
+    options: GpccOptions,
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | Ints = (0, 0, 0),
+) -> bytes:
+    """A stream that the reference decoder reads, with points (n, 3) of integers.
+
+    Points plus `origin`, divided by `scale`, are the positions that a decoder gives. InputError
+    for an empty cloud, or points more than 21 bits apart.
+    """
+    points = np.ascontiguousarray(points, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InputError("G-PCC: no points to code")
+    least = points.min(axis=0)
+    if (points.max(axis=0) - least >= 1 << MOST_BITS).any():
+        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    corner = tuple(int(a) + int(b) for a, b in zip(least, origin, strict=True))
+    sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_FINEST_SCALE))
+    gps = _geometry_parameter_set(options)
+    stream = [
+        syntax.encapsulated(
+            syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
+        ),
+        syntax.encapsulated(
+            syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
+        ),
+    ]
+    for number, part in enumerate(_slices(points - least, options)):
+        unit = _data_unit(part, number, sps, gps)
+        stream.append(syntax.encapsulated(syntax.GEOMETRY_DATA_UNIT, unit))
+    return b"".join(stream)
+
+
+def warm_up(options: GpccOptions) -> None:
+    """Compile what coding with `options` needs, or load it from the cache."""
+    decode_geometry(encode_geometry(np.array([[0, 0, 0], [5, 3, 1]]), options))
+
+
+def _sequence_parameter_set(
+    origin: tuple[int, ...], scale: Fraction
+) -> syntax.SequenceParameterSet:
+    if max(map(abs, origin)) >= _LARGEST or not 0 < scale.numerator < _LARGEST:
+        raise InputError("G-PCC: the origin or the scale is too large for a stream")
+    x, y, z = origin
+    return syntax.SequenceParameterSet(
+        seq_origin_bits=_bits(max(map(abs, origin))),
+        seq_origin_xyz=(x, y, z),
+        seq_unit_numerator_minus1=scale.numerator - 1,
+        seq_unit_denominator_minus1=scale.denominator - 1,
+    )
+
+
+def _bits(value: int) -> int:
+    """Bits of a number; one for 0."""
+    return max(value.bit_length(), 1)
+
+
+def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet:
+    boundary = max(options.neighbour_avail_boundary_log2 - 1, 0)
+    first, second, third = options.planar_thresholds
+    mode = options.inferred_direct_coding_mode
+    if mode == 1 and options.planar_mode_idcm_use == 0:
+        mode = 0
+    return syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(options.merge_duplicates),
+        inferred_direct_coding_mode=mode,
+        joint_2pt_idcm_enabled_flag=int(options.joint_two_point_idcm),
+        qtbt_enabled_flag=int(options.qtbt),
+        neighbour_avail_boundary_log2_minus1=boundary,
+        adjacent_child_contextualization_enabled_flag=int(
+            boundary > 0 and options.adjacent_child_contextualization
+        ),
+        intra_pred_max_node_size_log2=options.intra_pred_max_node_size_log2 if boundary else 0,
+        geom_planar_mode_enabled_flag=int(options.planar),
+        geom_planar_threshold0=first,
+        geom_planar_threshold1=second,
+        geom_planar_threshold2=third,
+        geom_idcm_rate_minus1=options.planar_mode_idcm_use - 1 if mode == 1 else 31,
+        gps_extension_flag=1,  # the reference does so while a stream names no profile
+    )
+
+
+def _slices(points: Ints, options: GpccOptions) -> Iterator[_Part]:
+    """Parts of the cloud of at most slice_max_points, halved along their longest side."""
+    part = _part(points, options)
+    if part.coded_points(options) <= options.slice_max_points:
+        yield part
+        return
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = np.argsort(points[:, axis], kind="stable")
+    middle = _between_positions(points[order, axis])
+    yield from _slices(points[order[:middle]], options)
+    yield from _slices(points[order[middle:]], options)
+
+
+def _between_positions(sorted_values: Ints) -> int:
+    """About the middle of sorted values; not between equal ones, so that these stay together."""
+    middle = len(sorted_values) // 2
+    starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
+    ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")
+    if starts == 0 and ends == len(sorted_values):
+        return middle
+    return int(starts if starts > 0 else ends)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Points of a slice: their least coordinates, the axes that each level splits, the tree."""
+
+    corner: tuple[int, int, int]
+    axes: list[int]
+    tree: Tree
+
+    def coded_points(self, options: GpccOptions) -> int:
+        """How many points the slice will hold."""
+        return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
+
+
+def _part(points: Ints, options: GpccOptions) -> _Part:
+    least = points.min(axis=0)
+    x, y, z = (max(int(size).bit_length(), 1) for size in points.max(axis=0) - least)
+    axes = split_axes(
+        (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
+    )
+    corner = (int(least[0]), int(least[1]), int(least[2]))
+    return _Part(corner, axes, build_tree(points - least, axes))
+
+
+def _data_unit(
+    part: _Part,
+    number: int,
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+) -> bytes:
+    header = syntax.GeometryHeader(
+        slice_id=number,
+        slice_geom_origin_bits_minus1=_bits(max(part.corner)) - 1,
+        slice_geom_origin_xyz=part.corner,
+        tree_depth_minus1=len(part.axes) - 1,
+        tree_lvl_coded_axis_list=part.axes,
+    )
+    return encode_slice(part.tree, header, sps, gps)
+
+
+def decode_geometry(stream: bytes) -> DecodedGeometry:
+    """The points of a stream of one frame, in the order of decoding.
+
+    Attributes are passed over. InputError for a stream that is not G-PCC, is damaged, or uses
+    tools other than octree coding.
+    """
+    contents = _Contents()
+    for payload_type, payload in syntax.payloads(stream):
+        contents.take(payload_type, payload)
+    return contents.geometry()
+
+
+class _Contents:
+    """What was read of a stream so far: parameter sets by number, and points by slice."""
+
+    def __init__(self) -> None:
+        self._sps: dict[int, syntax.SequenceParameterSet] = {}
+        self._gps: dict[int, syntax.GeometryParameterSet] = {}
+        self._active: syntax.SequenceParameterSet | None = None
+        self._frame: int | None = None
+        self._models: Models = fresh_models()
+        self._slices: list[Ints] = []
+
+    def take(self, payload_type: int, payload: bytes) -> None:
+        """Read one payload."""
+        if payload_type == syntax.SEQUENCE_PARAMETER_SET:
+            sps = syntax.SequenceParameterSet()
+            syntax.sequence_parameter_set(Reader(payload), sps)
+            self._sps.setdefault(sps.sps_seq_parameter_set_id, sps)
+        elif payload_type == syntax.GEOMETRY_PARAMETER_SET:
+            gps = syntax.GeometryParameterSet()
+            syntax.geometry_parameter_set(Reader(payload), gps)
+            self._gps.setdefault(gps.gps_geom_parameter_set_id, gps)
+        elif payload_type == syntax.TILE_INVENTORY:
+            syntax.tile_inventory(Reader(payload), syntax.TileInventory())
+        elif payload_type == syntax.GEOMETRY_DATA_UNIT:
+            self._slices.append(self._decoded(payload))
+
+    def _decoded(self, payload: bytes) -> Ints:
+        if not payload:
+            raise InputError("G-PCC stream: an empty geometry data unit")
+        gps = self._gps.get(payload[0] >> 4)
+        sps = self._sps.get(gps.gps_seq_parameter_set_id) if gps else None
+        if gps is None or sps is None:
+            raise InputError("G-PCC stream: a slice without its parameter sets")
+        if self._active is not None and sps is not self._active:
+            raise InputError("G-PCC stream: slices of different sequences")
+        self._active = sps
+        coded = read_slice(payload, sps, gps)
+        self._check_frame(coded)
+        if not coded.header.entropy_continuation_flag:
+            self._models = fresh_models()
+        return self._placed(decode_slice(coded, sps, gps, self._models), coded, sps, gps)
+
+    def _check_frame(self, coded: CodedSlice) -> None:
+        frame = coded.header.frame_ctr_lsb
+        if self._frame is not None and frame != self._frame:
+            raise InputError("G-PCC stream: more than one frame")
+        self._frame = frame
+
+    @staticmethod
+    def _placed(
+        codes: Ints,
+        coded: CodedSlice,
+        sps: syntax.SequenceParameterSet,
+        gps: syntax.GeometryParameterSet,
+    ) -> Ints:
+        header = coded.header
+        present = gps.slice_geom_origin_scale_present
+        scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
+        origin = [v << min(scale, 64) for v in header.slice_geom_origin_xyz]
+        if max(origin) >= _LARGEST:
+            raise InputError("G-PCC stream: the origin of a slice is too large")
+        axes = np.array(_AXIS_ORDERS[sps.geom_axis_order], dtype=np.int64)
+        points: Ints = coordinates(codes, axes, np.array(origin, dtype=np.int64))
+        return points
+
+    def geometry(self) -> DecodedGeometry:
+        """All that was read; InputError when there is no slice."""
+        sps = self._active
+        if sps is None:
+            raise InputError("G-PCC stream: no geometry")
+        points = self._slices[0] if len(self._slices) == 1 else np.concatenate(self._slices)
+        return DecodedGeometry(
+            points=points,
+            scale=Fraction(
+                sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1
+            ),
+            origin=_origin(sps),
+            global_scale=_global_scale(sps),
+            metres=bool(sps.seq_unit_is_metres_flag),
+        )
+
+
+def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
+    x, y, z = (v << min(sps.seq_origin_log2_scale, 64) for v in sps.seq_origin_xyz)
+    if max(abs(x), abs(y), abs(z)) >= _LARGEST:
+        raise InputError("G-PCC stream: the origin is too large")
+    return x, y, z
+
+
+def _global_scale(sps: syntax.SequenceParameterSet) -> Fraction:
+    """(2^bits + refinement) / 2^bits * 2^log2."""
+    bits = sps.seq_global_scale_refinement_num_bits
+    if max(bits, sps.seq_global_scale_factor_log2) > 30:
+        raise InputError("G-PCC stream: the scale is too large")
+    refined = Fraction((1 << bits) + sps.seq_global_scale_refinement_factor, 1 << bits)
+    return refined * (1 << sps.seq_global_scale_factor_log2)

@@ -1,0 +1,147 @@
+"""Encoding of one slice: points to a geometry data unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.codecs.gpcc import direct, models, neighbours, octree, planar
+from puckbench.codecs.gpcc.arithmetic import encoder, enlarged, finish
+from puckbench.codecs.gpcc.morton import Ints
+from puckbench.codecs.gpcc.syntax import (
+    GeometryFooter,
+    GeometryHeader,
+    GeometryParameterSet,
+    SequenceParameterSet,
+    footer_bytes,
+    geometry_header,
+    written,
+)
+from puckbench.codecs.gpcc.tree import Tree, leaf_codes, leaf_starts, node_bits
+
+# Most bytes that one node can take: eight bits of at most a byte each and planes; the coordinates
+# and counts of direct points; the counts of eight leaves.
+_NODE_BYTES, _DIRECT_BYTES, _LEAVES_BYTES = 16, 128, 256
+
+
+def encode_slice(
+    tree: Tree,
+    header: GeometryHeader,
+    sps: SequenceParameterSet,
+    gps: GeometryParameterSet,
+) -> bytes:
+    """A geometry data unit with the points of `tree`, split as the header says."""
+    points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
+    footer = GeometryFooter(geom_num_points_minus1=points - 1)
+    head = written(geometry_header, header, sps, gps)
+    return head + _coded(tree, header, gps) + footer_bytes(footer)
+
+
+def _coded(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
+    """The arithmetic-coded part."""
+    coder = encoder(64)
+    adaptive = models.fresh_models()
+    state = slice_state(gps, 0)
+    parents = root_parent()
+    for number, source in enumerate(_sources(tree, header, gps)):
+        level = level_of(header, gps, number)
+        planar.forget_planes(state.planar)
+        count = len(source.occupancy)
+        coder = enlarged(coder, 64 + count * _most_bytes(level))
+        nodes = empty_nodes(0 if level.last else count, encoding=True)
+        kept = octree.code_level(coder, adaptive, level, parents, nodes, source, state)
+        parents = first_nodes(nodes, kept)
+        if not kept:
+            break
+    return finish(coder)
+
+
+def _most_bytes(level: octree.Level) -> int:
+    counts = 0 if level.unique or not level.last else _LEAVES_BYTES
+    return _NODE_BYTES + (_DIRECT_BYTES if level.direct else 0) + counts
+
+
+def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Source]:
+    """What each level is coded from."""
+    nothing = np.empty(0, dtype=np.int32)
+    starts = [nothing] * len(tree.levels)
+    leaves: Ints = np.empty(0, dtype=np.int64)
+    if gps.inferred_direct_coding_mode:
+        starts = leaf_starts(tree)
+        leaves = leaf_codes(tree, header.tree_lvl_coded_axis_list)
+    return [
+        octree.Source(level.occupancy, level.first, start, leaves, tree.counts)
+        for level, start in zip(tree.levels, starts, strict=True)
+    ]
+
+
+def level_of(header: GeometryHeader, gps: GeometryParameterSet, number: int) -> octree.Level:
+    """What is the same for all nodes of a level of the tree."""
+    axes = header.tree_lvl_coded_axis_list
+    bits = node_bits(axes)[number]
+    boundary = gps.neighbour_avail_boundary_log2_minus1
+    enabled = direct.enabled_mask(
+        gps.inferred_direct_coding_mode,
+        bool(gps.geom_planar_mode_enabled_flag),
+        gps.geom_idcm_rate_minus1,
+    )
+    turn = number % 32
+    return octree.Level(
+        axes=axes[number],
+        parent_axes=axes[number - 1] if number else 7,
+        bits=bits,
+        root=number == 0,
+        last=number == len(axes) - 1,
+        adjacent=bool(boundary and gps.adjacent_child_contextualization_enabled_flag),
+        predict=boundary > 0 and max(bits) < gps.intra_pred_max_node_size_log2,
+        unique=bool(gps.geom_unique_points_flag),
+        direct=gps.inferred_direct_coding_mode,
+        joint=bool(gps.joint_2pt_idcm_enabled_flag),
+        enabled=(enabled >> turn | enabled << 32 - turn) & 0xFFFFFFFF,
+    )
+
+
+def slice_state(gps: GeometryParameterSet, most_points: int) -> octree.Slice:
+    """The state at the start of a slice that may have `most_points` decoded points."""
+    minus1 = gps.neighbour_avail_boundary_log2_minus1
+    thresholds = (
+        gps.geom_planar_threshold0,
+        gps.geom_planar_threshold1,
+        gps.geom_planar_threshold2,
+    )
+    scratch = np.zeros((2, 3), dtype=np.int64)
+    return octree.Slice(
+        neighbours.atlas(minus1 + 1 if minus1 else 0),
+        planar.planar_state(bool(gps.geom_planar_mode_enabled_flag), thresholds),
+        np.empty(most_points, dtype=np.int64),
+        np.array([0, most_points or 1 << 62], dtype=np.int64),
+        scratch,
+        scratch.copy(),
+        np.zeros(3, dtype=np.int64),
+    )
+
+
+def root_parent() -> octree.Nodes:
+    """A parent whose only child, the first, is the root."""
+    return octree.Nodes(
+        np.zeros(1, dtype=np.int64),
+        np.ones(1, dtype=np.uint8),
+        np.zeros(1, dtype=np.uint8),
+        np.zeros(1, dtype=np.int32),
+    )
+
+
+def empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
+    """Room for `count` nodes."""
+    return octree.Nodes(
+        np.empty(count, dtype=np.int64),
+        np.empty(count, dtype=np.uint8),
+        np.empty(count, dtype=np.uint8),
+        np.empty(count if encoding else 0, dtype=np.int32),
+    )
+
+
+def first_nodes(nodes: octree.Nodes, count: int) -> octree.Nodes:
+    """The first `count` nodes."""
+    return octree.Nodes(
+        nodes.morton[:count], nodes.occupancy[:count], nodes.eligible[:count], nodes.first[:count]
+    )

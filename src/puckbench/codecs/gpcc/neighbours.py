@@ -1,0 +1,263 @@
+"""What is known of a node's neighbours: which are occupied, and where.
+
+The occupancy atlas covers a cube of 2**boundary nodes a side around the node being coded; the
+neighbours outside it do not count. With a boundary of 0 only a node's siblings do.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.compiled import inlined, kernel
+from puckbench.codecs.gpcc.bitcount import bit_count
+from puckbench.codecs.gpcc.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+Six = tuple[int, int, int, int, int, int]
+
+# The upper half of the children along x, y, z, and how far it is from the lower one.
+UPPER = np.array([0xF0, 0xCC, 0xAA], dtype=np.int64)
+_STEP = np.array([4, 2, 1], dtype=np.int64)
+_AXIS = np.array([X_BITS, Y_BITS, Z_BITS], dtype=np.int64)
+_PATTERN_BIT = np.array([2, 4, 16], dtype=np.int64)
+
+
+def _cell(x: int, y: int, z: int) -> int:
+    return 16 * x + 4 * y + z
+
+
+def _signed(bits: int) -> int:
+    return bits - (1 << 64) if bits >> 63 else bits
+
+
+# A node and its 26 neighbours lie in a 4 x 4 x 4 grid of bits around the node's parent.
+_GRID_OF_OCCUPANCY = np.array(
+    [sum((o >> k & 1) << _cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)) for o in range(256)],
+    dtype=np.int64,
+)
+_CHILD_CELL = np.array([_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)], dtype=np.int64)
+_AROUND = sum(
+    1 << _cell(x, y, z)
+    for x in range(3) for y in range(3) for z in range(3) if (x, y, z) != (1, 1, 1)
+)
+# The seven neighbours of a node that touch its child k.
+_TOUCHING = np.array(
+    [
+        sum(
+            1 << _cell(x, y, z)
+            for x in (1, 2 * (k >> 2))
+            for y in (1, 2 * (k >> 1 & 1))
+            for z in (1, 2 * (k & 1))
+            if (x, y, z) != (1, 1, 1)
+        )
+        for k in range(8)
+    ],
+    dtype=np.int64,
+)
+
+
+_LOWER_CELLS = (0x00000033, 0x00030003, 0x00110011)
+_ALL_CELLS = 0x00330033
+
+
+def _placing(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
+    """Which cells of the parent `offsets` parents away are in the grid, and how far to move them."""
+    cut, shift = _ALL_CELLS, 0
+    for axis, offset in enumerate(offsets):
+        split = axes >> (2 - axis) & 1
+        shift += (16, 4, 1)[axis] * (1 + (1 + split) * offset)
+        if split and offset:
+            cut &= _LOWER_CELLS[axis] if offset > 0 else ~_LOWER_CELLS[axis]
+    return cut, shift
+
+
+_GRID_PLACING = np.array(
+    [
+        [[[_placing(a, (x, y, z)) for z in (-1, 0, 1)] for y in (-1, 0, 1)] for x in (-1, 0, 1)]
+        for a in range(8)
+    ],
+    dtype=np.int64,
+)
+_GRID_CUT = np.ascontiguousarray(_GRID_PLACING[..., 0])
+_GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
+
+
+class Atlas(NamedTuple):
+    """Occupancy of the parents in the present cube, and of the nodes coded in it, by Morton code.
+
+    side: log2 of the cube's side in nodes; 0 when there is no atlas.
+    """
+
+    parents: Bytes
+    nodes: Bytes
+    side: int
+
+
+def atlas(boundary: int) -> Atlas:
+    """An empty atlas for neighbours within cubes of 2**boundary nodes."""
+    size = 1 << 3 * boundary if boundary else 1
+    return Atlas(np.zeros(size, dtype=np.uint8), np.zeros(size, dtype=np.uint8), boundary)
+
+
+@kernel
+def enter_cube(
+    cubes: Atlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
+) -> int:
+    """Replace the atlas's cube by that of parent `first`; the parent where the next cube begins.
+
+    The cube that is left holds the parents from `previous` to `first`. axes: those that the
+    parents split.
+    """
+    inside = (1 << 3 * cubes.side) - 1
+    for i in range(previous, first):
+        cubes.parents[above(below(morton[i], axes) & inside, axes)] = 0
+    if first == len(morton):
+        return first
+    cube = below(morton[first], axes) >> 3 * cubes.side
+    end = first
+    while end < len(morton):
+        base = below(morton[end], axes)
+        if base >> 3 * cubes.side != cube:
+            break
+        cubes.parents[above(base & inside, axes)] = occupancy[end]
+        end += 1
+    return end
+
+
+@inlined
+def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
+    """Occupancy of the parent next to the one at `address` along an axis; 0 outside the cube."""
+    bits = _AXIS[axis]
+    levels = cubes.side - ((axes >> (2 - axis)) & 1)
+    own = address & bits
+    if up:
+        if own == bits & ((1 << 3 * levels) - 1):
+            return 0
+        moved = ((address | ~bits) + 1) & bits
+    else:
+        if own == 0:
+            return 0
+        moved = (own - 1) & bits
+    return np.int64(cubes.parents[moved | address & ~bits])
+
+
+@kernel
+def face_neighbours(cubes: Atlas, axes: int, base: int, occupancy: int) -> Six:
+    """For x+1, x-1, y-1, y+1, z-1, z+1: which children of a parent have an occupied neighbour.
+
+    base: code of the parent's first child. axes: those that the parent splits.
+    """
+    right, left = occupancy >> 4, (occupancy & 0x0F) << 4
+    back, front = (occupancy & 0x33) << 2, occupancy >> 2 & 0x33
+    down, top = (occupancy & 0x55) << 1, occupancy >> 1 & 0x55
+    if cubes.side == 0:
+        return right, left, back, front, down, top
+    address = above(base & ((1 << 3 * cubes.side) - 1), axes)
+    high, low = _beside(cubes, axes, address, 0, True), _beside(cubes, axes, address, 0, False)
+    if axes & 4:
+        high, low = right | (high & 0x0F) << 4, left | low >> 4
+    behind, ahead = _beside(cubes, axes, address, 1, False), _beside(cubes, axes, address, 1, True)
+    if axes & 2:
+        behind, ahead = back | behind >> 2 & 0x33, front | (ahead & 0x33) << 2
+    under, over = _beside(cubes, axes, address, 2, False), _beside(cubes, axes, address, 2, True)
+    if axes & 1:
+        under, over = down | under >> 1 & 0x55, top | (over & 0x55) << 1
+    return high, low, behind, ahead, under, over
+
+
+@inlined
+def face_pattern(faces: Six, child: int) -> int:
+    """Neighbour pattern of one child."""
+    return (
+        (faces[0] >> child & 1)
+        | (faces[1] >> child & 1) << 1
+        | (faces[2] >> child & 1) << 2
+        | (faces[3] >> child & 1) << 3
+        | (faces[4] >> child & 1) << 4
+        | (faces[5] >> child & 1) << 5
+    )
+
+
+@kernel
+def adjacent_children(
+    cubes: Atlas, axes: int, node: int, pattern: int
+) -> tuple[int, int, int, int, int]:
+    """Refine a neighbour pattern by the children of the three neighbours coded before.
+
+    axes: those that the node splits. Returns the pattern; the children of the node with at least
+    one and with at least two occupied neighbours outside it; those with an unoccupied one; and
+    the occupancies of the neighbours x-1, y-1, z-1, a byte each from the lowest.
+    """
+    inside = (1 << 3 * cubes.side) - 1
+    address = node & inside
+    one, two, empty, seen = 0, 0, 0, 0
+    for axis in range(3):
+        if pattern & _PATTERN_BIT[axis] == 0:
+            continue
+        bits = _AXIS[axis]
+        beside = ((address & bits) - 1) & bits | address & ~bits
+        occupancy = np.int64(cubes.nodes[beside])
+        seen |= occupancy << 8 * axis
+        facing, step = UPPER[axis], _STEP[axis]
+        if axes & step == 0:
+            facing, step = facing ^ 0xFF, 0
+        near = (occupancy & facing) >> step
+        if near == 0:
+            pattern ^= _PATTERN_BIT[axis]
+        two |= one & near
+        one |= near
+        empty |= (~occupancy & facing) >> step
+    return pattern, one, two, empty, seen
+
+
+@kernel
+def neighbour_grid(cubes: Atlas, axes: int, base: int) -> int:
+    """Occupancy of the 4 x 4 x 4 nodes around a parent's children, as bits of a word.
+
+    The cell of (x, y, z), each 0..3, is bit 16 x + 4 y + z; the children are at 1 and 2.
+    """
+    inside = (1 << 3 * cubes.side) - 1
+    address = above(base & inside, axes)
+    within = above(inside & ~(AXES_BITS[axes] & 7), axes)
+    grid = 0
+    for x in range(3):
+        along_x = _moved(address, within, X_BITS, x)
+        for y in range(3):
+            along_y = _moved(address, within, Y_BITS, y)
+            for z in range(3):
+                along_z = _moved(address, within, Z_BITS, z)
+                if along_x < 0 or along_y < 0 or along_z < 0:
+                    continue
+                cells = _GRID_OF_OCCUPANCY[cubes.parents[along_x | along_y | along_z]]
+                cells &= _GRID_CUT[axes, x, y, z]
+                shift = _GRID_SHIFT[axes, x, y, z]
+                grid |= cells << shift if shift >= 0 else cells >> -shift
+    return grid
+
+
+@inlined
+def _moved(address: int, within: int, bits: int, place: int) -> int:
+    """The bits of one axis moved by place - 1; -1 when that leaves the cube."""
+    own = address & bits
+    if place == 1:
+        return own
+    if place == 0:
+        return -1 if own == 0 else (own - 1) & bits
+    return -1 if own == within & bits else ((address | ~bits) + 1) & bits
+
+
+@kernel
+def predicted_children(grid: int, child: int) -> tuple[int, int]:
+    """Children of a node whose occupancy its neighbours foretell, and those foretold occupied."""
+    around = (grid >> _CHILD_CELL[child]) & _AROUND
+    most = 4 if bit_count(around) < 14 else 5
+    foretold, occupied = 0, 0
+    for k in range(8):
+        touching = bit_count(around & _TOUCHING[k])
+        foretold |= np.int64(touching <= 2 or touching >= most) << k
+        occupied |= np.int64(touching >= most) << k
+    return foretold, occupied

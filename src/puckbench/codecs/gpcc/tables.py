@@ -1,0 +1,129 @@
+"""Constant tables of the octree coder, and what is derived from them once.
+
+A neighbour pattern has a bit for each occupied face neighbour: 1 x+1, 2 x-1, 4 y-1, 8 y+1, 16 z-1,
+32 z+1. A child's index is 4x + 2y + z; an occupancy has a bit for each child.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# How much an adaptive probability p of a zero falls after a one, by p >> 8 (it rises after a zero
+# by the entry of 255 - (p >> 8)). A constant of the arithmetic coder.
+ADAPTATION = np.array(
+    [
+        *(0, 2, 5, 8, 11, 15, 20, 24, 29, 35, 41, 47, 53, 60, 67, 74),
+        *(82, 89, 97, 106, 114, 123, 132, 141, 150, 160, 170, 180, 190, 201, 211, 222),
+        *(233, 244, 256, 267, 279, 291, 303, 315, 327, 340, 353, 366, 379, 392, 405, 419),
+        *(433, 447, 461, 475, 489, 504, 518, 533, 548, 563, 578, 593, 609, 624, 640, 656),
+        *(672, 688, 705, 721, 738, 754, 771, 788, 805, 822, 840, 857, 875, 892, 910, 928),
+        *(946, 964, 983, 1001, 1020, 1038, 1057, 1076, 1095, 1114, 1133, 1153, 1172, 1192),
+        *(1211, 1231, 1251, 1271, 1291, 1311, 1332, 1352, 1373, 1393, 1414, 1435, 1456, 1477),
+        *(1498, 1520, 1541, 1562, 1584, 1606, 1628, 1649, 1671, 1694, 1716, 1738, 1760, 1783),
+        *(1806, 1828, 1851, 1874, 1897, 1920, 1935, 1942, 1949, 1955, 1961, 1968, 1974, 1980),
+        *(1985, 1991, 1996, 2001, 2006, 2011, 2016, 2021, 2025, 2029, 2033, 2037, 2040, 2044),
+        *(2047, 2050, 2053, 2056, 2058, 2061, 2063, 2065, 2066, 2068, 2069, 2070, 2071, 2072),
+        *(2072, 2072, 2072, 2072, 2072, 2071, 2070, 2069, 2068, 2066, 2065, 2063, 2060, 2058),
+        *(2055, 2052, 2049, 2045, 2042, 2038, 2033, 2029, 2024, 2019, 2013, 2008, 2002, 1996),
+        *(1989, 1982, 1975, 1968, 1960, 1952, 1943, 1934, 1925, 1916, 1906, 1896, 1885, 1874),
+        *(1863, 1851, 1839, 1827, 1814, 1800, 1786, 1772, 1757, 1742, 1727, 1710, 1694, 1676),
+        *(1659, 1640, 1622, 1602, 1582, 1561, 1540, 1518, 1495, 1471, 1447, 1422, 1396, 1369),
+        *(1341, 1312, 1282, 1251, 1219, 1186, 1151, 1114, 1077, 1037, 995, 952, 906, 857),
+        *(805, 750, 690, 625, 553, 471, 376, 255),
+    ],
+    dtype=np.uint16,
+)
+
+# Number of entries for each of the eight coded bits in the map from contexts to models.
+_MAP_LENGTHS = (9, 18, 35, 68, 69, 134, 135, 136)
+MAP_SIZE = sum(_MAP_LENGTHS)
+MAP_COUNT = 18
+_MAP_STARTS = (0, *np.cumsum(_MAP_LENGTHS[:-1]).tolist())
+
+# How far a map entry e moves, by (255 - e) >> 4 after a one and by e >> 4 after a zero.
+MAP_DELTA = np.array(
+    [0, 1, 1, 2, 4, 7, 9, 11, 14, 16, 19, 23, 22, 18, 13, 6],
+    dtype=np.int64,
+)
+
+# Classes of occupied neighbours for the last three bits, from unoccupied + 2 * (number occupied).
+ADJACENT_REDUCED = np.array([0, 0, 1, 2, 3, 3], dtype=np.int64)
+
+_CODING_ORDER = (1, 7, 5, 3, 2, 6, 4, 0)
+
+# Symmetry classes of the 64 neighbour patterns: neighbours known everywhere, or in the parent only.
+_CLASSES_9 = (
+    *(0, 1, 1, 1, 1, 2, 2, 3, 1, 2, 2, 3, 1, 3, 3, 4, 1, 2, 2, 3, 2, 5, 5, 6, 2, 5, 5, 6, 3, 6, 6, 7),
+    *(1, 2, 2, 3, 2, 5, 5, 6, 2, 5, 5, 6, 3, 6, 6, 7, 1, 3, 3, 4, 3, 6, 6, 7, 3, 6, 6, 7, 4, 7, 7, 8),
+)
+_SIBLING_CLASSES = {
+    0: 0, 1: 5, 2: 5, 4: 5, 8: 5, 5: 1, 6: 1, 9: 1, 10: 1,
+    16: 2, 17: 3, 18: 3, 20: 3, 24: 3, 21: 7, 22: 7, 25: 7, 26: 7,
+    32: 2, 33: 3, 34: 3, 36: 3, 40: 3, 37: 7, 38: 7, 41: 7, 42: 7,
+}
+_CLASSES_5 = (0, 1, 2, 3, 1, 2, 3, 4, 4)
+_CLASSES_3 = (0, 1, 1, 2, 2, 1, 2, 2, 2)
+
+# Where each child goes when a node is turned or mirrored.
+_X90 = (1, 3, 0, 2, 5, 7, 4, 6)
+_X270_Y180 = (7, 5, 6, 4, 3, 1, 2, 0)
+_X90_Y180 = (4, 6, 5, 7, 0, 2, 1, 3)
+_Y270 = (1, 5, 3, 7, 0, 4, 2, 6)
+_Z90 = (2, 3, 6, 7, 0, 1, 4, 5)
+_Z180 = (6, 7, 4, 5, 2, 3, 0, 1)
+_Z270 = (4, 5, 0, 1, 6, 7, 2, 3)
+_MIRROR_Z = (1, 0, 3, 2, 5, 4, 7, 6)
+_SAME = tuple(range(8))
+
+# Which turn about z belongs to the pattern's x and y bits; which about y and x to the pattern.
+_TURN_Z = (0, 0, 2, 0, 3, 3, 2, 1, 1, 0, 1, 3, 1, 2, 0, 0)
+_TURN_Y = {16, 19, 28, 32, 35, 44, 48, 55, 59, 61, 62}
+_TURN_X = {
+    **dict.fromkeys((17, 18, 20, 24, 33, 34, 36, 40, 51, 60), 1),
+    **dict.fromkeys((19, 28, 35, 44, 49, 50, 52, 56), 2),
+    **dict.fromkeys((53, 54, 57, 58), 3),
+}
+
+
+def _turned(pattern: int) -> list[int]:
+    """Where each child stands after the node is turned so that its pattern is its class's."""
+    turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[pattern & 15]]]
+    if pattern & 48 == 16:
+        turns.append(_MIRROR_Z)
+    if pattern in _TURN_Y:
+        turns.append(_Y270)
+    turns.append((_SAME, _X90, _X270_Y180, _X90_Y180)[_TURN_X.get(pattern, 0)])
+    places = list(range(8))
+    for turn in turns:
+        places = [turn[place] for place in places]
+    return places
+
+
+def _coded_children() -> list[list[int]]:
+    """For each pattern the children in the order in which their occupancy is coded."""
+    rows = []
+    for pattern in range(64):
+        places = _turned(pattern)
+        rows.append([places.index(place) for place in _CODING_ORDER])
+    return rows
+
+
+def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
+    """First map entry for each pattern and coded bit; the bits coded before it are added."""
+    rows = [[start for start in _MAP_STARTS]]
+    for pattern in range(1, 64):
+        nine = classes[pattern]
+        five, three = _CLASSES_5[nine], _CLASSES_3[nine]
+        reduced = [max(c - 1, 0) for c in (*[nine] * 4, five, five, three, 1)]
+        rows.append([_MAP_STARTS[i] + (reduced[i] << i) + i + 1 for i in range(8)])
+    return rows
+
+
+CODED_CHILD = np.array(_coded_children(), dtype=np.int64)
+MAP_BASE = np.array(
+    [_map_bases(tuple(_SIBLING_CLASSES.get(p, 0) for p in range(64))), _map_bases(_CLASSES_9)],
+    dtype=np.int64,
+)
+"""By whether neighbours outside the parent are known, then pattern, then coded bit."""
+
+COUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

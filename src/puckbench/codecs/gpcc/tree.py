@@ -1,0 +1,184 @@
+"""The octree of a set of points: which axes each level splits, and every node's occupancy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.compiled import compiled
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.int32]
+Bits = tuple[int, int, int]
+
+_AXES = (4, 2, 1)
+
+
+def split_axes(bits: Bits, qtbt: bool, before_octree: int = 4, least_size: int = 0) -> list[int]:
+    """The axes (4 x, 2 y, 1 z) that each level splits, from a root of 2**bits.
+
+    Without `qtbt` the root is a cube. With it, `before_octree` levels halve only the longest
+    sides, then nodes are split along all axes until their shortest side is 2**least_size.
+    """
+    if not qtbt:
+        return [7] * max(bits)
+    longest, shortest = max(bits), min(bits)
+    before_octree = min(before_octree, longest - shortest)
+    least_size = 0 if longest == shortest else min(least_size, shortest)
+    size, levels = list(bits), []
+    while max(size) > 0:
+        partial = before_octree > 0 or min(size) == least_size
+        split = [not partial or side == max(size) for side in size]
+        levels.append(sum(a for a, s in zip(_AXES, split, strict=True) if s))
+        size = [side - s for side, s in zip(size, split, strict=True)]
+        before_octree = max(before_octree - 1, 0)
+        if min(size) == max(size) == least_size:
+            least_size = -1
+    return levels
+
+
+def node_bits(levels: list[int]) -> list[Bits]:
+    """Log2 of the node size along x, y, z at each level, and last that of a leaf, (0, 0, 0)."""
+    sizes = [(0, 0, 0)]
+    for axes in reversed(levels):
+        x, y, z = sizes[-1]
+        sizes.append((x + (axes >> 2 & 1), y + (axes >> 1 & 1), z + (axes & 1)))
+    return sizes[::-1]
+
+
+@dataclass(frozen=True)
+class TreeLevel:
+    """All nodes of a level in order: occupancy, and index of each one's first child below."""
+
+    occupancy: Bytes
+    first: Indices
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Levels from the root down; the leaves' keys in order and the number of points at each."""
+
+    levels: list[TreeLevel]
+    keys: Ints
+    counts: Indices
+
+
+def build_tree(points: Ints, levels: list[int]) -> Tree:
+    """The tree of points (n, 3), non-negative and within the root that `levels` split."""
+    places = _bit_places(levels)
+    keys, counts = _distinct(np.sort(_keys(points, _key_tables(places))))
+    found, below = [], keys
+    for axes in reversed(levels):
+        children = _child_of_bits(axes)
+        below, occupancy, first = _parents(below, children.size.bit_length() - 1, children)
+        found.append(TreeLevel(occupancy, first))
+    return Tree(found[::-1], keys, counts)
+
+
+def leaf_starts(tree: Tree) -> list[Indices]:
+    """For each level the index of every node's first leaf, and the number of leaves."""
+    starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
+    for level in reversed(tree.levels):
+        starts.append(starts[-1][np.append(level.first, len(starts[-1]) - 1)])
+    return starts[:0:-1]
+
+
+def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
+    """Morton codes of the leaves."""
+    if all(axes == 7 for axes in levels):
+        return tree.keys
+    tables = np.zeros((8, 256), dtype=np.int64)
+    for axis, places in enumerate(_bit_places(levels)):
+        for bit, place in enumerate(places):
+            set_ = np.arange(256) >> place % 8 & 1
+            tables[place // 8] |= set_ << (3 * bit + 2 - axis)
+    return _permuted(tree.keys, tables)
+
+
+def _bit_places(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
+    """For each axis, from its lowest bit, where the bit stands in a key that orders the leaves."""
+    places: tuple[list[int], list[int], list[int]] = ([], [], [])
+    place = 0
+    for axes in reversed(levels):
+        for axis in (2, 1, 0):
+            if axes & _AXES[axis]:
+                places[axis].append(place)
+                place += 1
+    return places
+
+
+def _key_tables(places: tuple[list[int], list[int], list[int]]) -> Ints:
+    """What each byte of each coordinate adds to the key: (axis, byte, value)."""
+    tables = np.zeros((3, 3, 256), dtype=np.int64)
+    for axis, of_axis in enumerate(places):
+        for bit, place in enumerate(of_axis):
+            tables[axis, bit // 8] |= (np.arange(256) >> bit % 8 & 1) << place
+    return tables
+
+
+def _child_of_bits(axes: int) -> Ints:
+    """Child index by the key bits of a level."""
+    children = [child for child in range(8) if child & ~axes == 0]
+    return np.array(children, dtype=np.int64)
+
+
+@compiled
+def _keys(points: Ints, tables: Ints) -> Ints:
+    keys = np.empty(len(points), dtype=np.int64)
+    for i in range(len(points)):
+        key = 0
+        for axis in range(3):
+            value = points[i, axis]
+            for byte in range(3):
+                key |= tables[axis, byte, value >> 8 * byte & 0xFF]
+        keys[i] = key
+    return keys
+
+
+@compiled
+def _permuted(keys: Ints, tables: Ints) -> Ints:
+    codes = np.zeros(len(keys), dtype=np.int64)
+    for i in range(len(keys)):
+        for byte in range(8):
+            codes[i] |= tables[byte, keys[i] >> 8 * byte & 0xFF]
+    return codes
+
+
+@compiled
+def _distinct(keys: Ints) -> tuple[Ints, Indices]:
+    """The distinct ones of sorted keys, and how often each stands there."""
+    count = 1
+    for i in range(1, len(keys)):
+        count += np.int64(keys[i] != keys[i - 1])
+    distinct = np.empty(count, dtype=np.int64)
+    counts = np.zeros(count, dtype=np.int32)
+    k = -1
+    for i in range(len(keys)):
+        if i == 0 or keys[i] != keys[i - 1]:
+            k += 1
+            distinct[k] = keys[i]
+        counts[k] += 1
+    return distinct, counts
+
+
+@compiled
+def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
+    """Parents of nodes with sorted keys, of which the lowest `width` bits tell the child."""
+    count = 1
+    for i in range(1, len(keys)):
+        count += np.int64((keys[i] ^ keys[i - 1]) >> width != 0)
+    parents = np.empty(count, dtype=np.int64)
+    occupancy = np.zeros(count, dtype=np.uint8)
+    first = np.empty(count, dtype=np.int32)
+    k = -1
+    for i in range(len(keys)):
+        key = keys[i] >> width
+        if k < 0 or parents[k] != key:
+            k += 1
+            parents[k] = key
+            first[k] = i
+        occupancy[k] |= np.uint8(1 << child_of_bits[keys[i] & ((1 << width) - 1)])
+    return parents, occupancy, first

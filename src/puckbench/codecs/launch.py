@@ -1,0 +1,38 @@
+"""Runs one command under limits and prints what it cost, as a process with next to no memory.
+
+    python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
+
+The kernel counts the memory of the process that started a command as the command's own, so a
+benchmark that held clouds would find them in every tool's peak. This process holds nothing.
+It prints seconds, peak in KiB and exit status (negative: a signal) as JSON; the command's own
+output goes to standard error.
+"""
+
+import json
+import os
+import resource
+import signal
+import sys
+import time
+
+
+def main() -> None:
+    """Start the command, wait for it, print its cost."""
+    memory, seconds, *command = sys.argv[1:]
+    resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    start = time.perf_counter()
+    actions = [(os.POSIX_SPAWN_DUP2, 2, 1)]
+    child = os.posix_spawnp(command[0], command, os.environ, file_actions=actions)
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(child, signal.SIGKILL))
+    signal.alarm(int(seconds))
+    _, status, usage = os.wait4(child, 0)
+    cost = {
+        "seconds": time.perf_counter() - start,
+        "peak_kib": usage.ru_maxrss // (1024 if sys.platform == "darwin" else 1),
+        "status": os.waitstatus_to_exitcode(status),
+    }
+    sys.stdout.write(json.dumps(cost))
+
+
+if __name__ == "__main__":
+    main()
