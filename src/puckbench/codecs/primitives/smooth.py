@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.moments import SIZE, add_point, fit_plane
+from puckbench.codecs.primitives.tree import cell_starts
 from puckbench.metrics.compiled import compiled
 
 Ints = NDArray[np.int64]
@@ -24,14 +25,10 @@ class Samples(NamedTuple):
 
 def sampled(points: Floats, cell: float) -> Samples:
     """One sample for each cubic cell that holds points; cells count from the origin."""
-    cells = np.floor(points / cell).astype(np.int64)
-    keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
-    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    order, starts = cell_starts(points, cell)
     counts = np.diff(np.concatenate([starts, [len(points)]])).astype(np.float64)
     sums = np.add.reduceat(points[order], starts, axis=0)
-    return Samples(sums / counts[:, None], counts, cells[order[starts]])
+    return Samples(sums / counts[:, None], counts, np.floor(points[order[starts]] / cell).astype(np.int64))
 
 
 def smoothed(

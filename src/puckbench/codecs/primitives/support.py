@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.columns import Evidence, choose, gain_at
 from puckbench.codecs.primitives.entropy import Coder, code_bit
+from puckbench.codecs.primitives.walk import CONTEXTS as TREE_CONTEXTS
+from puckbench.codecs.primitives.walk import MIXERS as TREE_MIXERS
 from puckbench.codecs.primitives.walk import Frame, Leaves
 from puckbench.metrics.compiled import compiled
 
@@ -34,8 +36,12 @@ class Choice(NamedTuple):
     smoothness: float
 
 
-CONTEXTS = 729 * 2 + 6561 + 16 * 9
-MIXERS = 3
+_MIXER = TREE_MIXERS
+_FACES = TREE_CONTEXTS
+_AROUND = _FACES + 81 * 9
+_COUNTS = _AROUND + 6561
+CONTEXTS = _COUNTS + 16 * 9
+MIXERS = TREE_MIXERS + 1
 
 
 @compiled
@@ -85,7 +91,7 @@ def _wanted_columns(
     p = np.zeros(3)
     for a in range(side):
         for b in range(side):
-            if not _cell_of(frame, plane, axis, corner[u] + a, corner[v] + b, at):
+            if not cell_of(frame, plane, axis, corner[u] + a, corner[v] + b, at):
                 gains[a, b] = -1
                 continue
             if at[axis] < corner[axis] or at[axis] >= corner[axis] + side:
@@ -122,7 +128,7 @@ def _code_leaf(
     state = np.zeros(8, np.int64)
     for a in range(side):
         for b in range(side):
-            if not _cell_of(frame, plane, axis, corner[u] + a, corner[v] + b, at):
+            if not cell_of(frame, plane, axis, corner[u] + a, corner[v] + b, at):
                 continue
             if at[axis] < corner[axis] or at[axis] >= corner[axis] + side:
                 continue
@@ -144,16 +150,16 @@ def _code_leaf(
             bit = code_bit(
                 coder,
                 bits[a, b],
-                0,
-                faces + 81 * min(size - 1, 8),
-                729 * 2 + faces + 81 * diagonal,
-                729 * 2 + 6561 + 16 * count + size,
+                _MIXER,
+                _FACES + faces + 81 * min(size - 1, 8),
+                _AROUND + faces + 81 * diagonal,
+                _COUNTS + 16 * count + size,
             )
             cover[x, y, z] = 2 if bit else 1
 
 
 @compiled
-def _cell_of(frame: Frame, plane: Floats, axis: int, a: int, b: int, at: Ints) -> bool:
+def cell_of(frame: Frame, plane: Floats, axis: int, a: int, b: int, at: Ints) -> bool:
     """The finest cell in which the plane crosses the middle of a column; false outside the grid."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     if a < 0 or b < 0 or a >= frame.shape[u] or b >= frame.shape[v]:
@@ -171,7 +177,7 @@ def _state(
     frame: Frame, plane: Floats, axis: int, a: int, b: int, leaf: int, owner: Ints, cover: Bytes, at: Ints
 ) -> int:
     """0 unknown, 1 empty, 2 surface, of the column beside."""
-    if not _cell_of(frame, plane, axis, a, b, at):
+    if not cell_of(frame, plane, axis, a, b, at):
         return 1
     state = cover[at[0], at[1], at[2]]
     if state > 0:

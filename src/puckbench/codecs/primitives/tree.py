@@ -34,7 +34,7 @@ def build(
     cells = np.floor(xyz / cell).astype(np.int64).clip(0, (1 << depth) - 1)
     order = np.argsort(_morton(cells), kind="stable")
     cells = cells[order]
-    moments = _moments_of(xyz[order], normals[order], weights[order], radius)
+    moments = moments_of(xyz[order], weights[order], normals[order], radius)
     levels: list[Level] = []
     first = np.arange(len(cells) + 1)
     for _ in range(depth + 1):
@@ -55,7 +55,7 @@ def prune(
     below = np.zeros(0)
     for depth in range(finest, -1, -1):
         level = levels[depth]
-        costs = _plane_costs(level.moments) + price * bits_leaf
+        costs = plane_costs(level.moments) + price * bits_leaf
         if depth < finest:
             splitting = np.add.reduceat(below, level.first[:-1]) + price * bits_split
             level.leaf[:] = (costs < splitting) & (depth >= coarsest)
@@ -73,19 +73,35 @@ def _morton(cells: Ints) -> Ints:
     return keys
 
 
-def _moments_of(xyz: Floats, normals: Floats, weights: Floats, radius: float) -> Floats:
-    """Moments of discs of `radius` about the points, so that a single one has its plane."""
+def cell_starts(points: Floats, cell: float) -> tuple[Ints, Ints]:
+    """Order (n,) that brings the points of each cubic cell together, and where each cell begins."""
+    cells = np.floor(points / cell).astype(np.int64)
+    cells -= cells.min(axis=0)
+    keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    return order, np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+
+
+def moments_of(
+    xyz: Floats,
+    weights: Floats | float = 1.0,
+    normals: Floats | None = None,
+    radius: float = 0.0,
+) -> Floats:
+    """Moments (n, 10) of points, or of discs of `radius` about them, so that one has its plane."""
     x, y, z = xyz.T
-    a, b, c = normals.T
+    a, b, c = np.zeros_like(xyz.T) if normals is None else normals.T
     spread = radius**2 / 4
     columns = [np.ones(len(xyz)), x, y, z]
     columns += [x * x + spread * (1 - a * a), x * y - spread * a * b, x * z - spread * a * c]
     columns += [y * y + spread * (1 - b * b), y * z - spread * b * c, z * z + spread * (1 - c * c)]
-    return np.stack(columns, axis=1) * weights[:, None]
+    return np.stack(columns, axis=1) * np.broadcast_to(weights, len(xyz))[:, None]
 
 
 @compiled
-def _plane_costs(moments: Floats) -> Floats:
+def plane_costs(moments: Floats) -> Floats:
+    """Weighted sums of squared distances to the planes of least squares, (n,)."""
     costs, plane = np.empty(len(moments)), np.empty(4)
     for i in range(len(moments)):
         costs[i] = fit_plane(moments[i], plane)

@@ -23,28 +23,29 @@ Bytes = NDArray[np.uint8]
 UNKNOWN, EMPTY, FULL, SPLIT = 0, 1, 2, 3
 CANDIDATES = 4
 
-_SIBLINGS = 729
+# Where the contexts of each kind begin.
+_FACES = 0
+_SIBLINGS = _FACES + 729
 _COUNTS = _SIBLINGS + 8 * 128
 _LEAF = _COUNTS + 16 * 12
 _MERGE = _LEAF + 49 + 2 * 16
-_AXIS = _MERGE + 3 * 64
-_NUMBERS = _AXIS + 64
-CONTEXTS = _NUMBERS + 40 * 3 * 16 * 2
-MIXERS = 40
+_AXIS = _MERGE + 192
+_NUMBERS = _AXIS + 12
+CONTEXTS = _NUMBERS + 40 * 3 * 18
+MIXERS = 34
 
 
 class Nodes(NamedTuple):
     """What the encoder knows of the nodes of all levels, one level after the other.
 
     moments: (n, 10). first: (n + 1,) children's place in the list; leaf: (n,).
-    starts: (levels + 1,) where each level begins. octant: (n,) of a node in its parent.
+    octant: (n,) of a node in its parent.
     """
 
     moments: Floats
     first: Ints
     leaf: NDArray[np.bool_]
     octant: Ints
-    starts: Ints
 
 
 class Leaves(NamedTuple):
@@ -151,10 +152,9 @@ def _code_leaf(
     leaf = 0
     if coder.registers[4] == 1:
         leaf = 1 if nodes.leaf[node[3]] else 0
-    base = 729 + 1024 + 192
     size = min(frame.depth - level, 15)
     return bool(
-        code_bit(coder, leaf, 0, base + 7 * full + split, base + 49 + size, base + 65 + size) == 1
+        code_bit(coder, leaf, 0, _LEAF + 7 * full + split, _LEAF + 49 + size, _LEAF + 65 + size) == 1
     )
 
 
@@ -244,9 +244,9 @@ def _code_occupancy(
         for dy in range(-1, 2):
             for dz in range(-1, 2):
                 around += _child_state(states, finer, x + dx, y + dy, z + dz) == 2
-    siblings = 729 + octant * 128 + (pattern & 127)
-    counts = 729 + 1024 + 12 * min(down, 15) + min(around, 11)
-    return code_bit(coder, bit, 1 + octant, faces, siblings, counts)
+    siblings = _SIBLINGS + octant * 128 + (pattern & 127)
+    counts = _COUNTS + 12 * min(down, 15) + min(around, 11)
+    return code_bit(coder, bit, 1 + octant, _FACES + faces, siblings, counts)
 
 
 @compiled
@@ -320,11 +320,10 @@ def _code_plane(
     if writing:
         chosen = _choice(frame, node, nodes, leaves, found[:count], (centre, half, step), predicted, wanted)
     merged = count
-    base = 729 + 1024 + 192 + 49 + 32
     for k in range(count):
         bit = code_bit(
             coder, 1 if chosen == k else 0, 10 + k,
-            base + 16 * k + min(down, 15), base + 64 + 8 * k + count, base + 128 + k,
+            _MERGE + 16 * k + min(down, 15), _MERGE + 64 + 8 * k + count, _MERGE + 128 + k,
         )
         if bit == 1:
             merged = k
@@ -380,10 +379,9 @@ def _code_parameters(
     coder: Coder, wanted: Ints, predicted: Ints, has_prediction: bool, down: int
 ) -> None:
     """Code axis, height and slopes of a plane; `wanted` becomes what was read."""
-    base = 729 + 1024 + 192 + 49 + 32 + 192
     known = 1 if has_prediction else 0
     expected = predicted[0] if known else 0
-    at = base + 6 * known
+    at = _AXIS + 6 * known
     same = code_bit(coder, 1 if wanted[0] == expected else 0, 20, at, at + 1, at + 1)
     if same == 0:
         second = code_bit(
@@ -393,11 +391,10 @@ def _code_parameters(
     else:
         wanted[0] = expected
     fit = 1 if known and same == 1 else 0
-    base += 64
     for k in range(3):
         guess = predicted[k + 1] if fit else 0
-        by_size = base + 40 * (3 * min(down, 15) + k)
-        by_kind = base + 40 * 48 + 40 * (3 * (fit) + k)
+        by_size = _NUMBERS + 40 * (3 * min(down, 15) + k)
+        by_kind = _NUMBERS + 40 * (48 + 3 * fit + k)
         wanted[k + 1] = guess + code_number(
             coder, wanted[k + 1] - guess, 22 + 3 * (k > 0) + 6 * fit, by_size, by_kind
         )
