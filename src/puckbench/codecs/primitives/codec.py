@@ -14,6 +14,9 @@ from puckbench.codecs.primitives.stream import Header, pack_voxels, unpack
 from puckbench.errors import InputError
 
 
+_LARGEST_VOXEL = 4.0
+
+
 class Primitives(Codec):
     """Geometric primitives fitted to the cloud, noise aware; see docs/primitives.md."""
 
@@ -44,19 +47,20 @@ class Primitives(Codec):
 
 
 def _encoded(points: Floats, settings: Settings) -> bytes:
-    from puckbench.codecs.primitives.encoder import encode_surface
+    from puckbench.codecs.primitives.encoder import encode_surface, noise_of
 
-    extent = float(np.ptp(points, axis=0).max())
-    if settings.voxel == 0 and extent > 0:
+    unit = float(np.ptp(points, axis=0).max()) / SIZE
+    if unit == 0:
+        return _voxels(points, 1.0)
+    if settings.voxel == 0:
         stream = encode_surface(points, settings)
-        if stream is not None:
-            return stream
-    return _voxels(points, extent, settings.voxel or settings.leaf)
+        return _voxels(points, settings.leaf * unit) if stream is None else stream
+    least = min(settings.voxel_noise * noise_of(points, unit), _LARGEST_VOXEL)
+    return _voxels(points, max(settings.voxel, least) * unit)
 
 
-def _voxels(points: Floats, extent: float, voxel: float) -> bytes:
+def _voxels(points: Floats, side: float) -> bytes:
     from puckbench.codecs.gpcc.lossless import encode_voxels
 
     low = points.min(axis=0)
-    unit = voxel * extent / SIZE or 1.0
-    return pack_voxels(low, unit, encode_voxels(np.rint((points - low) / unit).astype(np.int64)))
+    return pack_voxels(low, side, encode_voxels(np.rint((points - low) / side).astype(np.int64)))

@@ -63,11 +63,11 @@ def frame_of(header: Header, price: float = 0.0) -> Frame:
 
 
 def empty_leaves(header: Header) -> tuple[Leaves, NDArray[np.int32], Bytes]:
-    """Room for leaves, and grids of the cells' owners and states."""
+    """Room for leaves, and grids of the cells' owners (leaf + 1, 0 for none) and states."""
     n = header.leaves
     rows: list[Any] = [np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)]
     leaves = Leaves(*rows, np.zeros((n, 4)), np.zeros(2, np.int64))
-    owner = np.full(header.shape, -1, np.int32)
+    owner = np.zeros(header.shape, np.int32)
     return leaves, owner, np.zeros(header.shape, np.uint8)
 
 

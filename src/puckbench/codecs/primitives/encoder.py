@@ -14,7 +14,7 @@ from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.settings import SIZE, Settings
 from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
 from puckbench.codecs.primitives.smooth import sampled, smoothed
-from puckbench.codecs.primitives.stream import Header, pack_surface
+from puckbench.codecs.primitives.stream import MOST_CELLS, Header, pack_surface
 from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, Choice, code_support
 from puckbench.codecs.primitives.surface import count_points
 from puckbench.codecs.primitives.tree import Level, build, prune
@@ -32,6 +32,7 @@ _DISC = 0.6
 _LEAF_BITS, _SPLIT_BITS = 9.0, 5.0
 _EDGE_BITS = 3.0
 _MISSING, _ACROSS, _MOST = 20.0, 0.1, 100.0
+_MISSING_CELL = 0.3
 _BYTES_A_NODE = 64
 _MARGIN = 0.5
 """Cells between the least coordinate and the grid's edge: smoothing moves samples."""
@@ -72,6 +73,11 @@ def encode_surface(points: Floats, settings: Settings) -> bytes | None:
     return pack_surface(placed, written(coder))
 
 
+def noise_of(points: Floats, unit: float) -> float:
+    """Standard deviation of the noise of points (n, 3), in units of side `unit`."""
+    return spread((points - points.min(axis=0)) / unit, _NOISE_CELL)
+
+
 def _surface(points: Floats, settings: Settings) -> Surface:
     """Smoothed samples of points in units; their cells grow until they hold a few points each."""
     side = min(_SAMPLE_CELL, 1.5 * settings.cell)
@@ -88,7 +94,10 @@ def _surface(points: Floats, settings: Settings) -> Surface:
 def _cell(surface: Surface, settings: Settings) -> float:
     """Side of a bitmap's column: samples that lie apart cannot say more than their spacing does."""
     finer = np.log2(0.6 * surface.cell / settings.cell)
-    return float(settings.cell * 2.0 ** max(0, np.ceil(finer - 1e-9)))
+    cell = settings.cell * 2.0 ** max(0, np.ceil(finer - 1e-9))
+    while np.prod(np.ptp(surface.xyz, axis=0) / cell + 2) > MOST_CELLS:
+        cell *= 2
+    return float(cell)
 
 
 def _in_cells(surface: Surface, cell: float) -> Surface:
@@ -135,7 +144,8 @@ def _choice(surface: Surface, frame: Frame, cell: float) -> Choice:
         surface.xyz, surface.normals, weights, index, surface.cell, _ACROSS, _MOST / cell**2
     )
     area = 0.5 / len(surface.counts)
-    return Choice(evidence, _MISSING / cell**2, area, _EDGE_BITS * frame.price)
+    missing = max(_MISSING / cell**2, _MISSING_CELL)
+    return Choice(evidence, missing, area, _EDGE_BITS * frame.price)
 
 
 def _density(

@@ -16,13 +16,15 @@ SIZE = 1023.0
 class Settings:
     """Parameters of a rate, lengths in units.
 
-    voxel: side of the voxels of G-PCC's octree; 0: surfaces are coded. leaf, cell: sides of the
+    voxel: side of the voxels of G-PCC's octree, or `voxel_noise` times the noise's standard
+    deviation if that is more; 0: surfaces are coded. leaf, cell: sides of the
     least leaf and of a bitmap's column, powers of two apart; largest: side of the largest leaf.
     price: squared error that a bit per point may save. step: precision of planes at the least
     leaves. reach: most radius of smoothing.
     """
 
     voxel: float = 0.0
+    voxel_noise: float = 0.0
     leaf: float = 16.0
     cell: float = 4.0
     largest: float = 128.0

@@ -21,7 +21,7 @@ _START = struct.Struct("<4sB")
 _SURFACE = struct.Struct("<4f3HBBBBBBI")
 _VOXELS = struct.Struct("<4d")
 _CHECK = struct.Struct("<H")
-MOST_CELLS = 1 << 25
+MOST_CELLS = 1 << 26
 MOST_LEAVES = 1 << 22
 MOST_POINTS = 1 << 24
 

@@ -182,4 +182,4 @@ def _state(
     state = cover[at[0], at[1], at[2]]
     if state > 0:
         return int(state)
-    return 0 if owner[at[0], at[1], at[2]] >= 0 else 1
+    return 0 if owner[at[0], at[1], at[2]] > 0 else 1

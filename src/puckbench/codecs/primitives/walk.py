@@ -267,7 +267,7 @@ def _candidates(
                 if inside and z == corner[2]:
                     z = corner[2] + side
                     continue
-                leaf = owner[x, y, z]
+                leaf = owner[x, y, z] - 1
                 z += 1
                 if leaf < 0:
                     continue
@@ -341,7 +341,7 @@ def _code_plane(
     leaves.plane[leaf] = name
     leaves.counts[0] += 1
     high = np.minimum(corner + side, frame.shape)
-    owner[corner[0] : high[0], corner[1] : high[1], corner[2] : high[2]] = leaf
+    owner[corner[0] : high[0], corner[1] : high[1], corner[2] : high[2]] = leaf + 1
 
 
 @compiled
