@@ -13,7 +13,6 @@ from puckbench.codecs.primitives.settings import SIZE, Settings, settings_of
 from puckbench.codecs.primitives.stream import Header, pack_voxels, unpack
 from puckbench.errors import InputError
 
-
 _LARGEST_VOXEL = 4.0
 
 

@@ -5,70 +5,86 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.primitives.layout import Bytes, Ints, Owners
 from puckbench.metrics.compiled import compiled
 
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
-FARTHEST = 2
+class Choice(NamedTuple):
+    """Samples to hold points against, and the prices of errors and bits.
 
-
-class Evidence(NamedTuple):
-    """Samples to hold points against, found through a grid.
-
-    xyz, normals: (n, 3). weights: (n,) shares of the points of the cloud. index: grid of rows by
-    cell, -1 for none. cell: side. Errors: squared distance to the plane plus `across` times the
-    squared distance to the point past a cell; more than `most` counts as `most`.
+    xyz, normals: (n, 3) samples. weights: (n,) shares of the cloud's points. rows: grid of the
+    samples by their cell, row + 1, 0 for none. cell: side of a sample's cell. across: share of the
+    squared distance to the nearest sample that counts as an error, past a cell. most: largest
+    squared error. missing: squared error of samples left out. area: weight of a sample's cell of
+    points. edge: price of two unlike columns side by side.
     """
 
     xyz: Floats
     normals: Floats
     weights: Floats
-    index: Ints
+    rows: Owners
     cell: float
     across: float
     most: float
+    missing: float
+    area: float
+    edge: float
+
+
+NO_CHOICE = Choice(
+    np.zeros((1, 3)),
+    np.zeros((1, 3)),
+    np.zeros(1),
+    np.zeros((1, 1, 1), np.int32),
+    *(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+)
+"""For the decoder, which has none to make."""
 
 
 @compiled
-def gain_at(evidence: Evidence, x: float, y: float, z: float, missing: float, area: float) -> float:
-    """What a point at x, y, z saves: the samples' error without it less its own error.
+def gain_at(choice: Choice, point: Floats) -> float:
+    """What a sample's cell of points like this one saves: samples' error without, less its own."""
+    row, squared = _nearest(choice, point)
+    if row < 0:
+        return -choice.area * choice.most
+    along = 0.0
+    for k in range(3):
+        along += (point[k] - choice.xyz[row, k]) * choice.normals[row, k]
+    beyond = max(np.sqrt(squared) - choice.cell, 0.0)
+    error = min(along * along + choice.across * beyond * beyond, choice.most)
+    saved = choice.missing * choice.weights[row] if beyond == 0.0 else 0.0
+    return float(saved - choice.area * error)
 
-    missing: squared error of a sample that is left out, per cell of samples; area: weight of the
-    point, per cell too.
-    """
-    cell = evidence.cell
-    c = (int(x / cell), int(y / cell), int(z / cell))
-    shape = evidence.index.shape
-    nearest, found = 1e30, -1
-    for i in range(max(c[0] - 2, 0), min(c[0] + 3, shape[0])):
-        for j in range(max(c[1] - 2, 0), min(c[1] + 3, shape[1])):
-            for k in range(max(c[2] - 2, 0), min(c[2] + 3, shape[2])):
-                row = evidence.index[i, j, k]
+
+@compiled
+def _nearest(choice: Choice, point: Floats) -> tuple[int, float]:
+    """Row of the nearest sample within two cells, -1 for none, and its squared distance."""
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for k in range(3):
+        cell = int(point[k] / choice.cell)
+        low[k], high[k] = max(cell - 2, 0), min(cell + 3, choice.rows.shape[k])
+    nearest, found = np.inf, -1
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                row = choice.rows[i, j, k] - 1
                 if row >= 0:
-                    p = evidence.xyz[row]
-                    squared = (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2
+                    p = choice.xyz[row]
+                    squared = (p[0] - point[0]) ** 2 + (p[1] - point[1]) ** 2
+                    squared += (p[2] - point[2]) ** 2
                     if squared < nearest:
                         nearest, found = squared, row
-    if found < 0:
-        return -area * evidence.most
-    p, n = evidence.xyz[found], evidence.normals[found]
-    along = (x - p[0]) * n[0] + (y - p[1]) * n[1] + (z - p[2]) * n[2]
-    beyond = max(np.sqrt(nearest) - cell, 0.0)
-    error = min(along * along + evidence.across * beyond * beyond, evidence.most)
-    saved = missing * evidence.weights[found] if beyond == 0.0 else 0.0
-    return float(saved - area * error)
+    return found, nearest
 
 
 @compiled
-def choose(gains: Floats, smoothness: float, known: Ints, bits: Bytes) -> None:
-    """Bits of a bitmap: `gains` (n, n) of each, and `smoothness` for every pair of unlike ones.
+def choose(gains: Floats, edge: float, known: Ints, bits: Bytes) -> None:
+    """Choose the bits of a bitmap that gain most, less `edge` for each unlike pair of neighbours.
 
-    known: (n + 2, n + 2) states around: 1 empty, 2 surface, 0 not known. Iterated conditional
-    modes (Besag 1986).
+    gains, bits: (n, n). known: (n + 2, n + 2) states around: 1 empty, 2 surface, 0 not known.
+    Iterated conditional modes (Besag 1986, "On the statistical analysis of dirty pictures").
     """
     side = len(gains)
     for a in range(side):
@@ -78,19 +94,22 @@ def choose(gains: Floats, smoothness: float, known: Ints, bits: Bytes) -> None:
         changed = False
         for a in range(side):
             for b in range(side):
-                pull = 0
-                for k in range(4):
-                    da = (k == 0) - (k == 1)
-                    db = (k == 2) - (k == 3)
-                    x, y = a + da, b + db
-                    if 0 <= x < side and 0 <= y < side:
-                        pull += 2 * bits[x, y] - 1
-                    else:
-                        state = known[x + 1, y + 1]
-                        pull += (state == 2) - (state == 1)
-                bit = 1 if gains[a, b] + smoothness * pull > 0 else 0
-                if bit != bits[a, b]:
-                    bits[a, b] = bit
-                    changed = True
+                bit = 1 if gains[a, b] + edge * _pull(bits, known, a, b) > 0 else 0
+                changed |= bit != bits[a, b]
+                bits[a, b] = bit
         if not changed:
             break
+
+
+@compiled
+def _pull(bits: Bytes, known: Ints, a: int, b: int) -> int:
+    """Neighbours of a bit that are 1 less those that are 0."""
+    side, pull = len(bits), 0
+    for k in range(4):
+        x = a + (k == 0) - (k == 1)
+        y = b + (k == 2) - (k == 3)
+        if 0 <= x < side and 0 <= y < side:
+            pull += 2 * int(bits[x, y]) - 1
+        else:
+            pull += (known[x + 1, y + 1] == 2) - (known[x + 1, y + 1] == 1)
+    return pull

@@ -5,22 +5,20 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.codecs.primitives.columns import Evidence
+from puckbench.codecs.primitives.columns import Choice
+from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
 from puckbench.codecs.primitives.entropy import writer, written
+from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
 from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.settings import SIZE, Settings
-from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
 from puckbench.codecs.primitives.smooth import sampled, smoothed
 from puckbench.codecs.primitives.stream import MOST_CELLS, Header, pack_surface
-from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, Choice, code_support
+from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, code_support
 from puckbench.codecs.primitives.surface import count_points
 from puckbench.codecs.primitives.tree import Level, build, prune
-from puckbench.codecs.primitives.walk import Frame, Leaves, Nodes, code_tree
-
-Ints = NDArray[np.int64]
+from puckbench.codecs.primitives.walk import code_tree
 
 _NOISE_CELL = 16.0
 _SAMPLE_CELL = 6.0
@@ -113,7 +111,7 @@ def _plan(surface: Surface, settings: Settings, cell: float) -> tuple[Header, li
     coarsest = max(depth - round(np.log2(max(settings.largest / cell, 1))), 0)
     weights = surface.counts / surface.counts.sum() / 2 + 0.5 / len(surface.counts)
     radius = _DISC * surface.cell
-    levels = build(surface.xyz, surface.normals, weights, radius, 1.0, depth)
+    levels = build(surface.xyz, surface.normals, weights, radius, depth)
     step = min(max(round(16 * settings.step / cell), 1), 255)
     x, y, z = shape.tolist()
     room = len(levels[finest].cells) + 8
@@ -137,21 +135,26 @@ def _nodes(levels: list[Level]) -> Nodes:
 
 def _choice(surface: Surface, frame: Frame, cell: float) -> Choice:
     cells = np.floor(surface.xyz / surface.cell).astype(np.int64)
-    index = np.full(cells.max(axis=0) + 1, -1, np.int32)
-    index[tuple(cells.T)] = np.arange(len(cells))
-    weights = surface.counts / surface.counts.sum() / 2
-    evidence = Evidence(
-        surface.xyz, surface.normals, weights, index, surface.cell, _ACROSS, _MOST / cell**2
+    rows = np.zeros(cells.max(axis=0) + 1, np.int32)
+    rows[tuple(cells.T)] = np.arange(1, len(cells) + 1)
+    return Choice(
+        surface.xyz,
+        surface.normals,
+        surface.counts / surface.counts.sum() / 2,
+        rows,
+        cell=surface.cell,
+        across=_ACROSS,
+        most=_MOST / cell**2,
+        missing=max(_MISSING / cell**2, _MISSING_CELL),
+        area=0.5 / len(surface.counts),
+        edge=_EDGE_BITS * frame.price,
     )
-    area = 0.5 / len(surface.counts)
-    missing = max(_MISSING / cell**2, _MISSING_CELL)
-    return Choice(evidence, missing, area, _EDGE_BITS * frame.price)
 
 
 def _density(
-    frame: Frame, leaves: Leaves, cover: NDArray[np.uint8], most: int, cell: float
+    frame: Frame, leaves: Leaves, cover: Bytes, most: int, cell: float
 ) -> tuple[int, int] | None:
-    """Points across a column and columns between points: as dense as samples, no more than `most`."""
+    """Points across a column and columns between points: no more than `most`; None if none fit."""
     fineness, spacing = min(max(round(cell / _POINT_SPACING), 1), 16), 1
     while (made := count_points(frame, leaves, cover, fineness, spacing)) > most:
         if fineness > 1:

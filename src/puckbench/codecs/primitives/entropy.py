@@ -45,7 +45,6 @@ class Coder(NamedTuple):
     stretch: Ints
     squash: Ints
     rates: Ints
-    spent: NDArray[np.float64]
 
 
 def writer(contexts: int, mixers: int, most_bytes: int) -> Coder:
@@ -85,13 +84,13 @@ def _coder(buffer: Bytes, contexts: int, mixers: int, writing: bool) -> Coder:
         stretch.clip(-8 * UNIT, 8 * UNIT - 1),
         squash.clip(32, ONE - 32),
         np.rint(ONE / (np.arange(_SLOWEST + 1) + 1.6)).astype(np.int64),
-        np.zeros(mixers),
     )
 
 
 @compiled
-def code_bit(coder: Coder, bit: int, mixer: int, a: int, b: int, c: int) -> int:
-    """Code a bit in contexts a, b, c, mixed by the weights of `mixer`."""
+def code_bit(coder: Coder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
+    """Code a bit in three contexts, mixed by the weights of `mixer`; the bit."""
+    a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     s_a = stretch[coder.chances[a] >> 4]
     s_b = stretch[coder.chances[b] >> 4]
@@ -99,7 +98,6 @@ def code_bit(coder: Coder, bit: int, mixer: int, a: int, b: int, c: int) -> int:
     mixed = (weights[0] * s_a + weights[1] * s_b + weights[2] * s_c) >> 16
     chance = coder.squash[min(max(mixed, -8 * UNIT), 8 * UNIT - 1) + 8 * UNIT]
     bit = _code(coder, bit, chance)
-    coder.spent[mixer] -= np.log2((chance if bit else ONE - chance) / ONE)
     error = (bit * ONE - chance) * _RATE
     weights[0] += (s_a * error + (1 << 17)) >> 18
     weights[1] += (s_b * error + (1 << 17)) >> 18
@@ -155,23 +153,21 @@ def code_number(coder: Coder, value: int, mixer: int, base: int, base_b: int) ->
 
     Zero or not, sign, then the magnitude: unary up to 12, the rest in Elias-gamma code.
     """
-    zero = code_bit(coder, 1 if value == 0 else 0, mixer, base, base_b, base)
-    if zero == 1:
+    if code_bit(coder, 1 if value == 0 else 0, mixer, (base, base_b, base)) == 1:
         return 0
-    negative = code_bit(coder, 1 if value < 0 else 0, mixer + 1, base + 1, base_b + 1, base + 1)
+    contexts = (base + 1, base_b + 1, base + 1)
+    negative = code_bit(coder, 1 if value < 0 else 0, mixer + 1, contexts)
     magnitude = abs(value)
     for k in range(1, 13):
-        more = code_bit(
-            coder, 1 if magnitude > k else 0, mixer + 2, base + 1 + k, base_b + 1 + k, base + 1 + k
-        )
-        if more == 0:
+        contexts = (base + 1 + k, base_b + 1 + k, base + 1 + k)
+        if code_bit(coder, 1 if magnitude > k else 0, mixer + 2, contexts) == 0:
             return -k if negative == 1 else k
-    rest = 12 + _code_gamma(coder, magnitude - 12, base + 14)
+    rest = 12 + _code_gamma(coder, magnitude - 12)
     return -rest if negative == 1 else rest
 
 
 @compiled
-def _code_gamma(coder: Coder, value: int, base: int) -> int:
+def _code_gamma(coder: Coder, value: int) -> int:
     """Elias-gamma code of a number of at least 1 (below 2^16)."""
     bits = 0
     if coder.registers[4] == 1:

@@ -52,9 +52,7 @@ def fit_plane(moments: Floats, plane: Floats) -> float:
 
 
 @compiled
-def _least_eigenvalue(
-    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
-) -> float:
+def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
     """Smallest eigenvalue of a symmetric 3 x 3 matrix, in closed form (Smith 1961)."""
     q = (xx + yy + zz) / 3
     off = xy * xy + xz * xz + yz * yz

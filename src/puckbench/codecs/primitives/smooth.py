@@ -28,7 +28,9 @@ def sampled(points: Floats, cell: float) -> Samples:
     order, starts = cell_starts(points, cell)
     counts = np.diff(np.concatenate([starts, [len(points)]])).astype(np.float64)
     sums = np.add.reduceat(points[order], starts, axis=0)
-    return Samples(sums / counts[:, None], counts, np.floor(points[order[starts]] / cell).astype(np.int64))
+    return Samples(
+        sums / counts[:, None], counts, np.floor(points[order[starts]] / cell).astype(np.int64)
+    )
 
 
 def smoothed(
@@ -55,7 +57,7 @@ def smoothed(
 def _ball(reach: int, radius: float) -> Ints:
     span = np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(span, span, span, indexing="ij"), axis=-1).reshape(-1, 3)
-    return offsets[(offsets**2).sum(axis=1) <= (radius + 0.5) ** 2]
+    return np.asarray(offsets[(offsets**2).sum(axis=1) <= (radius + 0.5) ** 2])
 
 
 @compiled

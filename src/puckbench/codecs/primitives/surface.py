@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.codecs.primitives.support import cell_of, dominant
-from puckbench.codecs.primitives.walk import Frame, Leaves
+from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, dominant, height
+from puckbench.codecs.primitives.support import in_leaf
 from puckbench.metrics.compiled import compiled
-
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 
 @compiled
 def count_points(frame: Frame, leaves: Leaves, cover: Bytes, fineness: int, spread: int) -> int:
     """Number of points that `fill` makes."""
-    return int(fill(frame, leaves, cover, fineness, spread, np.empty((0, 3)), np.empty(0, np.int64)))
+    nothing = np.empty((0, 3)), np.empty(0, np.int64)
+    return int(fill(frame, leaves, cover, fineness, spread, nothing[0], nothing[1]))
 
 
 @compiled
@@ -28,43 +25,36 @@ def fill(
     fineness: int,
     spread: int,
     xyz: Floats,
-    labels: Ints,
+    rows: Ints,
 ) -> int:
-    """Write points on a grid over each leaf's columns and the rows of their planes; how many.
+    """Write points on a grid over each leaf's columns, and the leaves they lie on; how many.
 
     A column has `fineness` x `fineness` points, or one in `spread` x `spread` columns has one.
     Points past the end of `xyz` are counted and not written.
     """
     count = 0
+    at = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
-        name = leaves.plane[i]
-        plane, corner, side = leaves.planes[name], leaves.corner[i], leaves.side[i]
-        axis = dominant(plane)
-        u, v = (axis + 1) % 3, (axis + 2) % 3
-        for a in range(side):
-            for b in range(side):
-                c_u, c_v = corner[u] + a, corner[v] + b
-                if c_u % spread != spread // 2 or c_v % spread != spread // 2:
+        axis = dominant(leaves.planes[leaves.plane[i]])
+        low_u, low_v = leaves.corner[i, (axis + 1) % 3], leaves.corner[i, (axis + 2) % 3]
+        for a in range(low_u, low_u + leaves.side[i]):
+            for b in range(low_v, low_v + leaves.side[i]):
+                if a % spread != spread // 2 or b % spread != spread // 2:
                     continue
-                if not _covered(frame, plane, axis, c_u, c_v, corner[axis], side, cover):
-                    continue
-                for k in range(fineness * fineness):
-                    p_u = (c_u + (k % fineness + 0.5) / fineness) * frame.cell
-                    p_v = (c_v + (k // fineness + 0.5) / fineness) * frame.cell
-                    if count < len(xyz):
-                        height = (plane[3] - plane[u] * p_u - plane[v] * p_v) / plane[axis]
-                        xyz[count, axis], xyz[count, u], xyz[count, v] = height, p_u, p_v
-                        labels[count] = name
-                    count += 1
+                if in_leaf(frame, leaves, i, axis, a, b, at) and cover[at[0], at[1], at[2]] == 2:
+                    _fill_column(leaves, i, (axis, a, b), fineness, xyz[count:], rows[count:])
+                    count += fineness * fineness
     return count
 
 
 @compiled
-def _covered(
-    frame: Frame, plane: Floats, axis: int, a: int, b: int, low: int, side: int, cover: Bytes
-) -> bool:
-    """Whether a column of a leaf is surface: its plane crosses it within the leaf and its bit is set."""
-    at = np.zeros(3, np.int64)
-    if not cell_of(frame, plane, axis, a, b, at):
-        return False
-    return bool(low <= at[axis] < low + side and cover[at[0], at[1], at[2]] == 2)
+def _fill_column(
+    leaves: Leaves, i: int, column: tuple[int, int, int], fineness: int, xyz: Floats, rows: Ints
+) -> None:
+    axis, a, b = column
+    for k in range(min(fineness * fineness, len(xyz))):
+        u = a + (k % fineness + 0.5) / fineness
+        v = b + (k // fineness + 0.5) / fineness
+        xyz[k, axis] = height(leaves.planes[leaves.plane[i]], axis, u, v)
+        xyz[k, (axis + 1) % 3], xyz[k, (axis + 2) % 3] = u, v
+        rows[k] = i

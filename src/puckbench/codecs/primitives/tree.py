@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.codecs.primitives.moments import SIZE, fit_plane
+from puckbench.codecs.primitives.layout import Ints
+from puckbench.codecs.primitives.moments import fit_plane
 from puckbench.metrics.compiled import compiled
-
-Ints = NDArray[np.int64]
 
 
 class Level(NamedTuple):
@@ -27,16 +26,13 @@ class Level(NamedTuple):
     leaf: NDArray[np.bool_]
 
 
-def build(
-    xyz: Floats, normals: Floats, weights: Floats, radius: float, cell: float, depth: int
-) -> list[Level]:
-    """Levels 0 (the root) to `depth` (cells of side `cell`) over points in the root's cube."""
-    cells = np.floor(xyz / cell).astype(np.int64).clip(0, (1 << depth) - 1)
+def build(xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int) -> list[Level]:
+    """Levels 0 (the root) to `depth` (unit cells) over the discs of samples."""
+    cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     order = np.argsort(_morton(cells), kind="stable")
     cells = cells[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)
     levels: list[Level] = []
-    first = np.arange(len(cells) + 1)
     for _ in range(depth + 1):
         changes = np.any(cells[1:] != cells[:-1], axis=1)
         starts = np.flatnonzero(np.concatenate([[True], changes]))
@@ -49,7 +45,12 @@ def build(
 
 
 def prune(
-    levels: list[Level], price: float, bits_leaf: float, bits_split: float, coarsest: int, finest: int
+    levels: list[Level],
+    price: float,
+    bits_leaf: float,
+    bits_split: float,
+    coarsest: int,
+    finest: int,
 ) -> None:
     """Mark the leaves that make squared distance + price * bits least; none above `coarsest`."""
     below = np.zeros(0)
@@ -96,13 +97,14 @@ def moments_of(
     columns = [np.ones(len(xyz)), x, y, z]
     columns += [x * x + spread * (1 - a * a), x * y - spread * a * b, x * z - spread * a * c]
     columns += [y * y + spread * (1 - b * b), y * z - spread * b * c, z * z + spread * (1 - c * c)]
-    return np.stack(columns, axis=1) * np.broadcast_to(weights, len(xyz))[:, None]
+    return np.asarray(np.stack(columns, axis=1) * np.broadcast_to(weights, len(xyz))[:, None])
 
 
 @compiled
 def plane_costs(moments: Floats) -> Floats:
     """Weighted sums of squared distances to the planes of least squares, (n,)."""
-    costs, plane = np.empty(len(moments)), np.empty(4)
+    costs: Floats = np.empty(len(moments))
+    plane = np.empty(4)
     for i in range(len(moments)):
         costs[i] = fit_plane(moments[i], plane)
     return costs
