@@ -12,6 +12,7 @@ from puckbench.codecs.codec import Codec
 from puckbench.codecs.primitives.settings import SIZE, Settings, settings_of
 from puckbench.codecs.primitives.stream import Header, pack_voxels, unpack
 from puckbench.errors import InputError
+from puckbench.mesh import Mesh
 
 _LARGEST_VOXEL = 4.0
 
@@ -30,6 +31,18 @@ class Primitives(Codec):
 
     def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         return _encoded(points, settings_of(parameters))
+
+    def decode_mesh(self, stream: bytes) -> Mesh:
+        """The planes of a stream as a light mesh, each triangle labelled with its plane."""
+        from puckbench.codecs.primitives.facets import decode_mesh
+
+        try:
+            header, bits = unpack(stream)
+            if not isinstance(header, Header):
+                raise InputError("the stream holds voxels, not planes: take a lower rate")
+            return decode_mesh(header, bits)
+        except InputError as error:
+            raise InputError(f"codec {self.name}: {error}") from error
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.codecs.gpcc.lossless import decode_voxels

@@ -19,6 +19,7 @@ from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, code_support
 from puckbench.codecs.primitives.surface import count_points
 from puckbench.codecs.primitives.tree import Level, build, prune
 from puckbench.codecs.primitives.walk import code_tree
+from puckbench.metrics.spatial import morton_order
 
 _NOISE_CELL = 16.0
 _SAMPLE_CELL = 6.0
@@ -49,6 +50,7 @@ class Surface(NamedTuple):
 
 def encode_surface(points: Floats, settings: Settings) -> bytes | None:
     """Code points (n, 3) as planes; None where there are too few points for that."""
+    points = points[morton_order(points)]
     low, unit = points.min(axis=0), float(np.ptp(points, axis=0).max()) / SIZE
     surface = _surface((points - low) / unit, settings)
     cell = _cell(surface, settings)
