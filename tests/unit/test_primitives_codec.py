@@ -105,7 +105,7 @@ def test_flat_rooms_need_few_planes() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1.0, 2.5])
 def test_the_noise_is_found(noise: float) -> None:
     # Cells whose faces lie in the surface cut the noise in half: the room is moved off them.
-    assert spread(_room(200_000, noise) + 20, 40.0) == pytest.approx(noise, rel=0.15, abs=0.01)
+    assert spread(_room(200_000, noise) + 10, 40.0) == pytest.approx(noise, rel=0.15, abs=0.01)
 
 
 def test_smoothing_moves_samples_onto_the_surface() -> None:
