@@ -3,16 +3,20 @@
     python benchmarks/gpcc.py TMC3 [--repeats 3] [--profiles minimal ctc defaults] [--clean]
 
 A generated office, 1,152,000 returns with the VLP-16's errors, at scales 0.125, 0.5 and 1. TMC3's
-seconds are those it prints, without its reading and writing of files; ours are of `encode` and
-`decode` on arrays in memory, rounding and merging included, compiled before. The two take turns and
-the least of the repeats counts: other work on the machine only adds. Memory is TMC3's whole
-process, and ours above the arrays that were there before the call.
+seconds are those it prints, wall clock and user time, without its reading and writing of files;
+ours are of `encode` and `decode` on arrays in memory, rounding and merging included, compiled
+before, wall clock and the processor's time. The two take turns and the least of the repeats counts:
+other work on the machine only adds. Memory is TMC3's whole process, and ours above the arrays that
+were there before the call.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
+import time
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,37 +27,49 @@ from puckbench.codecs.external import ExternalCodec
 from puckbench.codecs.measure import measured
 from puckbench.codecs.registry import open_codec
 
+T = TypeVar("T")
 RATES = {"a": {"scale": 0.125}, "b": {"scale": 0.5}, "c": {"scale": 1.0}}
-HEADER = "| profile | scale | points | bytes, TMC13 / ours | encode, s | decode, s | memory, MiB |"
+COLUMNS = (
+    *("profile", "scale", "points", "bytes", "encode, wall s", "decode, wall s"),
+    *("encode, CPU s", "decode, CPU s", "memory, MiB"),
+)
 
 
-def printed_seconds(codec: ExternalCodec) -> float:
-    """Seconds that the program says it took."""
-    found = re.search(r"Processing time \(wall\): (\S+) s", codec.said)
-    assert found is not None
-    return float(found[1])
+def printed_seconds(codec: ExternalCodec) -> list[float]:
+    """Wall-clock and user seconds that the program says it took."""
+    kinds = (r"Processing time \(wall\): (\S+) s", r"^Processing time \(user\): (\S+) s")
+    found = [re.search(kind, codec.said, re.MULTILINE) for kind in kinds]
+    return [float(match[1]) for match in found if match]
 
 
 class Turn:
-    """One codec's streams, least times and largest memory over the repeats."""
+    """One codec's streams, least times (wall, CPU) and largest memory over the repeats."""
 
     def __init__(self, codec: Codec) -> None:
         self.codec = codec
-        self.seconds = [np.inf, np.inf]
-        self.peak = [0.0, 0.0]
+        self.seconds = np.full((2, 2), np.inf)  # wall and CPU, encode and decode
+        self.peak = 0.0
 
     def take(self, points: Floats, rate: str) -> None:
-        encoded = measured(lambda: self.codec.encode(points, rate), outside=self.codec.cost)
-        self._count(0, encoded.seconds, encoded.peak_mib)
-        decoded = measured(lambda: self.codec.decode(encoded.result), outside=self.codec.cost)
-        self._count(1, decoded.seconds, decoded.peak_mib)
-        self.bytes, self.points = len(encoded.result), len(decoded.result)
+        stream = self._timed(0, lambda: self.codec.encode(points, rate))
+        self.points = len(self._timed(1, lambda: self.codec.decode(stream)))
+        self.bytes = len(stream)
 
-    def _count(self, which: int, seconds: float, peak: float) -> None:
+    def _timed(self, which: int, call: Callable[[], T]) -> T:
+        found = measured(lambda: with_cpu_seconds(call), outside=self.codec.cost)
+        result, cpu = found.result
+        seconds = [found.seconds, cpu]
         if isinstance(self.codec, ExternalCodec):
             seconds = printed_seconds(self.codec)
-        self.seconds[which] = min(self.seconds[which], seconds)
-        self.peak[which] = max(self.peak[which], peak)
+        self.seconds[:, which] = np.minimum(self.seconds[:, which], seconds)
+        self.peak = max(self.peak, found.peak_mib)
+        return result
+
+
+def with_cpu_seconds(call: Callable[[], T]) -> tuple[T, float]:
+    """A call's result, and the processor's seconds that it took."""
+    start = time.process_time()
+    return call(), time.process_time() - start
 
 
 def row(tmc3: str, profile: str, rate: str, points: Floats, repeats: int) -> str:
@@ -66,11 +82,9 @@ def row(tmc3: str, profile: str, rate: str, points: Floats, repeats: int) -> str
         theirs.take(points, rate)
         ours.take(points, rate)
     size = f"{theirs.bytes:,} / {ours.bytes:,} ({ours.bytes / theirs.bytes - 1:+.2%})"
-    times = [
-        f"{a:.2f} / {b:.2f} ({b / a:.2f})"
-        for a, b in zip(theirs.seconds, ours.seconds, strict=True)
-    ]
-    memory = f"{max(theirs.peak):.0f} / {max(ours.peak):.0f}"
+    pairs = zip(theirs.seconds.flat, ours.seconds.flat, strict=True)
+    times = [f"{a:.2f} / {b:.2f} ({b / a:.2f})" for a, b in pairs]
+    memory = f"{theirs.peak:.0f} / {ours.peak:.0f}"
     cells = (profile, f"{RATES[rate]['scale']:g}", f"{ours.points:,}", size, *times, memory)
     return f"| {' | '.join(cells)} |"
 
@@ -83,7 +97,8 @@ def main() -> None:
     parser.add_argument("--clean", action="store_true", help="the room without errors")
     options = parser.parse_args()
     points = scanned_room("none" if options.clean else "vlp16_divergence")
-    print(f"{len(points):,} points; TMC13 / ours (ratio)\n\n{HEADER}\n{'|---' * 7}|")
+    print(f"{len(points):,} points; TMC13 / ours (ratio)\n")
+    print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
     for profile in options.profiles:
         for rate in RATES:
             print(row(options.tmc3, profile, rate, points, options.repeats), flush=True)

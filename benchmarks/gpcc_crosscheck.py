@@ -1,6 +1,6 @@
 """Our G-PCC coder against the reference software, both ways, over clouds, profiles and scales.
 
-    python benchmarks/gpcc_crosscheck.py TMC3 [--full] [--profiles minimal ctc defaults]
+    python benchmarks/gpcc_crosscheck.py TMC3 [--full] [--clouds NAME ...] [--profiles NAME ...]
 
 For each case: what TMC3 decodes from our stream must be the grid points that were coded, what we
 decode from TMC3's stream must be what TMC3 decodes from it, and our stream may be at most 0.5 %
@@ -81,10 +81,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tmc3")
     parser.add_argument("--full", action="store_true")
+    parser.add_argument("--clouds", nargs="+", help="these alone, by name")
     parser.add_argument("--profiles", nargs="+", default=["minimal", "ctc", "defaults"])
     options = parser.parse_args()
     cases = failed = identical = 0
     for name, points in clouds(options.full):
+        if options.clouds and name not in options.clouds:
+            continue
         choices = itertools.product(
             options.profiles, ("merged", "kept"), ("nearest", "truncate"), RATES
         )
@@ -100,7 +103,8 @@ def main() -> None:
             cases, failed = cases + 1, failed + bool(found.fault)
             identical += found.same
             where = f"{name}, {profile}, {duplicates}, {rounding}, scale {SCALES[rate]:g}"
-            print(f"{where}: {found.ours} / {found.reference} bytes {found.fault}", flush=True)
+            said = found.fault or ("identical" if found.same else "other bytes")
+            print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
     print(f"{cases} cases, {identical} byte-identical, {failed} failed")
     sys.exit(failed > 0)
 

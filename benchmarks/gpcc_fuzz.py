@@ -3,9 +3,9 @@
     python benchmarks/gpcc_fuzz.py [--streams 20000] [--first 0] [--keep FOLDER]
 
 The streams are the conformance vectors, damaged by tests/unit/gpcc_mutations.py; number N is the
-same in every run. They are decoded in a process of its own, which may take SECONDS for each and
-MEMORY more than it had before the first. Whatever ends that process, or any exception but
-InputError, is a fault: its number is printed and its stream kept.
+same in every run. They are decoded in a process of its own, which may take SECONDS of the
+processor for each, and MEMORY more than it had before the first. Whatever ends that process, or any
+exception but InputError, is a fault: its number is printed and its stream kept.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ def work(first: int, end: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
     for number in range(first, end):
         stream = damaged(streams, number)
-        signal.alarm(SECONDS)  # ends the process: compiled code hears no handler
-        start = time.perf_counter()
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)  # ends the process: no handler is heard
+        start = time.process_time()
         found = outcome(codec, stream)
-        signal.alarm(0)
-        print(number, f"{time.perf_counter() - start:.4f}", found, flush=True)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        print(number, f"{time.process_time() - start:.4f}", found, flush=True)
 
 
 def outcome(codec: object, stream: bytes) -> str:

@@ -87,7 +87,15 @@ def check_mesh(mesh: Mesh, what: str) -> None:
         raise InputError(f"{what}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
         raise InputError(f"{what}: a face refers to a vertex that does not exist")
-    if not np.isfinite(mesh.vertices[mesh.triangles]).all():
+    unplaced = np.asarray(~np.isfinite(mesh.vertices).all(axis=1))
+    if unplaced.any() and unplaced[mesh.triangles].any():
         raise InputError(f"{what}: a face has a vertex that is not finite")
-    if not (mesh.areas() > 0).any():
+    if not _has_area(mesh):
         raise InputError(f"{what}: every face of the mesh has zero area")
+
+
+def _has_area(mesh: Mesh) -> bool:
+    """Whether any triangle has an area; looks at no more of them than it takes."""
+    starts = range(0, len(mesh.triangles), 4096)
+    some = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
+    return any((part.areas() > 0).any() for part in some)

@@ -1,4 +1,4 @@
-"""What a configuration asks for: scene sets, data sets with their clouds, codecs with their rates.
+"""What a configuration asks for: scenes, data sets with their clouds, codecs, a sensor study.
 
 The workflow reads this to lay out its graph; it imports nothing heavy.
 """
@@ -16,6 +16,7 @@ from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet
 from puckbench.errors import InputError
+from puckbench.scenes.calibration import CALIBRATIONS
 from puckbench.sensor import load_sensor, open_error_model, open_sweep
 
 
@@ -55,6 +56,34 @@ class DataSetPlan:
         return bool(self.settings["truth"] and self.settings["make"] != "cloud")
 
 
+@dataclass(frozen=True)
+class StudyPlan:
+    """The measurements of the thesis's chapter 5: error models and captures, and from where.
+
+    models: name -> (error model, its options); far_m: one more distance, or None. rows: those of
+    each scan that are kept.
+    """
+
+    models: dict[str, tuple[str, dict[str, Any]]]
+    captures: dict[str, tuple[str, dict[str, Any]]]
+    distances_m: tuple[float, ...]
+    far_m: float | None
+    runs: int
+    rows: int
+    refit: bool
+    seed: int
+
+    @property
+    def all_distances_m(self) -> tuple[float, ...]:
+        """The near distances, then the far one."""
+        return self.distances_m if self.far_m is None else (*self.distances_m, self.far_m)
+
+    @property
+    def shown_m(self) -> tuple[float, ...]:
+        """Distances whose scans are drawn point by point, where they are among the near ones."""
+        return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
+
+
 class Plan:
     """Everything that a checked configuration asks for; InputError names what does not exist."""
 
@@ -67,6 +96,9 @@ class Plan:
             name: self._dataset(name, value) for name, value in _items(config, "datasets")
         }
         self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
+        self.study = _study(config)
+        if not self.datasets and self.study is None:
+            raise InputError("the configuration asks for nothing: no data set, no sensor study")
 
     @property
     def results(self) -> Path:
@@ -137,3 +169,40 @@ def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str,
     if missing:
         raise InputError(f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}")
     return tuple(wanted[: value.get("limit")])
+
+
+def _study(config: Config) -> StudyPlan | None:
+    """The sensor study, or None where the configuration has none; InputError names its fault."""
+    value = config.get("sensor_study")
+    if not isinstance(value, Mapping):
+        return None
+    models = {name: _model(name, item or {}) for name, item in value["models"].items()}
+    captures = {name: _capture(name, item) for name, item in value["captures"].items()}
+    distances, far = tuple(map(float, value["distances_m"])), value["far_m"]
+    for distance in (*distances, *([] if far is None else [far])):
+        _check_distance(distance)
+    seed = value.get("seed", config["seed"])
+    numbers = {name: value[name] for name in ("runs", "rows", "refit")}
+    return StudyPlan(models, captures, distances, far, seed=seed, **numbers)
+
+
+def _model(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    errors, options = item.get("errors", name), item.get("error_options", {})
+    try:
+        open_error_model(errors, options)
+    except InputError as error:
+        raise InputError(f"sensor_study.models.{name}: {error}") from error
+    return errors, dict(options)
+
+
+def _capture(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    if not Path(item["path"]).exists():
+        raise InputError(f"sensor_study.captures.{name}: {item['path']}: no such file")
+    return item["path"], dict(item["options"])
+
+
+def _check_distance(distance: float) -> None:
+    known = sorted(CALIBRATIONS.values())
+    if distance not in known:
+        places = ", ".join(f"{place:g}" for place in known)
+        raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")

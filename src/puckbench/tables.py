@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from puckbench.errors import InputError
-from puckbench.files import read_json, written_whole
+from puckbench.files import read_json
 
 METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
@@ -75,16 +75,3 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     groups = table.groupby(["dataset", "codec", "rate"], sort=False)
     numbers = [name for name in _SUMMARY if name in table]
     return groups[numbers].median().assign(clouds=groups.size()).reset_index()
-
-
-def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Write the table as CSV, whole or not at all."""
-    with written_whole(path) as temporary:
-        table.to_csv(temporary, index=False)
-
-
-def write_table(table: pd.DataFrame, csv: Path, parquet: Path) -> None:
-    """Write the table as CSV and as Parquet."""
-    write_csv(table, csv)
-    with written_whole(parquet) as temporary:
-        table.to_parquet(temporary, index=False)

@@ -16,20 +16,25 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TextIO
 
+from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.codecs.registry import module_of
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
 from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
+from puckbench.figures.entry import STUDY, TRUTH, at
+from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.files import unreadable
-from puckbench.plan import DataSetPlan, Plan
+from puckbench.plan import DataSetPlan, Plan, StudyPlan
 from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
 
 _held: list[TextIO] = []
+WALL_POINTS = 40_000
+"""Points of a surface at a distance that the study's figures of scans are drawn from."""
 _BYTES_PER_POINT = 1_000
 """Generous estimate of a job's memory for each point that it handles."""
 
@@ -122,6 +127,61 @@ class Workflow:
         """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
 
+    @property
+    def study(self) -> StudyPlan:
+        """The plan of the sensor study; only rules of a configuration that has one ask for it."""
+        assert self.plan.study is not None  # noqa: S101
+        return self.plan.study
+
+    def residual_files(self) -> list[tuple[str, str]]:
+        """Name and residual table of every model and capture; all captures have one name."""
+        folder = self.plan.results / "residuals"
+        models = [(name, str(folder / "models" / f"{name}.parquet")) for name in self.study.models]
+        return models + [(REAL, file) for file in self.capture_files()]
+
+    def capture_files(self) -> list[str]:
+        """Residual tables of the study's captures."""
+        folder = self.plan.results / "residuals" / "captures"
+        return [str(folder / f"{name}.parquet") for name in self.study.captures]
+
+    def residual_arguments(self, model: str) -> str:
+        """Arguments of `puckbench residuals` for a model of the study, quoted for a shell."""
+        study = self.study
+        values = ["--distances", *map(_number, study.all_distances_m), "--runs", str(study.runs)]
+        values += ["--keep", str(study.rows), *(["--refit"] if study.refit else [])]
+        return shlex.join([*self._model_arguments(model), *values])
+
+    def wall_arguments(self, model: str) -> str:
+        """Arguments of `puckbench wall` for a model of the study, quoted for a shell."""
+        distances = ["--distances", *map(_number, self.study.shown_m)]
+        keep = ["--keep", str(WALL_POINTS)]
+        return shlex.join([*self._model_arguments(model), *distances, *keep])
+
+    def _model_arguments(self, model: str) -> list[str]:
+        errors, options = self.study.models[model]
+        given = json.dumps(options, sort_keys=True)
+        return ["--model", errors, "--model-options", given, "--seed", str(self.study.seed)]
+
+    def model_code(self, module: str, model: str) -> str:
+        """Fingerprint of a measurement of the study, of its error model and of the sensor."""
+        opened = open_error_model(*self.study.models[model])
+        code = code_version(module, module_of_model(opened))
+        return f"{code} {opened} {load_sensor('vlp16')}"
+
+    def study_tables(self) -> dict[str, dict[str, str]]:
+        """The tables of the study that can be made, with the file of each input."""
+        known = _study_inputs(self.plan)
+        return {
+            name: {needed: known[needed] for needed in entry.inputs}
+            for name, entry in STUDY_TABLES.items()
+            if self.plan.study is not None and known.keys() >= set(entry.inputs)
+        }
+
+    def table_code(self, table: str) -> str:
+        """Fingerprint of a study table's own module and of what writes all of them."""
+        entry = STUDY_TABLES[table]
+        return f"{code_version('puckbench.cli.table', entry.function.split(':')[0])} {entry}"
+
     def figure_style(self, figure: str) -> str:
         """Style of one figure, as JSON: the configured style, then the figure's own options."""
         chosen = self.config["figures"]
@@ -148,21 +208,54 @@ class Workflow:
 
 def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:
     """The figures that can be drawn from this configuration, with the file of each input."""
+    known = _cloud_inputs(config, plan) | _study_inputs(plan)
+    there = _there(plan)
+    return {
+        name: {needed: known[needed] for needed in entry.inputs}
+        for name, entry in FIGURES.items()
+        if known.keys() >= set(entry.inputs) and there >= set(entry.needs)
+    }
+
+
+def _cloud_inputs(config: Mapping[str, Any], plan: Plan) -> dict[str, str]:
+    """Files of what chapter 6's figures are drawn from."""
     examples = {
         f"example_{kind}": _example(cloud, plan)
         for kind, cloud in config["figures"]["examples"].items()
     }
-    tables = {
-        "metrics": str(plan.results / "tables" / "metrics.parquet"),
-        "clouds": str(plan.results / "tables" / "clouds.parquet"),
-    }
-    known = {**tables, **{name: file for name, file in examples.items() if name in EXAMPLES}}
-    truth = any(item.has_truth for item in plan.datasets.values())
-    return {
-        name: {needed: known[needed] for needed in entry.inputs}
-        for name, entry in FIGURES.items()
-        if known.keys() >= set(entry.inputs) and (truth or not entry.needs_truth)
-    }
+    known = {name: file for name, file in examples.items() if name in EXAMPLES}
+    if plan.datasets:
+        known |= {name: _table(plan, name) for name in ("metrics", "clouds")}
+    return known
+
+
+def _study_inputs(plan: Plan) -> dict[str, str]:
+    """Files of what chapter 5's figures and tables are made from."""
+    if plan.study is None:
+        return {}
+    known = {"residuals": _table(plan, "residuals")}
+    if plan.study.shown_m:
+        known["scans"] = _table(plan, "scans")
+    if plan.study.captures:
+        known |= {name: _table(plan, name) for name in ("compared_residuals", "model_distances")}
+        known["compared"] = known["compared_residuals"]
+    return known
+
+
+def _there(plan: Plan) -> set[str]:
+    """What a configuration has of that which figures may need."""
+    there = {TRUTH} if any(item.has_truth for item in plan.datasets.values()) else set()
+    if plan.study is None:
+        return there
+    return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+
+
+def _table(plan: Plan, name: str) -> str:
+    return str(plan.results / "tables" / f"{name}.parquet")
+
+
+def _number(value: float) -> str:
+    return f"{value:g}"
 
 
 def _example(name: str, plan: Plan) -> str:

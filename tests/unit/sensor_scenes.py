@@ -48,3 +48,8 @@ def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
 def wall(distance: float, half: float = 3000.0) -> Mesh:
     """A wall at y = distance, seen by a sensor at the origin."""
     return quad([-half, distance, -half], [2 * half, 0, 0], [0, 0, 2 * half])
+
+
+def floor(below: float, half: float = 3000.0) -> Mesh:
+    """A floor at z = -below, seen by a sensor at the origin."""
+    return quad([-half, -half, -below], [2 * half, 0, 0], [0, 2 * half, 0])

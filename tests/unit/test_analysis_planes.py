@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from puckbench.analysis.planes import least_squares_plane, ransac_plane
+from puckbench.analysis.planes import (
+    least_squares_plane,
+    ransac_plane,
+    robust_plane,
+    robust_std,
+)
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 
@@ -65,3 +70,26 @@ def test_the_same_generator_finds_the_same_plane() -> None:
 def test_points_without_a_plane_are_refused(points: Floats, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         ransac_plane(points, np.random.default_rng(1))
+
+
+def test_a_robust_plane_leaves_out_what_is_far_from_it() -> None:
+    points = plane_points(3000, 0.005, outliers=300)
+    start = ransac_plane(points, np.random.default_rng(1), threshold_m=0.02)
+    plane, near = robust_plane(points, start)
+    assert not near[3000:].any()
+    # Beyond five standard deviations there is one Gaussian in 1.7 million.
+    assert near[:3000].all()
+    best = least_squares_plane(points[:3000])
+    assert plane.facing(10 * NORMAL).normal == pytest.approx(best.facing(10 * NORMAL).normal)
+
+
+def test_a_robust_plane_of_points_without_noise_takes_all() -> None:
+    points = plane_points(100, 0.0)
+    start = ransac_plane(points, np.random.default_rng(1))
+    assert robust_plane(points, start)[1].all()
+
+
+def test_the_robust_standard_deviation_is_that_of_a_gaussian() -> None:
+    values = np.random.default_rng(1).normal(3.0, 0.02, 100_000)
+    values[:100] = 1e6
+    assert robust_std(values) == pytest.approx(0.02, rel=0.02)

@@ -5,10 +5,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from puckbench.analysis.planes import Plane
 from puckbench.analysis.residuals import (
     COLUMNS,
     SWEEP,
     Procedure,
+    plane_coordinates,
     read_residuals,
     residual_table,
     scan_residuals,
@@ -90,7 +92,42 @@ def test_columns_and_their_values() -> None:
     # Velodyne's table: laser 0 looks 15 degrees down, laser 15 as much up, laser 1 one up.
     elevation = table.groupby("laser_id")["elevation_deg"].unique()
     assert [elevation[laser] for laser in (0, 1, 15)] == [[-15], [1], [15]]
-    assert table.memory_usage(index=False, deep=True).sum() < 24 * len(table)
+    assert table.memory_usage(index=False, deep=True).sum() < 40 * len(table)
+
+
+def test_range_and_place_on_the_plane_tell_the_point() -> None:
+    table = scan_residuals(coarse("none"), 3, 1, seed=0)
+    for surface, height in (("wall", 3.0), ("floor", 1.0)):
+        rows = table[table["surface"] == surface]
+        u, v, far, angle = rows[["plane_u_m", "plane_v_m", "range_m", "incidence_rad"]].to_numpy().T
+        assert np.hypot(np.hypot(u, v), height) == pytest.approx(far, abs=1e-5)
+        assert np.arctan2(np.hypot(u, v), height) == pytest.approx(angle, abs=1e-5)
+    assert set(table["frame"]) <= set(range(480))
+    assert table.groupby("surface", observed=True)["frame"].is_monotonic_increasing.all()
+
+
+def test_another_plane_is_a_linear_function_of_the_place_away() -> None:
+    rng, origin = np.random.default_rng(0), np.array([0.3, 0.1, 1.0])
+    normal = np.array([1.0, -2.0, 0.4]) / np.linalg.norm([1.0, -2.0, 0.4])
+    plane, turned = Plane(normal, 0.7), normal + np.array([2e-4, 1e-4, -3e-4])
+    other = Plane(turned / np.linalg.norm(turned), 0.701)
+    points = rng.normal(size=(50, 3))
+    points -= plane.distances(points)[:, None] * normal
+    u, v = plane_coordinates(points, plane, origin).T
+    terms = np.column_stack([np.ones(50), u, v])
+    _, rest, rank, _ = np.linalg.lstsq(terms, other.distances(points), rcond=None)
+    assert rank == 3
+    assert rest[0] < 1e-12
+    # The second axis goes up, the first is level: heights do not change along it.
+    heights = points[:, 2] - v * np.sqrt(1 - normal[2] ** 2)
+    assert np.ptp(heights) == pytest.approx(0, abs=1e-12)
+
+
+def test_an_older_table_is_read_with_the_columns_it_has(tmp_path: Path) -> None:
+    table = scan_residuals(coarse("none"), 3, 1, seed=0)
+    older = table[list(COLUMNS[:8])]
+    write_residuals(tmp_path / "old.parquet", older)
+    pd.testing.assert_frame_equal(read_residuals(tmp_path / "old.parquet"), older)
 
 
 def test_a_scan_depends_on_seed_distance_and_run_alone() -> None:

@@ -1,6 +1,7 @@
 """The command line: names and outputs that others rely on, and bad input in one line."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -87,6 +88,20 @@ def test_a_scan_by_hand_from_mesh_to_distortion(
     assert noise_m == pytest.approx(0.0172, rel=0.25)  # hypot(0.014, 0.010), less by incidence
 
 
+def test_gpcc_streams_with_and_without_what_puckbench_adds(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, bare = tmp_path / "ours.bin", tmp_path / "bare.bin"
+    for stream, how in ((ours, []), (bare, ["--raw"])):
+        _json(capsys, "encode", cloud, stream, "--codec", "gpcc", "--rate", "r4", *how)
+    assert ours.read_bytes().endswith(bare.read_bytes())
+    found = _json(capsys, "decode", ours, tmp_path / "a.ply")
+    read = _json(capsys, "decode", bare, tmp_path / "b.ply", "--codec", "gpcc")
+    assert found["codec"] == "gpcc"
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+    assert found["points_out"] == read["points_out"] > 0
+
+
 def test_evaluating_a_stream_gives_the_whole_row(
     cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -165,6 +180,23 @@ def test_help_names_every_command() -> None:
     assert all(command in done.stdout for command in COMMANDS)
 
 
+@pytest.mark.parametrize("words", [["codecs"], ["codecs", "--json"], []])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_gone_is_no_error(words: list[str], unbuffered: str) -> None:
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as gone:
+        done = subprocess.run(
+            [sys.executable, "-m", "puckbench", *words],
+            stdout=gone,
+            stderr=subprocess.PIPE,
+            env=environment,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):
@@ -185,7 +217,10 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
         (["evaluate", "{cloud}", "{cloud}", "--truth", "none.obj"], "none.obj: no such file"),
         (["scan", "none.obj", "o.parquet"], "none.obj: no such file"),
         (["scan", "{room}", "o.parquet", "--errors", "wobble"], "unknown error model 'wobble'"),
-        (["scan", "{room}", "o.parquet", "--origin", "900", "0", "0"], "no ray returned"),
+        (
+            ["scan", "{room}", "o.parquet", "--origin", "900", "0", "0"],
+            "is outside the scene: 0% of all",
+        ),
         (["sample", "{cloud}", "o.ply"], "cloud.ply"),
         (["prepare", "{cloud}", "o.ply", "--crop", "1", "2"], "six numbers"),
         (["prepare", "{cloud}", "o.ply", "--crop", "-9", "-9", "-9", "-8", "-8", "-8"], "no point"),

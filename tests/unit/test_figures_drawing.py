@@ -10,15 +10,17 @@ import pytest
 from figures_lookalike import CD_MEDIANS, clouds_table, metrics_table, room_cloud
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from residuals_lookalike import residual_table, scan_table
 
 from puckbench.cloud import write_cloud
 from puckbench.errors import InputError
-from puckbench.figures.drawing import draw_files, lay_out, read_table
+from puckbench.figures.drawing import draw_files, lay_out
 from puckbench.figures.example_clouds import round_length
 from puckbench.figures.looks import CODEC_LOOKS
 from puckbench.figures.panels import log_limits
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.tablefiles import read_table
 
 FROM_METRICS = [name for name, entry in FIGURES.items() if entry.inputs == ("metrics",)]
 
@@ -41,6 +43,19 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     files = {"metrics": folder / "metrics.csv", "clouds": folder / "clouds.parquet"}
     metrics_table(3).to_csv(files["metrics"], index=False)
     clouds_table(3).to_parquet(files["clouds"])
+    residuals = residual_table(50)
+    distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
+    tables = {
+        "residuals": residuals,
+        "scans": scan_table(50),
+        "compared_residuals": residuals,
+        "model_distances": pd.DataFrame(
+            {"model": ["real", "vlp16"], **distances, "chance_m": 1e-3}
+        ),
+    }
+    for name, table in tables.items():
+        files[name] = folder / f"{name}.parquet"
+        table.to_parquet(files[name])
     for version, noise_m in {"object": 0.0, "raw": 0.0, "clean": 0.0, "noisy": 0.03}.items():
         files[f"example_{version}"] = folder / f"{version}.ply"
         write_cloud(files[f"example_{version}"], room_cloud(20_000, noise_m))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from puckbench.figures.chapter5 import CHAPTER_5
 from puckbench.figures.geometry_diagrams import ray_end, residual_of
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 BLUE, RED = "#0072B2", "#D55E00"
@@ -13,7 +13,7 @@ BLUE, RED = "#0072B2", "#D55E00"
 def drawn(name: str) -> list[tuple[str, np.ndarray]]:
     style = FigureStyle()
     with style.context():
-        (axes,) = CHAPTER_5[name].load()(style=style).axes
+        (axes,) = FIGURES[name].load()(style=style).axes
     assert axes.get_aspect() == 1.0
     return [(line.get_color(), np.asarray(line.get_xydata())) for line in axes.get_lines()]
 

@@ -15,15 +15,15 @@ from residuals_lookalike import ELEVATIONS, REAL_STD_M, residual_table
 from puckbench.errors import InputError
 from puckbench.figures import residual_incidence, residual_violins
 from puckbench.figures import residual_table as parts
-from puckbench.figures.chapter5 import CHAPTER_5
 from puckbench.figures.drawing import lay_out, save_figure
 from puckbench.figures.model_looks import MODEL_LOOKS, model_look, ordered_models
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.figures.violins import moments_text, symmetric_limit, violin_shape
 from puckbench.seeding import generator
 from puckbench.sensor.errors import error_model_names
 
-FROM_RESIDUALS = [name for name, entry in CHAPTER_5.items() if entry.inputs == ("residuals",)]
+FROM_RESIDUALS = [name for name, entry in FIGURES.items() if entry.inputs == ("residuals",)]
 VIOLINS_M = {"fig_5_18": 0.3} | dict.fromkeys(
     ("fig_5_10", "fig_5_11", "fig_5_12", "fig_5_13", "fig_5_14", "fig_5_19"), 0.15
 )
@@ -32,7 +32,7 @@ VIOLINS_M = {"fig_5_18": 0.3} | dict.fromkeys(
 def draw(name: str, table: pd.DataFrame, style: FigureStyle | None = None) -> Figure:
     style = style or FigureStyle()
     with style.context():
-        figure: Figure = CHAPTER_5[name].load()(residuals=table, style=style)
+        figure: Figure = FIGURES[name].load()(residuals=table, style=style)
     return figure
 
 
@@ -176,7 +176,7 @@ def test_real_and_virtual_stand_side_by_side_and_are_named() -> None:
 
 def test_without_a_capture_the_published_numbers_stand_in_and_say_so() -> None:
     figure = draw("fig_5_10", residual_table(60, real=False))
-    assert texts(figure)[-1] == "No capture; thesis: std \u00b10.014 m"
+    assert texts(figure)[-1] == "Not captured; thesis: std \u00b10.014 m"
     levels = {line.get_ydata()[0] for line in figure.axes[0].get_lines()}
     assert {-REAL_STD_M, REAL_STD_M} <= levels
 

@@ -25,6 +25,26 @@ def test_wall_and_floor_have_their_sizes_and_face_the_sensor(name: str, distance
     assert (np.sum(mesh.normals() * to_sensor, axis=1) > 0).all()
 
 
+def test_the_room_closes_around_wall_and_floor() -> None:
+    mesh = make_calibration("wall_floor_3m", room=True)
+    alone = make_calibration("wall_floor_3m")
+    assert mesh.labels is not None
+    np.testing.assert_array_equal(mesh.corners()[: len(alone.triangles)], alone.corners())
+    corners = mesh.corners()
+    assert (corners.min((0, 1)), corners.max((0, 1))) == (
+        pytest.approx([-2.5, 0, 0], abs=1e-12),
+        pytest.approx([2.5, 3, 2.6], abs=1e-12),
+    )
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    # Front wall, floor, ceiling and two sides, without a gap or a double.
+    assert areas.sum() / 2 == pytest.approx(5 * 2.6 + 2 * 5 * 3 + 2 * 3 * 2.6)
+    to_sensor = np.array(calibration_origin("wall_floor_3m")) - corners.mean(axis=1)
+    assert (np.sum(mesh.normals() * to_sensor, axis=1) > 0).all()
+    assert {one.semantic for one in mesh.labels.objects[2:]} == {"surroundings"}
+
+
 def test_distances_are_those_of_the_measurements() -> None:
     assert sorted(CALIBRATIONS.values()) == [1, 2, 3, 4, 5, 30]
     assert calibration_origin("wall_floor_5m") == (0.0, 5.0, 1.0)

@@ -19,7 +19,10 @@ def missing(frames: int = 2, steps: int = 3) -> Hits:
 
 
 TABLE = [[1, 0.0, 0.01], [3, 0.02, 0.03], [4, -0.02, 0.03]]
-NEEDED: dict[str, dict[str, Any]] = {"distance_table": {"table": TABLE}}
+NEEDED: dict[str, dict[str, Any]] = {
+    "distance_table": {"table": TABLE},
+    "calibrated": {"ray_sigma_m": 0.006},
+}
 
 
 def opened(name: str, **options: Any) -> ErrorModel:
@@ -138,7 +141,7 @@ def test_streams_run_on_and_can_be_had_from_their_start() -> None:
         ("vlp16_divergence", {"returns_along": "both"}, "must be 'fired' or 'nominal'"),
         ("vlp16", {"ray_distribution": "cauchy"}, "must be 'gaussian' or 'laplace'"),
         ("vlp16_incidence", {"incidence_factor": -1}, "incidence_factor is -1.0"),
-        ("distance_table", {}, "missing 1 required positional argument: 'table'"),
+        ("distance_table", {}, "error model distance_table: lacks table"),
         ("distance_table", {"table": []}, "table is empty"),
         ("distance_table", {"table": [1, 2]}, "table is 1, but must be a list of numbers"),
         ("distance_table", {"table": [[1, 0]]}, "a row that is not distance, mu, sigma"),

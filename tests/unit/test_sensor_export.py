@@ -102,6 +102,19 @@ def test_las_by_the_layout_of_its_specification(table: ScanTable, tmp_path: Path
     assert bounds == pytest.approx(np.column_stack([xyz.max(0), xyz.min(0)]).ravel(), abs=1e-9)
 
 
+def test_las_and_laz_are_read_by_laspy(table: ScanTable, tmp_path: Path) -> None:
+    import laspy
+
+    for suffix in ("las", "laz"):
+        export(tmp_path / f"a.{suffix}", table)
+        read = laspy.read(tmp_path / f"a.{suffix}")
+        assert np.abs(np.asarray(read.xyz) - table.xyz_noisy).max() <= 0.5e-4 + 1e-9
+        assert np.array_equal(read.user_data, table["laser_id"])
+        assert np.array_equal(read.point_source_id, table["frame"])
+        assert np.array_equal(read.gps_time, table["timestamp"])
+    assert (tmp_path / "a.laz").stat().st_size < 0.7 * (tmp_path / "a.las").stat().st_size
+
+
 def test_laz_without_its_packages_says_what_to_install(
     table: ScanTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

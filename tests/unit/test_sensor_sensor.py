@@ -102,11 +102,16 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
         ("min_range_m: -1", "min_range_m is -1.0, but must be at least 0"),
         ("name: 5", "name is 5, but must be of type str"),
         ("laser_elevation_deg: [1, 1]", "has the same angle twice"),
-        ("firing_interval_us: 2", "firing_interval_us needs firing_sequence_us"),
+        ("firing_interval_us: 2", "need firing_sequence_us"),
+        ("firing_sequence_us: 55.6\nfiring_offsets_us: [0]", "1 firing_offsets_us for 2 lasers"),
+        (
+            "firing_sequence_us: 55.6\nfiring_offsets_us: [0, 1]\nfiring_interval_us: 1",
+            "firing_interval_us and firing_offsets_us exclude each other",
+        ),
         ("firing_sequence_us: 20", "turns 0.072 degrees in a firing sequence of 20.0 us at 10.0"),
         (
             "firing_sequence_us: 55.6\nfiring_interval_us: 60",
-            "2 lasers every 60.0 us do not fit in the firing_sequence_us of 55.6",
+            "2 lasers that fire at 0 to 60 us do not fit in the firing_sequence_us of 55.6",
         ),
         ("name: [", "not valid YAML"),
     ],
@@ -123,7 +128,7 @@ def test_a_wrong_entry_is_named_in_one_line(tmp_path: Path, change: str, fault: 
 def test_a_missing_entry_a_missing_file_and_an_unknown_name_are_named(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text("name: short\n")
-    with pytest.raises(InputError, match="missing 4 required positional arguments: 'laser_elev"):
+    with pytest.raises(InputError, match=r"short\.yaml: lacks laser_elevation_deg, rotation_hz, "):
         load_sensor(path)
     path.write_text("- vlp16\n")
     with pytest.raises(InputError, match="expected names and values"):

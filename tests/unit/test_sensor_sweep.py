@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -138,7 +139,22 @@ def test_a_spin_is_one_level_turn() -> None:
     assert np.array_equal(spin.rotations(), [np.eye(3)])
 
 
+def test_lasers_of_both_blocks_of_the_hdl64e_fire_in_unison() -> None:
+    sweep = open_sweep({"preset": "spin", "timing": "firing"})
+    sensor = load_sensor("hdl64e_s2")
+    times = sweep.firing_times(sensor, range(1))[0]
+    assert np.array_equal(times[:, :32], times[:, 32:])
+    # From one four of the upper block to the next, and from one sequence to the next.
+    assert times[0, 4:32:4] - times[0, 0:28:4] == pytest.approx(np.full(7, 6e-6))
+    assert np.diff(times[:, 0]) == pytest.approx(48e-6)
+    rays = sweep.rays(sensor, range(1))
+    assert rays.yaw[0] == pytest.approx(2 * np.pi * 5 * times, abs=1e-9)
+
+
 def test_firing_needs_a_sensor_that_states_its_times() -> None:
     sweep = open_sweep({"preset": "spin", "timing": "firing"})
-    with pytest.raises(InputError, match="firing_interval_us, which sensor HDL-64E S2 does not"):
-        sweep.rays(load_sensor("hdl64e_s2"), range(1))
+    silent = replace(VLP16, firing_interval_us=None)
+    with pytest.raises(InputError, match="VLP-16 does not state when its lasers fire"):
+        sweep.rays(silent, range(1))
+    with pytest.raises(InputError, match="VLP-16 does not state its firing_sequence_us"):
+        sweep.rays(replace(silent, firing_sequence_us=None), range(1))

@@ -15,6 +15,7 @@ from puckbench.mesh import Mesh
 from puckbench.meshfiles import write_mesh
 from puckbench.sensor import (
     COLUMNS,
+    ScanJob,
     ScanTable,
     Sweep,
     load_sensor,
@@ -22,7 +23,6 @@ from puckbench.sensor import (
     open_sweep,
     read_scan,
     scan,
-    scan_portions,
     write_scan_portions,
 )
 from puckbench.sensor.trajectory import trajectory_from_rows
@@ -140,7 +140,7 @@ def test_portions_are_the_rows_of_the_whole_scan(tmp_path: Path) -> None:
     sweep = drive(STILL, (0.5, 1.0, 0.5, 0, 20, 0, 0))
     work = (room(skip=("+z",)), VLP16, sweep, open_error_model("vlp16"), (2, 2, 1))
     whole = scan(*work, np.random.default_rng(1))
-    portions = list(scan_portions(*work, np.random.default_rng(1), rays_in_a_portion=2000))
+    portions = list(ScanJob(*work).portions(np.random.default_rng(1), rays_in_a_portion=2000))
     assert len(portions) > 5
     rows = write_scan_portions(tmp_path / "scan.parquet", iter(portions))
     read = read_scan(tmp_path / "scan.parquet")
@@ -150,9 +150,8 @@ def test_portions_are_the_rows_of_the_whole_scan(tmp_path: Path) -> None:
 
 
 def test_a_stream_without_a_return_leaves_no_file(tmp_path: Path) -> None:
-    portions = scan_portions(
-        room(), VLP16, Sweep(), open_error_model("none"), (900, 0, 0), np.random.default_rng(0)
-    )
+    job = ScanJob(room(), VLP16, Sweep(), open_error_model("none"), (900, 0, 0))
+    portions = job.portions(np.random.default_rng(0))
     with pytest.raises(InputError, match="no ray returned"):
         write_scan_portions(tmp_path / "scan.parquet", portions)
     assert list(tmp_path.iterdir()) == []

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from puckbench.errors import InputError
-from puckbench.tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, summary, table_of, write_table
+from puckbench.tablefiles import write_table
+from puckbench.tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, summary, table_of
 
 
 def _row(cloud: str, rate: str, bpp: float) -> dict:

@@ -1,7 +1,8 @@
-"""A tiny benchmark in a folder of its own: an object, a room in three forms, two codecs."""
+"""A tiny benchmark in a folder of its own: an object, a room, two codecs, a sensor study."""
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -54,6 +55,12 @@ CONFIG: dict[str, Any] = {
         "draco": {"rates": ["r1", "r8"]},
         "raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}},
     },
+    "sensor_study": {
+        "models": {"vlp16": {}, "vlp16_divergence": {}},
+        "distances_m": [1, 5],
+        "runs": 1,
+        "rows": 300,
+    },
     "timing": {"repeats": 1},
     "figures": {
         "style": {"dpi": 60},
@@ -65,6 +72,25 @@ CONFIG: dict[str, Any] = {
         },
     },
 }
+
+
+BOX = """OFF
+8 6 0
+-2.5 -2.5 0
+2.5 -2.5 0
+2.5 2.5 0
+-2.5 2.5 0
+-2.5 -2.5 2.5
+2.5 -2.5 2.5
+2.5 2.5 2.5
+-2.5 2.5 2.5
+4 0 1 2 3
+4 7 6 5 4
+4 0 4 5 1
+4 1 5 6 2
+4 2 6 7 3
+4 3 7 4 0
+"""
 
 
 class Bench:
@@ -86,6 +112,24 @@ class Bench:
                 place = place[part]
             place[last] = value
         (self.folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+
+    def capture(self) -> str:
+        """Write the packets of three turns in an empty room, of one device; the file's name."""
+        (self.folder / "box.off").write_text(BOX)
+        sweep = '{"preset": "spin", "duration_s": 0.6, "azimuth_step_deg": 0.4}'
+        noise = ["--errors", "vlp16", "--error-options", '{"bias_redrawn": "scan"}']
+        for words in (
+            ["scan", "box.off", "box.parquet", "--sweep", sweep, *noise],
+            ["export", "box.parquet", "box.pcap"],
+        ):
+            subprocess.run(
+                [sys.executable, "-m", "puckbench", *words],
+                cwd=self.folder,
+                env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+                capture_output=True,
+                check=True,
+            )
+        return "box.pcap"
 
     def command(self, *arguments: str) -> list[str]:
         """A `snakemake` command line for this folder."""

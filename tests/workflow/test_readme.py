@@ -32,6 +32,7 @@ def test_a_codec_and_a_data_set_of_ones_own_run_as_the_readme_shows(fresh: Bench
             "datasets": {"spheres": {"scenes": "spheres", "make": "sample", "points": 1000}},
             "codecs": {"grid": codecs["grid"]},
             "figures": {},
+            "sensor_study": None,
         }
     )
     fresh.made("tables")

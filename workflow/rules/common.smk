@@ -24,6 +24,11 @@ def or_stop(step, *arguments):
         os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
 
 
+def one_of(names):
+    """A pattern of exactly these names; of none, where there are none."""
+    return "|".join(names) or "(?!)"
+
+
 bench = or_stop(Workflow, config, Path(workflow.basedir) / "schemas" / "config.schema.yaml")
 RESULTS = str(bench.plan.results)
 
@@ -33,9 +38,11 @@ onstart:
 
 
 wildcard_constraints:
-    scenes="|".join(bench.plan.scenes),
-    dataset="|".join(bench.plan.datasets),
-    codec="|".join(bench.plan.codecs),
+    scenes=one_of(bench.plan.scenes),
+    dataset=one_of(bench.plan.datasets),
+    codec=one_of(bench.plan.codecs),
+    model=one_of(bench.plan.study.models if bench.plan.study else ()),
+    capture=one_of(bench.plan.study.captures if bench.plan.study else ()),
     cloud=r"[A-Za-z0-9_.-]+",
     scene=r"[A-Za-z0-9_.-]+",
     rate=r"[A-Za-z0-9_]+",

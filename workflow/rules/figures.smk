@@ -34,3 +34,4 @@ for figure, inputs in bench.figures.items():
 FIGURES = [
     f"{RESULTS}/figures/{figure}.{suffix}" for figure in bench.figures for suffix in ("pdf", "png")
 ]
+SENSOR_FIGURES = [file for file in FIGURES if REGISTRY[Path(file).stem].category == "Sensor"]

@@ -11,7 +11,7 @@ rule metrics_table:
             f"{RESULTS}/tables/summary.csv", caption="../report/summary_table.rst", category="Tables"
         ),
     params:
-        code=code_version("puckbench.tables"),
+        code=code_version("puckbench.tables", "puckbench.tablefiles"),
     resources:
         mem_mb=1000,
         runtime=10,
@@ -33,7 +33,7 @@ rule clouds_table:
         parquet=f"{RESULTS}/tables/clouds.parquet",
     params:
         datasets=[dataset for dataset, _ in bench.plan.clouds],
-        code=code_version("puckbench.tables"),
+        code=code_version("puckbench.tables", "puckbench.tablefiles"),
     resources:
         mem_mb=500,
         runtime=10,
@@ -45,4 +45,6 @@ rule clouds_table:
         "../scripts/clouds_table.py"
 
 
-TABLES = [*rules.metrics_table.output, *rules.clouds_table.output]
+TABLES = list(STUDY_TABLES)
+if bench.plan.datasets:
+    TABLES += [*rules.metrics_table.output, *rules.clouds_table.output]

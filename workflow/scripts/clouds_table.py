@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench import tables
+from puckbench.tablefiles import write_table
 
 if TYPE_CHECKING:
     snakemake: Any = None
 
 pairs = zip(snakemake.params.datasets, map(Path, snakemake.input), strict=True)
 table = tables.table_of([tables.cloud_row(*pair) for pair in pairs], tables.CLOUD_KEYS)
-tables.write_table(table, Path(snakemake.output.csv), Path(snakemake.output.parquet))
+write_table(table, Path(snakemake.output.csv), Path(snakemake.output.parquet))

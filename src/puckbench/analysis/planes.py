@@ -15,6 +15,8 @@ THRESHOLD_M = 0.01
 # PCL's own: at most so many samples, fewer once a better one is unlikely by this much.
 _MOST_SAMPLES, _CONFIDENCE = 1000, 0.99
 _SAMPLES_AT_A_TIME, _POINTS_AT_A_TIME = 32, 1 << 14
+# Of points that lie on one plane exactly, rounding must not throw any out.
+_LEAST_SPREAD_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,30 @@ def least_squares_plane(points: Floats) -> Plane:
     _, vectors = np.linalg.eigh(relative.T @ relative)
     normal = vectors[:, 0]
     return Plane(normal, float(normal @ centre))
+
+
+def robust_plane(
+    points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
+) -> tuple[Plane, NDArray[np.bool_]]:
+    """The least-squares plane of the points within `sigmas` of it, and which these are, (n,).
+
+    Sigma is the robust standard deviation, `robust_std`, of all distances. From the plane `start`,
+    fit and choice are repeated until the choice does not change.
+    """
+    plane, chosen = start, np.zeros(len(points), dtype=bool)
+    for _ in range(rounds):
+        distances = plane.distances(points)
+        away = np.abs(distances - np.median(distances))
+        near = away <= sigmas * max(robust_std(distances), _LEAST_SPREAD_M)
+        if np.array_equal(near, chosen):
+            break
+        plane, chosen = least_squares_plane(points[near]), near
+    return plane, chosen
+
+
+def robust_std(values: Floats) -> float:
+    """Standard deviation by the median absolute deviation: that of a Gaussian's middle half."""
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
 def _most_supported(points: Floats, rng: np.random.Generator, threshold_m: float) -> Plane:

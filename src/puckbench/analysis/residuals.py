@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from puckbench.analysis.planes import THRESHOLD_M, ransac_plane
+from puckbench.analysis.planes import THRESHOLD_M, Plane, ransac_plane
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.files import written_whole
 from puckbench.mesh import Mesh
-from puckbench.scenes.calibration import calibration_origin, make_calibration
+from puckbench.scenes.calibration import facing_the_wall
 from puckbench.seeding import generator
 from puckbench.sensor import ScanTable, Sensor, Sweep, load_sensor, open_error_model, scan
 
@@ -30,8 +30,18 @@ COLUMNS = (
     "elevation_deg",
     "residual_m",
     "incidence_rad",
+    "range_m",
+    "frame",
+    "plane_u_m",
+    "plane_v_m",
 )
-"""Columns of a residual table; `residual_m` is positive on the sensor's side of the plane."""
+"""Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
+
+`range_m` is the distance from the sensor to the measured point, `frame` the frame of the scan (the
+turn of a capture); `plane_u_m`, `plane_v_m` are those of `plane_coordinates`. These four came
+later: an older table, which figures still take, has none.
+"""
+_LATER = ("range_m", "frame", "plane_u_m", "plane_v_m")
 
 
 SWEEP = Sweep(frames_skipped=1)
@@ -79,7 +89,7 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
 
     Points belong to the surface that their nominal ray hits, so that no noise is cropped away.
     """
-    mesh, origin = _facing_the_wall(distance)
+    mesh, origin = facing_the_wall(distance)
     sensor = load_sensor(procedure.sensor)
     names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
     model = open_error_model(procedure.model, procedure.options)
@@ -88,8 +98,8 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
     for surface in SURFACES:
         rng = generator(seed, *names, "plane", surface)
         rows = _of_surface(returns, mesh, surface, distance)
-        residuals = _residuals(rows, origin, procedure, rng)
-        parts.append(_frame(rows, residuals, sensor, (procedure.model, surface, distance, run)))
+        about = about_plane(rows.xyz_noisy, _plane(rows, origin, procedure, rng), origin)
+        parts.append(_frame(rows, about, sensor, (procedure.model, surface, distance, run)))
     table = joined(parts)
     return _kept(table, procedure.keep, generator(seed, *names, "keep"))
 
@@ -109,24 +119,49 @@ def write_residuals(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a residual table; InputError when it is missing or another file."""
+    """Read a residual table; InputError when it is missing or another file.
+
+    The columns of a table written before `range_m` and those after it were there are fewer.
+    """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
         table = pd.read_parquet(path)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a Parquet table ({error})") from error
-    if missing := [name for name in COLUMNS if name not in table]:
-        raise InputError(f"{path}: not a residual table, without {', '.join(missing)}")
-    return table[list(COLUMNS)]
+    missing = [name for name in COLUMNS if name not in table]
+    if needed := [name for name in missing if name not in _LATER]:
+        raise InputError(f"{path}: not a residual table, without {', '.join(needed)}")
+    return table[[name for name in COLUMNS if name not in missing]]
 
 
-def _facing_the_wall(distance: float) -> tuple[Mesh, Floats]:
-    """The scene and the sensor's place, both turned by half a turn: a sweep looks towards +y."""
-    name = f"wall_floor_{distance:g}m"
-    mesh, half_turn = make_calibration(name), np.array([-1.0, -1.0, 1.0])
-    turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)
-    return turned, np.array(calibration_origin(name)) * half_turn
+def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
+    """What a residual table tells of points (n, 3), m, and a plane fitted to them, by column.
+
+    origin: (3,), where the sensor stands, on the side that the plane's normal points to.
+    """
+    u, v = plane_coordinates(points, plane, origin).T
+    values = {
+        "residual_m": plane.distances(points),
+        "range_m": np.linalg.norm(points - origin, axis=1),
+        "plane_u_m": u,
+        "plane_v_m": v,
+    }
+    return {name: column.astype(np.float32) for name, column in values.items()}
+
+
+def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
+    """Where points (n, 3) are in a plane, m, (n, 2): from the foot of the sensor's perpendicular.
+
+    The first axis is level, the second goes up the plane's slope. Another plane near this one is at
+    a distance of ``a + b u + c v`` from it: that is how a calibration takes the fit back.
+    """
+    level = np.cross([0.0, 0.0, 1.0], plane.normal)
+    # Any axis will do on a level plane.
+    level = np.array([1.0, 0.0, 0.0]) if np.linalg.norm(level) < 1e-3 else level
+    first = level - (level @ plane.normal) * plane.normal
+    first /= np.linalg.norm(first)
+    return (points - origin) @ np.column_stack([first, np.cross(plane.normal, first)])
 
 
 def _of_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:
@@ -138,31 +173,37 @@ def _of_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -
     return rows
 
 
-def _residuals(
+def _plane(
     rows: ScanTable, origin: Floats, procedure: Procedure, rng: np.random.Generator
-) -> Floats:
+) -> Plane:
     points = rows.xyz_noisy
     plane = ransac_plane(points, rng, threshold_m=procedure.threshold_m, refit=procedure.refit)
-    return plane.facing(origin).distances(points)
+    return plane.facing(origin)
 
 
 def _frame(
-    rows: ScanTable, residuals: Floats, sensor: Sensor, about: tuple[str, str, float, int]
+    rows: ScanTable,
+    about: dict[str, Floats],
+    sensor: Sensor,
+    what: tuple[str, str, float, int],
 ) -> pd.DataFrame:
-    model, surface, distance, run = about
+    model, surface, distance, run = what
     first = np.zeros(len(rows), dtype=np.int8)
     elevations = np.array(sensor.laser_elevation_deg, dtype=np.float32)
-    columns: tuple[Any, ...] = (
-        pd.Categorical.from_codes(first, categories=pd.Index([model])),
-        pd.Categorical.from_codes(first + SURFACES.index(surface), categories=pd.Index(SURFACES)),
-        np.full(len(rows), distance, dtype=np.float32),
-        np.full(len(rows), run, dtype=np.int16),
-        rows["laser_id"],
-        elevations[rows["laser_id"]],
-        residuals.astype(np.float32),
-        rows["incidence"].astype(np.float32),
-    )
-    return pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
+    columns: dict[str, Any] = {
+        "model": pd.Categorical.from_codes(first, categories=pd.Index([model])),
+        "surface": pd.Categorical.from_codes(
+            first + SURFACES.index(surface), categories=pd.Index(SURFACES)
+        ),
+        "distance_m": np.full(len(rows), distance, dtype=np.float32),
+        "run": np.full(len(rows), run, dtype=np.int16),
+        "laser_id": rows["laser_id"],
+        "elevation_deg": elevations[rows["laser_id"]],
+        "incidence_rad": rows["incidence"].astype(np.float32),
+        "frame": rows["frame"],
+        **about,
+    }
+    return pd.DataFrame({name: columns[name] for name in COLUMNS})
 
 
 def _kept(table: pd.DataFrame, keep: int | None, rng: np.random.Generator) -> pd.DataFrame:

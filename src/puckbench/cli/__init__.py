@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
@@ -18,11 +19,14 @@ COMMANDS = {
     "capture": "read a capture of a real VLP-16: the table of its returns",
     "export": "write a scan or a capture in the format of another tool",
     "residuals": "scan a wall and a floor: distances of the points to fitted planes",
+    "calibrate": "estimate a range error model from residuals, real or virtual",
     "sample": "sample points at random on the surface of a mesh",
     "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
     "encode": "code a cloud with a codec at a rate",
     "decode": "decode a stream",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "wall": "scan a wall and a floor: the points, in the wall's frame",
+    "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",
     "codecs": "list the codecs, their rates and whether they can run here",
     "datasets": "list the loaders of scene sets and their options",
@@ -37,12 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(given)
     try:
         answer = _run(name, options, parser)
+        if answer is not None:
+            print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
+        sys.stdout.flush()
     except InputError as error:
         return _fail(str(error))
     except BrokenPipeError:
-        return 0
-    if answer is not None:
-        print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
+        # Nobody reads on; what is left would fail again when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 

@@ -1,4 +1,4 @@
-"""`puckbench residuals`: plane residuals of virtual wall and floor scans (thesis Procedure 1)."""
+"""`puckbench residuals`: plane residuals of virtual scans (thesis Procedure 1), or of a capture."""
 
 from __future__ import annotations
 
@@ -28,10 +28,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--refit", action="store_true", help="least-squares planes instead of RANSAC's own"
     )
+    parser.add_argument(
+        "--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning"
+    )
+    parser.add_argument(
+        "--capture-options", type=json_object, default={}, help="JSON (docs/captures.md)"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Scan, fit and write the table."""
+    """Write the table; the numbers to print."""
+    return _scanned(options) if options.capture is None else _captured(options)
+
+
+def _scanned(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.analysis.residuals import Procedure, residual_table, write_residuals
 
     procedure = Procedure(
@@ -46,3 +56,45 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "mean_m": float(residuals.mean()),
         "std_m": float(residuals.std()),
     }
+
+
+def _captured(options: argparse.Namespace) -> dict[str, Any]:
+    from puckbench.analysis.capture_options import capture_options
+    from puckbench.analysis.capture_residuals import capture_residuals, captured_planes
+    from puckbench.analysis.capture_summary import capture_summary
+    from puckbench.analysis.residuals import write_residuals
+    from puckbench.figures.model_looks import REAL
+
+    planes = captured_planes(options.capture, capture_options(options.capture_options))
+    write_residuals(options.out, capture_residuals(planes))
+    summary = {"model": REAL, **capture_summary(planes)}
+    return summary if options.json else _lines(summary)
+
+
+def _lines(summary: dict[str, Any]) -> dict[str, Any]:
+    """The summary as one line for each number, plane, and plane not taken."""
+    lines = {name: value for name, value in summary.items() if not isinstance(value, (dict, list))}
+    start, end = summary["still_s"]
+    lines["still"] = f"{start:.3f} to {end:.3f} s"
+    for group in ("ray_noise", "bias_repeatability"):
+        lines |= {f"{group} {name}": value for name, value in (summary[group] or {}).items()}
+    for number, plane in enumerate(summary["planes"], 1):
+        lines[f"plane {number}"] = _plane_line(plane)
+    for number, plane in enumerate(summary["rejected"], 1):
+        what = f"{plane['surface']} at {plane['distance_m']:.2f} m, {plane['rows']} rows"
+        lines[f"not taken {number}"] = f"{what}: {plane['reason']}"
+    return lines
+
+
+def _plane_line(plane: dict[str, Any]) -> str:
+    noise = plane["ray_noise"] or {}
+    numbers = {
+        "std": plane["std_m"],
+        "laser bias": plane["laser_bias_std_m"],
+        "ray": noise.get("sigma_m"),
+        "unevenness": plane["unevenness_m"],
+    }
+    told = [f"{name} {1e3 * value:.1f} mm" for name, value in numbers.items() if value is not None]
+    size = f"{plane['width_m']:.2f} x {plane['height_m']:.2f} m"
+    what = f"{plane['surface']} at {plane['distance_m']:.2f} m, {size}"
+    return ", ".join([what, f"{plane['rows']} rows", f"{plane['lasers']} lasers", *told])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.progress import Progress
 from puckbench.cli.surfaces import read_surface
 from puckbench.cli.types import json_object, whole
 from puckbench.cloud import Floats, sidecar
@@ -14,12 +14,11 @@ from puckbench.files import read_json
 from puckbench.mesh import Mesh
 from puckbench.seeding import generator
 from puckbench.sensor import (
+    ScanJob,
     free_origin,
     load_sensor,
     open_error_model,
     open_sweep,
-    scan,
-    scan_portions,
     write_scan,
     write_scan_portions,
 )
@@ -36,28 +35,35 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--errors", default="none", help="error model (default: none)")
     parser.add_argument("--error-options", type=json_object, default={}, help="JSON")
     parser.add_argument(
-        "--sweep", default="thesis", help="preset, or changes to the 4 s sweep as JSON"
+        "--sweep",
+        type=_sweep,
+        default="thesis",
+        help="preset, or changes to the 4 s sweep as JSON",
     )
     parser.add_argument("--origin", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres")
     parser.add_argument(
         "--height", type=float, default=1.3, help="above the floor, without --origin (default: 1.3)"
+    )
+    parser.add_argument(
+        "--anywhere",
+        action="store_true",
+        help="scan from outside the scene, from inside a thing, or through walls too",
     )
     parser.add_argument("--seed", type=whole(0), default=0)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the table."""
-    sensor = load_sensor(options.sensor)
-    sweep = open_sweep(_sweep(options.sweep))
+    sensor, sweep = load_sensor(options.sensor), open_sweep(options.sweep)
     model = open_error_model(options.errors, options.error_options)
     mesh = read_surface(options.mesh)
-    origin = _origin(options, mesh)
-    rng = generator(options.seed, "scan", options.mesh.stem)
-    work = (mesh, sensor, sweep, model, origin, rng)
+    origin, vouched = _origin(options, mesh)
+    job = ScanJob(mesh, sensor, sweep, model, origin, options.anywhere or vouched)
+    rng, progress = generator(options.seed, "scan", options.mesh.stem), Progress("frame")
     if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
-        rows = write_scan_portions(options.out, scan_portions(*work, progress=_progress))
+        rows = write_scan_portions(options.out, job.portions(rng, progress))
     else:
-        table = scan(*work, progress=_progress)
+        table = job.table(rng, progress)
         write_scan(options.out, table)
         rows = len(table)
     return {"returns": rows, "origin": [float(x) for x in origin], "errors": options.errors}
@@ -67,16 +73,22 @@ def _sweep(text: str) -> str | dict[str, Any]:
     return json_object(text) if text.startswith("{") else text
 
 
-def _origin(options: argparse.Namespace, mesh: Mesh) -> Floats | list[float]:
-    """As given, as the scene's description says, or the nearest free spot to the middle."""
+def _origin(options: argparse.Namespace, mesh: Mesh) -> tuple[Floats | list[float], bool]:
+    """As given, as the scene's description says, or the nearest free spot to the middle.
+
+    And whether the place is vouched for: a scene's describer knows what stands where.
+    """
     if options.origin:
-        return list(options.origin)
-    beside = sidecar(options.mesh)
-    described = read_json(beside).get("origin") if beside.exists() else None
-    return described or free_origin(mesh, options.height)
+        return list(options.origin), False
+    described = _described(options.mesh)
+    if described is not None:
+        return described, True
+    return free_origin(mesh, options.height, **({"inside": 0.0} if options.anywhere else {})), False
 
 
-def _progress(done: int, frames: int) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if done == frames else ""
-        print(f"\rframe {done} of {frames}", end=end, file=sys.stderr, flush=True)  # noqa: T201
+def _described(mesh: Path) -> list[float] | None:
+    """The origin in the description beside a mesh, if there is one."""
+    beside = sidecar(mesh)
+    about = read_json(beside) if beside != mesh and beside.exists() else None
+    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
+    return origin

@@ -11,8 +11,6 @@ from puckbench.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-_KEYS = ("dataset", "cloud", "group", "codec", "rate")
-
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
     """InputError unless the table has rows, these columns, and a value in each of them."""
@@ -34,8 +32,3 @@ def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) ->
         values = table[name].to_numpy(dtype=float)
         if np.isinf(values).any() or (values < 0).any():
             raise InputError(f"{what} table: column {name!r} has a negative or infinite value")
-
-
-def key_types() -> dict[str, str]:
-    """Column types for reading: names stay text even when they look like numbers."""
-    return dict.fromkeys(_KEYS, "str")

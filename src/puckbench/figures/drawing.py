@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.cloud import read_cloud
 from puckbench.errors import InputError
-from puckbench.figures.checks import key_types
 from puckbench.figures.registry import TABLES, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files import unreadable, written_whole
+from puckbench.files import written_whole
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 # No date, no program version: the same input gives the same bytes.
@@ -48,25 +46,9 @@ def draw_files(
 
 def read_input(name: str, path: Path) -> Any:
     """A figure's input from its file: a DataFrame for a table, a PointCloud for an example."""
+    from puckbench.tablefiles import read_table
+
     return read_table(path) if name in TABLES else read_cloud(path)
-
-
-def read_table(path: Path) -> pd.DataFrame:
-    """A results table of CSV or Parquet; InputError when it cannot be read or has no rows."""
-    import pandas as pd
-
-    try:
-        if path.suffix == ".parquet":
-            table = pd.read_parquet(path)
-        else:
-            table = pd.read_csv(path, dtype=key_types())
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a readable table ({str(error).splitlines()[0]})") from error
-    if len(table) == 0:
-        raise InputError(f"{path}: the table has no rows")
-    return table
 
 
 def lay_out(figure: Figure) -> None:

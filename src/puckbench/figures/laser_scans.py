@@ -37,16 +37,17 @@ _LABELS = {
 }
 _MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
 _FAR_M, _NEAR_M = 5.0, 1.0
+_ROOM_VIEW = (40, 110)
 
 
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """Figure 5.2: everything that the sensor saw at 5 m from the wall."""
-    return _draw_space(_shown(scans, _FAR_M), (20, -60), style)
+    return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
 
 def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """Figure 5.3: everything that the sensor saw at 1 m from the wall."""
-    return _draw_space(_shown(scans, _NEAR_M), (20, -60), style)
+    return _draw_space(_shown(scans, _NEAR_M), _ROOM_VIEW, style)
 
 
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
@@ -151,9 +152,10 @@ def _draw_space(
     axes.view_init(*view_deg)
     # Constrained layout does not know of labels in space: zoom keeps them on the page.
     sizes = (1.0, 1.0, 0.8) if one_laser else tuple(np.ptp(points, axis=1).clip(1e-3))
-    axes.set_box_aspect(sizes, zoom=0.8)
+    axes.set_box_aspect(sizes, zoom=0.8 if one_laser else 0.95)
     for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), sizes, strict=True):
-        axis.set_major_locator(_few_ticks(2 if size < max(sizes) / 2 else 4))
+        share = size / max(sizes)
+        axis.set_major_locator(_few_ticks(4 if share > 0.5 else 2 if share > 0.25 else 1))
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
     axes.set_title(source_title(scan["model"].iloc[0], style), pad=0)
     _add_laser_bar(figure, axes, colours, pad=0.14)
@@ -161,12 +163,11 @@ def _draw_space(
 
 
 def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The thesis's models side by side, wall or floor from the side."""
+    """The thesis's models side by side (others where none is there), from the side."""
     from matplotlib.figure import Figure
 
-    models = [model for model in ordered_models(part["model"]) if model in _MODELS]
-    if not models:
-        raise InputError(f"scan table: none of the error models {', '.join(_MODELS)}")
+    there = ordered_models(part["model"])
+    models = [model for model in there if model in _MODELS] or there
     on_wall = part["surface"].iloc[0] == "wall"
     size = style.width_in or PAGE_WIDTH_IN, 2.4 if on_wall else 1.0 * len(models) + 0.4
     figure = Figure(figsize=size)

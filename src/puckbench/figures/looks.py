@@ -32,6 +32,7 @@ CODEC_LOOKS: dict[str, Look] = {
     "draco_cli": Look("Draco (reference tool)", "#56B4E9", "h", "--"),
     "gpcc_arena": Look("G-PCC (PCC Arena)", "#8C6000", "X", "--"),
     "gpcc_dyadic": Look("G-PCC (dyadic scales)", "#F2C766", "p", "-."),
+    "gpcc_lossless": Look("G-PCC (finer scales)", "#C0A030", "8", ":"),
     "tmc13": Look("TMC13 (reference tool)", "#000000", "x", ":"),
     "pcgcv1_rooms": Look("PCGCv1 (rooms)", "#66CDAA", "<", "--"),
     "pcgcv2_rooms": Look("PCGCv2 (rooms)", "#882255", "d", "--"),

@@ -35,6 +35,8 @@ MODEL_LOOKS: dict[str, ModelLook] = {
     "beam_footprint": ModelLook("Beam footprint", "#999933"),
     "distance_table": ModelLook("Distance table", "#661100"),
     "vlp16_table51": ModelLook("VLP-16, Table\u00a05.1", "#6699CC"),
+    "vlp16_fig518": ModelLook("VLP-16, as\u00a05.18", "#88CCEE"),
+    "vlp16_divergence_fig518": ModelLook("Divergence, as\u00a05.18", "#44AA99"),
     "thesis_room": ModelLook("Thesis, rooms", "#117733"),
 }
 

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.analysis.published import BIN_STDS_M, LARGEST_RAD, PRINTED_MEAN_M
 from puckbench.cloud import Floats
 from puckbench.figures.model_looks import REAL, model_look, ordered_models
 from puckbench.figures.panels import panel_grid
 from puckbench.figures.residual_legend import add_model_legend, source_title
 from puckbench.figures.residual_table import (
-    PUBLISHED_BIN_STDS_M,
-    PUBLISHED_LARGEST_RAD,
-    PUBLISHED_MEAN_M,
     binned_moments,
     check_residuals,
     compared,
@@ -116,9 +114,9 @@ def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> No
 
 def _published() -> tuple[Floats, Floats, Floats]:
     """The thesis's ten bins, as `binned_moments` gives them; the mean is that of all points."""
-    stds = np.array(PUBLISHED_BIN_STDS_M)
-    centres = (np.arange(len(stds)) + 0.5) * PUBLISHED_LARGEST_RAD / len(stds)
-    return centres, np.full(len(stds), PUBLISHED_MEAN_M), stds
+    stds = np.array(BIN_STDS_M)
+    centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
+    return centres, np.full(len(stds), PRINTED_MEAN_M), stds
 
 
 def _finish(

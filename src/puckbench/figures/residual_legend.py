@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from puckbench.analysis.published import PRINTED_STD_M
 from puckbench.figures.model_looks import REAL, model_look
-from puckbench.figures.residual_table import PUBLISHED_STD_M
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
     ]
     if REAL not in models:
         real = model_look(REAL, style).colour
-        text = f"No capture; thesis: std \u00b1{PUBLISHED_STD_M:g} m"
+        text = f"Not captured; thesis: std \u00b1{PRINTED_STD_M:g} m"
         handles.append(Line2D([], [], color=real, linestyle="--", linewidth=0.8, label=text))
     letters = sum(len(str(handle.get_label())) for handle in handles)
     in_a_row_in = letters * 0.58 * style.font_size / 72 + 0.5 * len(handles)

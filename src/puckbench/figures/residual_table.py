@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.analysis.published import FAR_M
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.figures.checks import require_rows
@@ -18,27 +19,6 @@ from puckbench.seeding import generator
 
 if TYPE_CHECKING:
     import pandas as pd
-
-FAR_M = 30.0
-"""The distance of Figure 5.19, which the other figures leave out."""
-
-PUBLISHED_MEAN_M, PUBLISHED_STD_M = 0.000, 0.014
-"""Residuals of the thesis's real VLP-16, walls and floors alike (section 5.1.3)."""
-
-PUBLISHED_BIN_STDS_M = (
-    0.0118,
-    0.0127,
-    0.0136,
-    0.0137,
-    0.0124,
-    0.0133,
-    0.0126,
-    0.0134,
-    0.0175,
-    0.0246,
-)
-PUBLISHED_LARGEST_RAD = 1.315
-"""Standard deviations in ten bins of equal width from 0 to this incidence (Figure 5.15)."""
 
 _VIRTUAL = ("vlp16_divergence", "vlp16")
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.analysis.published import PRINTED_STD_M
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.figures.model_looks import REAL, model_look, ordered_models
 from puckbench.figures.panels import wrapped
 from puckbench.figures.residual_legend import add_model_legend
 from puckbench.figures.residual_table import (
-    PUBLISHED_STD_M,
     check_residuals,
     compared,
     far,
@@ -112,12 +112,12 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
     width = 0.8 / len(models)
     drawn: list[Floats] = []
     for place, part in enumerate(groups.values()):
-        for index, model in enumerate(models):
-            values = residuals_of(part, model)
-            if len(values):
-                at = place + (index - (len(models) - 1) / 2) * width
-                draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
-                drawn.append(values)
+        parts = {model: residuals_of(part, model) for model in models}
+        there = {model: values for model, values in parts.items() if len(values)}
+        for index, (model, values) in enumerate(there.items()):
+            at = place + (index - (len(there) - 1) / 2) * width
+            draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
+        drawn += there.values()
     _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
     axes.set_xlabel(label)
     if REAL not in models:
@@ -129,7 +129,7 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
 def _show_published(axes: Axes, style: FigureStyle) -> None:
     """Without a capture: the published standard deviation of the thesis's real sensor."""
     colour = model_look(REAL, style).colour
-    for side in (-PUBLISHED_STD_M, PUBLISHED_STD_M):
+    for side in (-PRINTED_STD_M, PRINTED_STD_M):
         axes.axhline(side, color=colour, linestyle="--", linewidth=0.8)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh
 from puckbench.scenes import outlines
@@ -10,19 +13,22 @@ from puckbench.scenes.solids import flat
 from puckbench.scenes.surfaces import Surface
 
 WIDTH, HEIGHT, SENSOR_HEIGHT = 1.6, 2.2, 1.0
+ROOM_WIDTH, ROOM_HEIGHT = 5.0, 2.6
 CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3, 4, 5, 30)}
 
 
-def make_calibration(name: str) -> Mesh:
+def make_calibration(name: str, *, room: bool = False) -> Mesh:
     """Wall at y = 0, 1.6 m wide and 2.2 m high, and floor from it to the sensor at y = d.
 
-    Objects: "wall_1" and "floor_1", one plane each, fronts to the sensor.
-    Raises InputError for an unknown name.
+    Objects: "wall_1" and "floor_1", one plane each, fronts to the sensor. With `room` they are
+    parts of a room, 5 m wide, 2.6 m high and open behind the sensor, whose other parts are of the
+    class "surroundings". Raises InputError for an unknown name.
     """
     distance = _distance(name)
-    wall = _rectangle(HEIGHT).at(tilt=90).at(turn=180)
-    floor = _rectangle(distance)
-    return build([Piece("wall", "wall", wall), Piece("floor", "floor", floor)])
+    wall = _upright(_rectangle(WIDTH, HEIGHT))
+    pieces = [Piece("wall", "wall", wall), Piece("floor", "floor", _rectangle(WIDTH, distance))]
+    around = _surroundings(distance) if room else []
+    return build([*pieces, *(Piece("rest", "surroundings", surface) for surface in around)])
 
 
 def calibration_origin(name: str) -> tuple[float, float, float]:
@@ -30,9 +36,42 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
     return (0.0, _distance(name), SENSOR_HEIGHT)
 
 
-def _rectangle(length: float) -> Surface:
+def facing_the_wall(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
+    """The scene of a distance, m, and the sensor's place (3,), for a sweep that looks towards +y.
+
+    Both are turned by half a turn about z. Raises InputError where there is no such scene.
+    """
+    name = f"wall_floor_{distance:g}m"
+    mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])
+    turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)
+    return turned, np.array(calibration_origin(name)) * half_turn
+
+
+def _surroundings(distance: float) -> list[Surface]:
+    """What else the sensor sees of the room: the rest of wall and floor, side walls, ceiling."""
+    beside = (ROOM_WIDTH - WIDTH) / 2
+    off = (WIDTH + beside) / 2
+    above = _rectangle(WIDTH, ROOM_HEIGHT - HEIGHT)
+    side = _rectangle(ROOM_HEIGHT, distance)
+    ceiling = _rectangle(ROOM_WIDTH, distance)
+    return [
+        *(_upright(_rectangle(beside, ROOM_HEIGHT)).at(x=x) for x in (-off, off)),
+        _upright(above).at(z=HEIGHT),
+        *(_rectangle(beside, distance).at(x=x) for x in (-off, off)),
+        side.at(roll=90).at(x=-ROOM_WIDTH / 2, z=ROOM_HEIGHT / 2),
+        side.at(roll=-90).at(x=ROOM_WIDTH / 2, z=ROOM_HEIGHT / 2),
+        ceiling.at(roll=180).at(z=ROOM_HEIGHT),
+    ]
+
+
+def _upright(surface: Surface) -> Surface:
+    """A rectangle that stood up along y = 0 from its side there, its front to the sensor."""
+    return surface.at(tilt=90).at(turn=180)
+
+
+def _rectangle(width: float, length: float) -> Surface:
     """Plane piece at z = 0, centred in x, from y = 0 to `length`."""
-    return flat(outlines.shifted(outlines.rectangle(WIDTH, length), 0.0, length / 2))
+    return flat(outlines.shifted(outlines.rectangle(width, length), 0.0, length / 2))
 
 
 def _distance(name: str) -> float:

@@ -2,7 +2,7 @@
 
 from puckbench.sensor.errors import ErrorModel, error_model_names, open_error_model
 from puckbench.sensor.origin import free_origin
-from puckbench.sensor.scan import scan, scan_portions
+from puckbench.sensor.scan import ScanJob, scan
 from puckbench.sensor.sensor import Sensor, load_sensor, sensor_names
 from puckbench.sensor.sweep import SWEEPS, Sweep, open_sweep
 from puckbench.sensor.table import COLUMNS, ScanTable, read_scan, write_scan, write_scan_portions
@@ -11,6 +11,7 @@ __all__ = [
     "COLUMNS",
     "SWEEPS",
     "ErrorModel",
+    "ScanJob",
     "ScanTable",
     "Sensor",
     "Sweep",
@@ -21,7 +22,6 @@ __all__ = [
     "open_sweep",
     "read_scan",
     "scan",
-    "scan_portions",
     "sensor_names",
     "write_scan",
     "write_scan_portions",

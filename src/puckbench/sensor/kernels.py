@@ -18,6 +18,26 @@ _LEAST_COSINE = 1e-9
 
 
 @numba.njit(cache=True, nogil=True)
+def fill_planes(
+    vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
+) -> None:
+    """Unit normal and distance from `origin` of each triangle's plane, (t, 4).
+
+    The normal of a triangle without area is zero.
+    """
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        x2, y2, z2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        x, y, z = y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            x, y, z = x / length, y / length, z / length
+        away = x * (a[0] - origin[0]) + y * (a[1] - origin[1]) + z * (a[2] - origin[2])
+        planes[t, 0], planes[t, 1], planes[t, 2], planes[t, 3] = x, y, z, away
+
+
+@numba.njit(cache=True, nogil=True)
 def fill_directions(
     yaw: tuple[Floats, Floats],
     pitch: tuple[Floats, Floats],

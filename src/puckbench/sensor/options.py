@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from puckbench.errors import InputError
@@ -17,20 +17,28 @@ def from_options(parameters: type[T], options: Mapping[str, Any], what: str) -> 
 
     Raises InputError for an unknown name, a missing name or a value of the wrong type.
     """
-    hints = get_type_hints(parameters)
-    known = {field.name: hints[field.name] for field in fields(parameters)}  # type: ignore[arg-type]
+    hints, entries = get_type_hints(parameters), _fields(parameters)
+    known = {name: hints[name] for name in entries}
     for name in options:
         if name not in known:
             raise InputError(f"{what}: unknown option {name!r} (known: {', '.join(known)})")
+    if lacking := [name for name in entries if entries[name] and name not in options]:
+        raise InputError(f"{what}: lacks {', '.join(lacking)}")
     values = {
         name: _converted(value, known[name], f"{what}: {name}") for name, value in options.items()
     }
     try:
         return parameters(**values)
-    except TypeError as error:
-        raise InputError(f"{what}: {str(error).partition('() ')[2]}") from error
     except InputError as error:
         raise InputError(f"{what}: {error}") from error
+
+
+def _fields(parameters: type) -> dict[str, bool]:
+    """Names of a dataclass's fields, and whether each must be given."""
+    return {
+        field.name: field.default is MISSING and field.default_factory is MISSING
+        for field in fields(parameters)
+    }
 
 
 def check_at_least(parameters: object, least: float, *names: str) -> None:

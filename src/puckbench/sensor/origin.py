@@ -7,16 +7,16 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
+from puckbench.sensor.placement import INSIDE, seen_around
 from puckbench.sensor.raycast import RayCaster
 
-_DIRECTIONS = 256
 _GRID = 100
 # Distances to all spots would take seconds in a big scene; the first few hundred mostly do.
 _AT_A_TIME = 256
 
 
 def free_origin(
-    mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = 0.5
+    mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
     """The free spot nearest to the middle of the floor plan, `height` m above the floor, (3,).
 
@@ -33,8 +33,8 @@ def free_origin(
     spots[:, 2] = _floor(caster, spots, high - low) + height
     standing = spots[np.isfinite(_below(caster, spots))]
     for some in np.split(standing, range(_AT_A_TIME, len(standing), _AT_A_TIME)):
-        for spot in some[_distances(caster, some) >= clearance]:
-            if _share_seen(caster, spot) > inside:
+        for spot in some[caster.clearances(some) >= clearance]:
+            if np.isfinite(seen_around(caster, spot)[0]).mean() > inside:
                 return np.asarray(middle + spot)
     raise InputError(
         f"the scene has no free spot {height} m above its floor with {clearance} m around it:"
@@ -62,22 +62,4 @@ def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
 
 def _below(caster: RayCaster, places: Floats) -> Floats:
     """Distance from each place straight down to a surface, inf where there is none, (n,)."""
-    return caster.reach(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
-
-
-def _distances(caster: RayCaster, places: Floats) -> Floats:
-    """Distance of each place to the nearest surface, (n,)."""
-    import open3d as o3d
-
-    queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
-    return np.asarray(caster.scene.compute_distance(queries).numpy(), dtype=np.float64)
-
-
-def _share_seen(caster: RayCaster, place: Floats) -> float:
-    """Share of rays from `place`, evenly spread over the sphere, that hit the mesh."""
-    turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
-    z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
-    around = np.sqrt(1 - z**2)
-    directions = np.column_stack([around * np.cos(turns), around * np.sin(turns), z])
-    starts = np.broadcast_to(place, directions.shape)
-    return float(np.isfinite(caster.reach(starts, directions)).mean())
+    return caster.met(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))[0]

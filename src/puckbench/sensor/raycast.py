@@ -44,8 +44,7 @@ class RayCaster:
 
         self.threads = threads
         self.origin = np.asarray(origin, dtype=np.float64)
-        seen = Mesh(mesh.vertices - self.origin, mesh.triangles)
-        self.planes = _planes(seen)
+        self.planes = _planes(mesh, self.origin)
         unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
         self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
@@ -54,8 +53,8 @@ class RayCaster:
         )
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(seen.vertices, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.triangles, dtype=np.uint32)),
+            o3d.core.Tensor.from_numpy((mesh.vertices - self.origin).astype(np.float32)),
+            o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
@@ -76,20 +75,20 @@ class RayCaster:
         hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
         return Cast(directions, self.origin + starts, hits)
 
-    def clearance(self) -> float:
-        """Distance from `origin` to the nearest point of the mesh, m."""
+    def clearances(self, places: Floats) -> Floats:
+        """Distance to the nearest point of the mesh from places (n, 3) relative to `origin`, m."""
         import open3d as o3d
 
-        here = o3d.core.Tensor.from_numpy(np.zeros((1, 3), dtype=np.float32))
-        return float(self.scene.compute_distance(here).numpy()[0])
+        queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
+        return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
-    def reach(self, starts: Floats, directions: Floats) -> Floats:
-        """Distance in float32 accuracy at which rays hit the mesh, inf for a miss, (n,).
+    def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
+        """Distance, in float32 accuracy, and triangle that rays meet, (n,); inf for a miss.
 
-        starts: (n, 3), relative to the sensor. directions: (n, 3) unit vectors.
+        starts: (n, 3), relative to `origin`. directions: (n, 3) unit vectors.
         """
-        single = np.column_stack([starts, directions]).astype(np.float32)
-        return np.asarray(self._nearest(single)["t_hit"].numpy(), dtype=np.float64)
+        answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
+        return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
     def hits(
         self,
@@ -125,10 +124,13 @@ class RayCaster:
         return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
 
 
-def _planes(mesh: Mesh) -> Floats:
-    normals = mesh.normals()
-    first = mesh.vertices[mesh.triangles[:, 0]]
-    return np.column_stack([normals, np.einsum("ij,ij->i", normals, first)])
+def _planes(mesh: Mesh, origin: Floats) -> Floats:
+    from puckbench.sensor.kernels import fill_planes
+
+    planes = np.empty((len(mesh.triangles), 4))
+    vertices, triangles = np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.triangles)
+    fill_planes(vertices, triangles, origin, planes)
+    return planes
 
 
 def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:

@@ -14,23 +14,86 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh, check_mesh
+from puckbench.sensor.columns import empty_columns
 from puckbench.sensor.errors import described
 from puckbench.sensor.errors.model import Draws, ErrorModel, lifted, merged
 from puckbench.sensor.errors.receiver import mirrors_of
 from puckbench.sensor.mirrors import follow_mirrors
+from puckbench.sensor.placement import check_free, check_untouched
 from puckbench.sensor.raycast import Cast, RayCaster
 from puckbench.sensor.sensor import Sensor
 from puckbench.sensor.sweep import Rays, Sweep
-from puckbench.sensor.table import ScanTable, empty_columns, read_scan, write_scan
+from puckbench.sensor.table import ScanTable, read_scan, write_scan
 
-__all__ = ["ScanTable", "read_scan", "scan", "scan_portions", "write_scan"]
+__all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
+
+Progress = Callable[[int, int], None]
+"""Is told how many frames are done, and of how many."""
 
 # Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
-# A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
-_LEAST_CLEARANCE_M = 1e-3
 # Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
 _RAYS_IN_A_PORTION = 1 << 20
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """What is scanned, by what, with which errors, from where: a mesh (metres, z up), origin (3,).
+
+    anywhere: false refuses a sensor outside the scene, inside of an object, or that moves through
+    a surface. The rows do not depend on `threads` (0: all).
+    """
+
+    mesh: Mesh
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    origin: Floats | Sequence[float]
+    anywhere: bool = True
+    threads: int = 0
+
+    def table(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_at_a_time: int = _RAYS_AT_A_TIME,
+    ) -> ScanTable:
+        """All rows, see `scan`."""
+        scanner = self._scanner(rng)
+        table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
+        if len(table) == 0:
+            raise scanner.no_return()
+        return table
+
+    def portions(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_in_a_portion: int = _RAYS_IN_A_PORTION,
+    ) -> Iterator[ScanTable]:
+        """The rows of `table`, some frames at a time, for a scan that is too long for the memory.
+
+        `rays_in_a_portion` bounds the rows of a table (at least one frame). Raises as `scan` does;
+        that no ray returned shows at the end.
+        """
+        scanner, rows = self._scanner(rng), 0
+        at_a_time = rays_in_a_portion // scanner.rays_per_frame
+        for frames in _portions(range(self.sweep.frames), at_a_time):
+            table = scanner.table(frames, _RAYS_AT_A_TIME, progress)
+            rows += len(table)
+            if len(table):
+                yield table
+        if rows == 0:
+            raise scanner.no_return()
+
+    def _scanner(self, rng: np.random.Generator) -> _Scanner:
+        check_mesh(self.mesh, "the mesh to scan")
+        caster = RayCaster(self.mesh, _checked_origin(self.origin), self.threads)
+        times, places = self.sweep.way()
+        check_untouched(caster, places)
+        if not self.anywhere:
+            check_free(caster, times, places)
+        return _Scanner(caster, self.sensor, self.sweep, self.model, Draws(rng))
 
 
 def scan(
@@ -40,10 +103,7 @@ def scan(
     model: ErrorModel,
     origin: Floats | Sequence[float],
     rng: np.random.Generator,
-    *,
-    progress: Callable[[int, int], None] | None = None,
-    rays_at_a_time: int = _RAYS_AT_A_TIME,
-    threads: int = 0,
+    progress: Progress | None = None,
 ) -> ScanTable:
     """Scan `mesh` (metres, z up) by a sensor that stands at `origin` (3,) and sweeps.
 
@@ -54,61 +114,13 @@ def scan(
     clean values are jittered too. Then a row needs both: the fired ray must return and the nominal
     one must hit something in range. A missed ray has no row and no noise.
 
-    The rows come in the order of firing (frame, azimuth step, laser id) and do not depend on
-    `threads` (0: all) or `rays_at_a_time`. progress(frames done, frames) is called as work goes on.
+    The rows come in the order of firing (frame, azimuth step, laser id).
+    progress(frames done, frames) is called as work goes on.
 
     Raises InputError for a mesh without faces, an origin that is no point or touches the mesh, or
     no return at all.
     """
-    scanner = _scanner(mesh, sensor, sweep, model, origin, rng, threads)
-    table = scanner.table(range(sweep.frames), rays_at_a_time, progress)
-    if len(table) == 0:
-        raise scanner.no_return()
-    return table
-
-
-def scan_portions(
-    mesh: Mesh,
-    sensor: Sensor,
-    sweep: Sweep,
-    model: ErrorModel,
-    origin: Floats | Sequence[float],
-    rng: np.random.Generator,
-    *,
-    progress: Callable[[int, int], None] | None = None,
-    rays_in_a_portion: int = _RAYS_IN_A_PORTION,
-    threads: int = 0,
-) -> Iterator[ScanTable]:
-    """The rows of `scan`, some frames at a time, for a scan that is too long for the memory.
-
-    `rays_in_a_portion` bounds the rows of a table (at least one frame). Raises as `scan` does; that
-    no ray returned shows at the end.
-    """
-    scanner = _scanner(mesh, sensor, sweep, model, origin, rng, threads)
-    rows = 0
-    for frames in _portions(range(sweep.frames), rays_in_a_portion // scanner.rays_per_frame):
-        table = scanner.table(frames, _RAYS_AT_A_TIME, progress)
-        rows += len(table)
-        if len(table):
-            yield table
-    if rows == 0:
-        raise scanner.no_return()
-
-
-def _scanner(
-    mesh: Mesh,
-    sensor: Sensor,
-    sweep: Sweep,
-    model: ErrorModel,
-    origin: Floats | Sequence[float],
-    rng: np.random.Generator,
-    threads: int,
-) -> _Scanner:
-    check_mesh(mesh, "the mesh to scan")
-    caster = RayCaster(mesh, _checked_origin(origin), threads)
-    if sweep.trajectory is None and caster.clearance() < _LEAST_CLEARANCE_M:
-        raise InputError(f"the sensor at {caster.origin.tolist()} touches the mesh")
-    return _Scanner(caster, sensor, sweep, model, Draws(rng))
+    return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
 
 
 @dataclass(frozen=True)
@@ -135,11 +147,10 @@ class _Scanner:
         place = self.caster.origin.tolist()
         return InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
-    def table(
-        self, frames: range, rays_at_a_time: int, progress: Callable[[int, int], None] | None
-    ) -> ScanTable:
+    def table(self, frames: range, rays_at_a_time: int, progress: Progress | None) -> ScanTable:
         """The returns of the given frames."""
-        columns, rows = empty_columns(len(frames) * self.rays_per_frame), 0
+        columns = empty_columns(ScanTable.declared, len(frames) * self.rays_per_frame)
+        rows = 0
         for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
             rows = self.add_returns(portion, columns, rows)
             if progress is not None:
@@ -218,11 +229,12 @@ def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> N
 
 
 def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
-    place = np.asarray(origin, dtype=np.float64)
+    try:
+        place = np.asarray(origin, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise InputError(
-            f"the sensor's origin is {place.tolist()}, but must be three finite numbers"
-        )
+        raise InputError(f"the sensor's origin is {origin}, but must be three finite numbers")
     return place
 
 

@@ -22,7 +22,9 @@ class Sensor:
     """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
 
     `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
-    what the sensor runs at unless a sweep says otherwise.
+    what the sensor runs at unless a sweep says otherwise. `accuracy_m` is the typical one that the
+    manufacturer states, either way; no error model uses it. Lasers that do not fire one after the
+    other state `firing_offsets_us`, from the start of a firing sequence, in place of the interval.
     """
 
     name: str
@@ -37,7 +39,10 @@ class Sensor:
     range_quantum_mm: float | None = None
     firing_sequence_us: float | None = None
     firing_interval_us: float | None = None
+    firing_offsets_us: tuple[float, ...] | None = None
     wavelength_nm: float | None = None
+    pulse_ns: float | None = None
+    accuracy_m: float | None = None
     manufacturer: str | None = None
 
     def __post_init__(self) -> None:
@@ -52,7 +57,7 @@ class Sensor:
             raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
         check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
         check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
-        check_above_zero(self, "wavelength_nm")
+        check_above_zero(self, "wavelength_nm", "pulse_ns", "accuracy_m")
         check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
         check_at_least(self, 0, "divergence_vertical_deg")
         if self.min_range_m >= self.max_range_m:
@@ -63,15 +68,15 @@ class Sensor:
 
     def _check_firing(self) -> None:
         """InputError when firing times and azimuth step contradict each other."""
-        sequence, interval = self.firing_sequence_us, self.firing_interval_us
+        sequence, offsets = self.firing_sequence_us, self._firing_offsets()
         if sequence is None:
-            if interval is not None:
-                raise InputError("firing_interval_us needs firing_sequence_us")
+            if offsets is not None:
+                raise InputError("firing_interval_us and firing_offsets_us need firing_sequence_us")
             return
-        if interval is not None and interval * (self.lasers - 1) >= sequence:
+        if offsets is not None and not 0 <= min(offsets) <= max(offsets) < sequence:
             raise InputError(
-                f"{self.lasers} lasers every {interval} us do not fit in the firing_sequence_us"
-                f" of {sequence}"
+                f"{self.lasers} lasers that fire at {min(offsets):g} to {max(offsets):g} us do not"
+                f" fit in the firing_sequence_us of {sequence}"
             )
         turned = 360.0 * self.rotation_hz * sequence * 1e-6
         if abs(turned / self.azimuth_step_deg - 1) > _STEP_TOLERANCE:
@@ -79,6 +84,24 @@ class Sensor:
                 f"azimuth_step_deg is {self.azimuth_step_deg}, but the sensor turns {turned:.4g}"
                 f" degrees in a firing sequence of {sequence} us at {self.rotation_hz} Hz"
             )
+
+    def _firing_offsets(self) -> tuple[float, ...] | None:
+        interval, offsets = self.firing_interval_us, self.firing_offsets_us
+        if offsets is None:
+            return None if interval is None else tuple(k * interval for k in range(self.lasers))
+        if interval is not None:
+            raise InputError("firing_interval_us and firing_offsets_us exclude each other")
+        if len(offsets) != self.lasers:
+            raise InputError(f"{len(offsets)} firing_offsets_us for {self.lasers} lasers")
+        return offsets
+
+    @property
+    def firing_times_us(self) -> tuple[float, ...]:
+        """When each laser fires after the start of a firing sequence; InputError if unknown."""
+        offsets = self._firing_offsets()
+        if offsets is None:
+            raise InputError(f"sensor {self.name} does not state when its lasers fire")
+        return offsets
 
     @property
     def lasers(self) -> int:

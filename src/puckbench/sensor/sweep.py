@@ -51,7 +51,7 @@ class Sweep:
     scanned (the room scans of the thesis leave out the last one).
 
     timing: ``"step"``, BlenSor's convention: all lasers of an azimuth step fire together.
-    ``"firing"``: laser k of a step fires k firing intervals later and points where the sensor has
+    ``"firing"``: a laser fires at its own time within a step and points where the sensor has
     turned to by then, and a step is what the sensor turns in a firing sequence. A frame has whole
     steps only, so the last part of one before the next frame is not fired in.
 
@@ -133,6 +133,20 @@ class Sweep:
         rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
+    def way(self) -> tuple[Floats, Floats]:
+        """Times (n,), s, and places (n, 3), m, between which the sensor moves in straight lines.
+
+        Places count from the scan's origin; there is one where the sensor stays.
+        """
+        if self._trajectory is None:
+            return np.zeros(1), np.zeros((1, 3))
+        keyed = self._trajectory.times
+        if len(keyed) == 1:
+            return np.zeros(1), self._trajectory.positions
+        within = keyed[(keyed > 0) & (keyed < self.duration_s)]
+        times = np.concatenate([[0.0], within, [self.duration_s]])
+        return times, self._trajectory.at(times).positions
+
     def _rotations(self, frames: range) -> Floats:
         pitch = self._pitch(frames)
         sine, cosine = np.sin(pitch), np.cos(pitch)
@@ -184,7 +198,7 @@ class Sweep:
 
     def _step_deg(self, sensor: Sensor) -> float:
         if self.timing == "firing":
-            return 360.0 * self._rotation_hz(sensor) * _seconds(sensor, "firing_sequence_us")
+            return 360.0 * self._rotation_hz(sensor) * _sequence_s(sensor)
         return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
 
     def _degrees_per_frame(self, sensor: Sensor) -> float:
@@ -193,14 +207,13 @@ class Sweep:
 
 def _delays(sensor: Sensor) -> Floats:
     """Seconds after the start of a firing sequence at which each laser fires, (lasers,)."""
-    return np.asarray(np.arange(sensor.lasers) * _seconds(sensor, "firing_interval_us"))
+    return np.array(sensor.firing_times_us) * 1e-6
 
 
-def _seconds(sensor: Sensor, name: str) -> float:
-    time: float | None = getattr(sensor, name)
-    if time is None:
-        raise InputError(f"timing 'firing' needs {name}, which sensor {sensor.name} does not state")
-    return time * 1e-6
+def _sequence_s(sensor: Sensor) -> float:
+    if sensor.firing_sequence_us is None:
+        raise InputError(f"sensor {sensor.name} does not state its firing_sequence_us")
+    return sensor.firing_sequence_us * 1e-6
 
 
 # `thesis_room`: the room scans as run, with BlenSor's own defaults instead of the VLP-16's.

@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import INLINED, inlined, kernel
+from puckbench.codecs.gpcc.compiled import INLINED, entry, inlined, integer, kernel
 from puckbench.codecs.gpcc.tables import ADAPTATION
 
 Bytes = NDArray[np.uint8]
@@ -85,11 +85,6 @@ def finish(coder: Encoder) -> bytes:
     return coder.data[: coder.state[3]].tobytes()
 
 
-def is_encoder(coder: Any) -> bool:
-    """Whether a coder codes (in kernels a constant, so that the other direction costs nothing)."""
-    return isinstance(coder, Encoder)
-
-
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
     """Code one bit: the bit, the new state and the new probability."""
     raise NotImplementedError("compiled only")
@@ -103,11 +98,6 @@ def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
 def exhausted(coder: Any) -> bool:
     """Whether a decoder has read further than its stream can have symbols."""
     raise NotImplementedError("compiled only")
-
-
-@overload(is_encoder, jit_options=INLINED)
-def _is_encoder(coder: Any) -> Any:
-    return _yes if coder.instance_class is Encoder else _no
 
 
 @overload(exhausted, jit_options=INLINED)
@@ -129,17 +119,13 @@ def _bypass_step(coder: Any, state: Any, bit: Any) -> Any:
     return _decode_bypass
 
 
-def _yes(coder: Any) -> bool:
-    return True
-
-
 def _no(coder: Any) -> bool:
     return False
 
 
 def _overrun(coder: Any) -> bool:
     overrun: bool = coder.state[3] > coder.state[4] + PADDING
-    return overrun
+    return overrun or coder.state[6] > len(coder.bypass)
 
 
 def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
@@ -192,7 +178,7 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
     if coder.state[5]:
         index = coder.state[6]
         coder.state[6] += 1
-        return (np.int64(coder.bypass[index]) if index < len(coder.bypass) else 0), state
+        return (integer(coder.bypass[index]) if index < len(coder.bypass) else 0), state
     decoded, state, _ = step(coder, state, HALF, bit)
     return decoded, state
 
@@ -225,12 +211,12 @@ def _next_word(data: Bytes, place: int) -> int:
     """Four bytes, big endian; past the end they are 0xFF."""
     word = 0
     for k in range(4):
-        byte = np.int64(data[place + k]) if place + k < len(data) else 0xFF
+        byte = integer(data[place + k]) if place + k < len(data) else 0xFF
         word = word << 8 | byte
     return word
 
 
-@kernel
+@entry
 def _flush(coder: Encoder) -> None:
     """Write what is left in low: the reference's own rule, which fixes the last bytes."""
     low, span, count, place = load(coder)
@@ -271,7 +257,7 @@ def save(coder: Any, state: State) -> None:
 @kernel
 def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int) -> int:
     """Code one bit with an adaptive model."""
-    coded, state, probability = step(coder, load(coder), np.int64(probabilities[model]), bit)
+    coded, state, probability = step(coder, load(coder), integer(probabilities[model]), bit)
     probabilities[model] = probability
     save(coder, state)
     return coded
@@ -290,7 +276,7 @@ def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: 
     """Code a number, Exp-Golomb of order 0; at most 24 prefix bits are read."""
     order = 0
     base = 0
-    while order < 24 and code_bit(coder, models, prefix, np.int64(value - base >= 1 << order)):
+    while order < 24 and code_bit(coder, models, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
         order += 1
     rest = 0
@@ -299,10 +285,8 @@ def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: 
     return base + rest
 
 
-@kernel
 def restart(coder: Decoder) -> None:
     """Begin the next entropy stream, which follows the present one's last byte."""
-    used = coder.state[3] - coder.state[2] // 8
-    place = min(used, coder.state[4])
-    first = _next_word(coder.data, place) >> 16
-    coder.state[0], coder.state[1], coder.state[2], coder.state[3] = first, 0xFFFF, 0, place + 2
+    place = min(consumed(coder), int(coder.state[4]))
+    first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
+    coder.state[:4] = first, 0xFFFF, 0, place + 2

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 from numba.extending import intrinsic
 
 
-@intrinsic
-def bit_count(_context: Any, word: Any) -> Any:
-    """Number of set bits of an integer (in kernels only)."""
+def _bit_count(_context: Any, word: Any) -> Any:
+    """Number of set bits of an integer."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
 
     return word(word), generate
+
+
+bit_count: Callable[[int], int] = cast(Any, intrinsic)(_bit_count)
+"""Number of set bits of an integer, in kernels only."""

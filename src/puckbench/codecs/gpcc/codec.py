@@ -36,7 +36,7 @@ class GridCodec(Codec):
     def __init__(
         self,
         *,
-        profile: str = "minimal",
+        profile: str = "ctc",
         rounding: Rounding = "nearest",
         duplicates: Duplicates = "merged",
         unit: float = 1.0,

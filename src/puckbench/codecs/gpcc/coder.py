@@ -17,7 +17,7 @@ from puckbench.codecs.gpcc.encoder import encode_slice
 from puckbench.codecs.gpcc.models import Models, fresh_models
 from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
-from puckbench.codecs.gpcc.tree import Tree, build_tree, split_axes
+from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, split_axes
 from puckbench.errors import InputError
 
 __all__ = [
@@ -28,6 +28,9 @@ __all__ = [
     "encode_geometry",
     "warm_up",
 ]
+
+MOST_POINTS = 1 << 24
+"""Most points of a stream: as many as one slice can say it has, so that memory has a bound."""
 
 _LARGEST = 1 << 31
 _FINEST_SCALE = 1 << 16
@@ -57,8 +60,10 @@ class DecodedGeometry:
         """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
-        whole = self.points * self.global_scale.numerator
-        positions: NDArray[np.float64] = whole * (step / self.global_scale.denominator) + corner
+        positions = self.points.astype(np.float64)
+        positions *= float(self.global_scale.numerator)
+        positions *= step / self.global_scale.denominator
+        positions += corner
         return positions
 
 
@@ -76,8 +81,8 @@ def encode_geometry(
     points = np.ascontiguousarray(points, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError("G-PCC: no points to code")
-    least = points.min(axis=0)
-    if (points.max(axis=0) - least >= 1 << MOST_BITS).any():
+    least, most = bounds(points)
+    if (most - least >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
     corner = tuple(int(a) + int(b) for a, b in zip(least, origin, strict=True))
     sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_FINEST_SCALE))
@@ -90,7 +95,10 @@ def encode_geometry(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    for number, part in enumerate(_slices(points - least, options)):
+    parts = list(_slices(points, least, options))
+    if sum(part.coded_points(options) for part in parts) > MOST_POINTS:
+        raise InputError(f"G-PCC: more than {MOST_POINTS} points")
+    for number, part in enumerate(parts):
         unit = _data_unit(part, number, sps, gps)
         stream.append(syntax.encapsulated(syntax.GEOMETRY_DATA_UNIT, unit))
     return b"".join(stream)
@@ -145,17 +153,20 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     )
 
 
-def _slices(points: Ints, options: GpccOptions) -> Iterator[_Part]:
-    """Parts of the cloud of at most slice_max_points, halved along their longest side."""
-    part = _part(points, options)
+def _slices(points: Ints, start: Ints, options: GpccOptions) -> Iterator[_Part]:
+    """Parts of the cloud of at most slice_max_points, halved along their longest side.
+
+    start: origin of the sequence.
+    """
+    part = _part(points, start, options)
     if part.coded_points(options) <= options.slice_max_points:
         yield part
         return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     middle = _between_positions(points[order, axis])
-    yield from _slices(points[order[:middle]], options)
-    yield from _slices(points[order[middle:]], options)
+    yield from _slices(points[order[:middle]], start, options)
+    yield from _slices(points[order[middle:]], start, options)
 
 
 def _between_positions(sorted_values: Ints) -> int:
@@ -181,14 +192,14 @@ class _Part:
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
-def _part(points: Ints, options: GpccOptions) -> _Part:
-    least = points.min(axis=0)
-    x, y, z = (max(int(size).bit_length(), 1) for size in points.max(axis=0) - least)
+def _part(points: Ints, start: Ints, options: GpccOptions) -> _Part:
+    least, most = bounds(points)
+    x, y, z = (max(int(size).bit_length(), 1) for size in most - least)
     axes = split_axes(
         (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
     )
-    corner = (int(least[0]), int(least[1]), int(least[2]))
-    return _Part(corner, axes, build_tree(points - least, axes))
+    a, b, c = (least - start).tolist()
+    return _Part((a, b, c), axes, build_tree(points, least, axes))
 
 
 def _data_unit(
@@ -256,6 +267,8 @@ class _Contents:
             raise InputError("G-PCC stream: slices of different sequences")
         self._active = sps
         coded = read_slice(payload, sps, gps)
+        if sum(map(len, self._slices)) + coded.points > MOST_POINTS:
+            raise InputError(f"G-PCC stream: more than {MOST_POINTS} points")
         self._check_frame(coded)
         if not coded.header.entropy_continuation_flag:
             self._models = fresh_models()
@@ -292,9 +305,7 @@ class _Contents:
         points = self._slices[0] if len(self._slices) == 1 else np.concatenate(self._slices)
         return DecodedGeometry(
             points=points,
-            scale=Fraction(
-                sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1
-            ),
+            scale=Fraction(sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1),
             origin=_origin(sps),
             global_scale=_global_scale(sps),
             metres=bool(sps.seq_unit_is_metres_flag),

@@ -13,7 +13,7 @@ from puckbench.codecs.gpcc.bypass import demultiplexed
 from puckbench.codecs.gpcc.encoder import (
     empty_nodes,
     first_nodes,
-    level_of,
+    levels_of,
     root_parent,
     slice_state,
 )
@@ -41,9 +41,7 @@ class CodedSlice:
     points: int
 
 
-def read_slice(
-    payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet
-) -> CodedSlice:
+def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
     """Take a geometry data unit apart; InputError when it cannot be a slice."""
     reader = Reader(payload)
     header = GeometryHeader()
@@ -68,19 +66,21 @@ def decode_slice(
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
     coder = _decoder(coded, sps)
-    state = slice_state(gps, coded.points)
+    state = slice_state(gps, depth, coded.points)
     parents = root_parent()
     saved = models.copied(adaptive), state.planar.rates.copy()
-    for number in range(depth):
+    for number, level in enumerate(levels_of(header, gps)):
         if number == depth - 1 - streams:
             saved = models.copied(adaptive), state.planar.rates.copy()
         if streams and number > depth - 1 - streams:
             _next_stream(coder, adaptive, state, saved)
-        planar.forget_planes(state.planar)
-        parents = _decode_level(coder, adaptive, level_of(header, gps, number), parents, state)
+        planar.forget_planes(state.planar, 1 << number)
+        parents = _decode_level(coder, adaptive, level, parents, state)
         if not len(parents.morton):
             break
-    return state.leaves[: state.tally[0]]
+    if state.tally[0] != coded.points:
+        raise InputError("G-PCC stream: a slice holds fewer points than it says")
+    return state.leaves
 
 
 def _decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
@@ -114,18 +114,9 @@ def _decode_level(
 ) -> octree.Nodes:
     count = int(COUNT[parents.occupancy].sum())
     nodes = empty_nodes(0 if level.last else count, encoding=False)
-    kept = octree.code_level(coder, adaptive, level, parents, nodes, _NO_SOURCE, state)
+    kept = octree.code_level(coder, adaptive, level, parents, nodes, None, state)
     if kept == octree.TOO_MANY_POINTS:
         raise InputError("G-PCC stream: a slice holds more points than it says")
     if kept < 0 or consumed(coder) > coder.state[4]:
         raise InputError(_DAMAGED)
     return first_nodes(nodes, kept)
-
-
-_NO_SOURCE = octree.Source(
-    np.empty(0, dtype=np.uint8),
-    np.empty(0, dtype=np.int32),
-    np.empty(0, dtype=np.int32),
-    np.empty(0, dtype=np.int64),
-    np.empty(0, dtype=np.int32),
-)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, code_exp_golomb
+from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.models import (
     DIRECT_POINTS_GT1,
     DUPLICATES_GT0,
@@ -40,7 +40,6 @@ class DirectNode(NamedTuple):
     upper: int
 
 
-@kernel
 def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     """Which of 32 successive candidate nodes may be coded directly, as bits."""
     if mode == 0:
@@ -50,7 +49,7 @@ def enabled_mask(mode: int, planar: bool, rate_minus1: int) -> int:
     mask, sum_of_rates = 0, 0
     for i in range(32):
         sum_of_rates += rate_minus1 + 1
-        mask |= np.int64(sum_of_rates >= 32) << i
+        mask |= (sum_of_rates >= 32) << i
         sum_of_rates &= 31
     return mask
 
@@ -97,7 +96,7 @@ def code_direct(
     given: (2, 3) the `leaves` distinct of `points` points to code, relative to the node. coded:
     (2, 3) those points as coded. left: (3,) scratch.
     """
-    pair = code_bit(coder, models.probabilities, DIRECT_POINTS_GT1, np.int64(leaves == 2))
+    pair = code_bit(coder, models.probabilities, DIRECT_POINTS_GT1, integer(leaves == 2))
     more = 0
     if not node.unique and not pair:
         more = _code_duplicates(coder, models, points - 1)
@@ -116,9 +115,9 @@ def code_direct(
 def _code_duplicates(coder: Any, models: Models, more: int) -> int:
     """Code how many further points stand where the one point is."""
     models_of = models.probabilities
-    if not code_bit(coder, models_of, DUPLICATES_GT0, np.int64(more > 0)):
+    if not code_bit(coder, models_of, DUPLICATES_GT0, integer(more > 0)):
         return 0
-    if not code_bit(coder, models_of, DUPLICATES_GT1, np.int64(more > 1)):
+    if not code_bit(coder, models_of, DUPLICATES_GT1, integer(more > 1)):
         return 1
     return 2 + code_exp_golomb(coder, models_of, DUPLICATES_PREFIX, more - 2)
 
@@ -128,7 +127,7 @@ def _take_planes(node: DirectNode, coded: Ints, left: Ints) -> None:
     """Begin both points with the bits that planar coding has told; set how many are left."""
     for axis in range(3):
         known = node.bits[axis] > 0 and node.planar >> axis & 1 != 0
-        left[axis] = node.bits[axis] - np.int64(known)
+        left[axis] = node.bits[axis] - integer(known)
         first = (node.upper >> axis & 1) if known else 0
         coded[0, axis] = first
         coded[1, axis] = first
@@ -139,16 +138,16 @@ def _code_common_bits(coder: Any, models: Models, given: Ints, left: Ints, coded
     """Code two ordered points' bits along each axis as far as the first that differs."""
     equal = True
     for axis in range(3):
-        same = np.int64(1)
+        same = integer(1)
         model = 0
         while left[axis] > 0 and same:
             left[axis] -= 1
             one, other = given[0, axis] >> left[axis] & 1, given[1, axis] >> left[axis] & 1
             same = code_bit(
-                coder, models.probabilities, SAME_BIT + 5 * axis + model, np.int64(one == other)
+                coder, models.probabilities, SAME_BIT + 5 * axis + model, integer(one == other)
             )
             model = min(4, model + 1)
-            bit = np.int64(0)
+            bit = integer(0)
             if same or not equal:
                 bit = code_bypass(coder, one)
             coded[0, axis] = coded[0, axis] << 1 | bit

@@ -33,18 +33,18 @@ def encode_slice(
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     footer = GeometryFooter(geom_num_points_minus1=points - 1)
     head = written(geometry_header, header, sps, gps)
-    return head + _coded(tree, header, gps) + footer_bytes(footer)
+    return head + coded_tree(tree, header, gps) + footer_bytes(footer)
 
 
-def _coded(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
-    """The arithmetic-coded part."""
+def coded_tree(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
+    """The arithmetic-coded part of a data unit."""
     coder = encoder(64)
     adaptive = models.fresh_models()
-    state = slice_state(gps, 0)
+    state = slice_state(gps, len(tree.levels), 0)
     parents = root_parent()
-    for number, source in enumerate(_sources(tree, header, gps)):
-        level = level_of(header, gps, number)
-        planar.forget_planes(state.planar)
+    levels = zip(levels_of(header, gps), _sources(tree, header, gps), strict=True)
+    for number, (level, source) in enumerate(levels):
+        planar.forget_planes(state.planar, 1 << number)
         count = len(source.occupancy)
         coder = enlarged(coder, 64 + count * _most_bytes(level))
         nodes = empty_nodes(0 if level.last else count, encoding=True)
@@ -74,23 +74,39 @@ def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> l
     ]
 
 
-def level_of(header: GeometryHeader, gps: GeometryParameterSet, number: int) -> octree.Level:
-    """What is the same for all nodes of a level of the tree."""
+def levels_of(header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Level]:
+    """What is the same for all nodes of each level of a slice's tree."""
     axes = header.tree_lvl_coded_axis_list
-    bits = node_bits(axes)[number]
-    boundary = gps.neighbour_avail_boundary_log2_minus1
     enabled = direct.enabled_mask(
         gps.inferred_direct_coding_mode,
         bool(gps.geom_planar_mode_enabled_flag),
         gps.geom_idcm_rate_minus1,
     )
+    return [
+        _level(gps, number, bits, (above, split), enabled, last=number == len(axes) - 1)
+        for number, (bits, above, split) in enumerate(
+            zip(node_bits(axes)[:-1], [7, *axes[:-1]], axes, strict=True)
+        )
+    ]
+
+
+def _level(
+    gps: GeometryParameterSet,
+    number: int,
+    bits: tuple[int, int, int],
+    axes: tuple[int, int],
+    enabled: int,
+    *,
+    last: bool,
+) -> octree.Level:
+    boundary = gps.neighbour_avail_boundary_log2_minus1
     turn = number % 32
     return octree.Level(
-        axes=axes[number],
-        parent_axes=axes[number - 1] if number else 7,
+        axes=axes[1],
+        parent_axes=axes[0],
         bits=bits,
         root=number == 0,
-        last=number == len(axes) - 1,
+        last=last,
         adjacent=bool(boundary and gps.adjacent_child_contextualization_enabled_flag),
         predict=boundary > 0 and max(bits) < gps.intra_pred_max_node_size_log2,
         unique=bool(gps.geom_unique_points_flag),
@@ -100,8 +116,11 @@ def level_of(header: GeometryHeader, gps: GeometryParameterSet, number: int) -> 
     )
 
 
-def slice_state(gps: GeometryParameterSet, most_points: int) -> octree.Slice:
-    """The state at the start of a slice that may have `most_points` decoded points."""
+def slice_state(gps: GeometryParameterSet, depth: int, most_points: int) -> octree.Slice:
+    """The state at the start of a slice, a tree of `depth` levels.
+
+    most_points: how many decoded points there may be; 0 in an encoder.
+    """
     minus1 = gps.neighbour_avail_boundary_log2_minus1
     thresholds = (
         gps.geom_planar_threshold0,
@@ -110,10 +129,10 @@ def slice_state(gps: GeometryParameterSet, most_points: int) -> octree.Slice:
     )
     scratch = np.zeros((2, 3), dtype=np.int64)
     return octree.Slice(
-        neighbours.atlas(minus1 + 1 if minus1 else 0),
-        planar.planar_state(bool(gps.geom_planar_mode_enabled_flag), thresholds),
+        neighbours.atlas(min(minus1 + 1, depth) if minus1 else 0),
+        planar.planar_state(bool(gps.geom_planar_mode_enabled_flag), depth, thresholds),
         np.empty(most_points, dtype=np.int64),
-        np.array([0, most_points or 1 << 62], dtype=np.int64),
+        np.array([0, most_points or 1 << 62, 0, 0, 0], dtype=np.int64),
         scratch,
         scratch.copy(),
         np.zeros(3, dtype=np.int64),

@@ -8,20 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import HALF
+from puckbench.codecs.gpcc.compiled import integer
 from puckbench.codecs.gpcc.tables import MAP_COUNT, MAP_SIZE
 
-# Indices into Models.probabilities; a comment gives the number where there are several.
-OCCUPANCY = 0  # 32
-SINGLE_CHILD = 32
-DUPLICATES_GT0 = 33
-DUPLICATES_GT1 = 34
-DUPLICATES_PREFIX = 35
-IS_DIRECT = 36
-DIRECT_POINTS_GT1 = 37
-SAME_BIT = 38  # 3 axes x 5
-PLANAR_MODE = 53  # 3 axes
-PLANE_UNKNOWN = 56  # 3
-PLANE = 59  # 3 axes x 3 x 4
+# Indices into Models.probabilities; a comment gives the number where there are several. They are
+# no literals to the compiler, which would compile the coding of a bit anew for each.
+OCCUPANCY = integer(0)  # 32
+SINGLE_CHILD = integer(32)
+DUPLICATES_GT0 = integer(33)
+DUPLICATES_GT1 = integer(34)
+DUPLICATES_PREFIX = integer(35)
+IS_DIRECT = integer(36)
+DIRECT_POINTS_GT1 = integer(37)
+SAME_BIT = integer(38)  # 3 axes x 5
+PLANAR_MODE = integer(53)  # 3 axes
+PLANE_UNKNOWN = integer(56)  # 3
+PLANE = integer(59)  # 3 axes x 3 x 4
 _COUNT = 95
 
 

@@ -20,8 +20,10 @@ Z_BITS = X_BITS >> 2
 
 # By a mask of axes (4 x, 2 y, 1 z): the bits of those axes in a code.
 AXES_BITS = np.array(
-    [(X_BITS if a & 4 else 0) | (Y_BITS if a & 2 else 0) | (Z_BITS if a & 1 else 0)
-     for a in range(8)],
+    [
+        (X_BITS if a & 4 else 0) | (Y_BITS if a & 2 else 0) | (Z_BITS if a & 1 else 0)
+        for a in range(8)
+    ],
     dtype=np.int64,
 )
 
@@ -31,7 +33,7 @@ def below(morton: int, axes: int) -> int:
     """Code of the first child of the node `morton` where `axes` are split."""
     if axes == 7:
         return morton << 3
-    split = AXES_BITS[axes]
+    split: int = AXES_BITS[axes]
     return (morton & split) << 3 | morton & ~split
 
 
@@ -40,7 +42,7 @@ def above(morton: int, axes: int) -> int:
     """Code of the parent of the first child `morton` where `axes` are split."""
     if axes == 7:
         return morton >> 3
-    split = AXES_BITS[axes]
+    split: int = AXES_BITS[axes]
     return (morton & split) >> 3 | morton & ~split
 
 

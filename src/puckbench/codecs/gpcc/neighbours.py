@@ -11,19 +11,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import inlined, kernel
 from puckbench.codecs.gpcc.bitcount import bit_count
+from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
 from puckbench.codecs.gpcc.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
-Six = tuple[int, int, int, int, int, int]
 
 # The upper half of the children along x, y, z, and how far it is from the lower one.
 UPPER = np.array([0xF0, 0xCC, 0xAA], dtype=np.int64)
 _STEP = np.array([4, 2, 1], dtype=np.int64)
 _AXIS = np.array([X_BITS, Y_BITS, Z_BITS], dtype=np.int64)
 _PATTERN_BIT = np.array([2, 4, 16], dtype=np.int64)
+# Places in a neighbour pattern of the neighbours before and after along x, y, z.
+BEFORE = np.array([1, 2, 4], dtype=np.int64)
+AFTER = np.array([0, 3, 5], dtype=np.int64)
 
 
 def _cell(x: int, y: int, z: int) -> int:
@@ -42,7 +44,10 @@ _GRID_OF_OCCUPANCY = np.array(
 _CHILD_CELL = np.array([_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)], dtype=np.int64)
 _AROUND = sum(
     1 << _cell(x, y, z)
-    for x in range(3) for y in range(3) for z in range(3) if (x, y, z) != (1, 1, 1)
+    for x in range(3)
+    for y in range(3)
+    for z in range(3)
+    if (x, y, z) != (1, 1, 1)
 )
 # The seven neighbours of a node that touch its child k.
 _TOUCHING = np.array(
@@ -65,7 +70,7 @@ _ALL_CELLS = 0x00330033
 
 
 def _placing(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
-    """Which cells of the parent `offsets` parents away are in the grid, and how far to move them."""
+    """Cells of the parent `offsets` parents away that are in the grid; how far to move them."""
     cut, shift = _ALL_CELLS, 0
     for axis, offset in enumerate(offsets):
         split = axes >> (2 - axis) & 1
@@ -129,12 +134,12 @@ def enter_cube(
 
 
 @inlined
-def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
+def _beside(cubes: Atlas, axes: int, address: int, axis: int, towards: int) -> int:
     """Occupancy of the parent next to the one at `address` along an axis; 0 outside the cube."""
     bits = _AXIS[axis]
     levels = cubes.side - ((axes >> (2 - axis)) & 1)
     own = address & bits
-    if up:
+    if towards > 0:
         if own == bits & ((1 << 3 * levels) - 1):
             return 0
         moved = ((address | ~bits) + 1) & bits
@@ -142,44 +147,39 @@ def _beside(cubes: Atlas, axes: int, address: int, axis: int, up: bool) -> int:
         if own == 0:
             return 0
         moved = (own - 1) & bits
-    return np.int64(cubes.parents[moved | address & ~bits])
+    return integer(cubes.parents[moved | address & ~bits])
 
 
 @kernel
-def face_neighbours(cubes: Atlas, axes: int, base: int, occupancy: int) -> Six:
-    """For x+1, x-1, y-1, y+1, z-1, z+1: which children of a parent have an occupied neighbour.
+def face_neighbours(cubes: Atlas, axes: int, base: int, occupancy: int) -> int:
+    """Which children of a parent have an occupied neighbour: a byte for each bit of a pattern.
 
     base: code of the parent's first child. axes: those that the parent splits.
     """
-    right, left = occupancy >> 4, (occupancy & 0x0F) << 4
-    back, front = (occupancy & 0x33) << 2, occupancy >> 2 & 0x33
-    down, top = (occupancy & 0x55) << 1, occupancy >> 1 & 0x55
-    if cubes.side == 0:
-        return right, left, back, front, down, top
     address = above(base & ((1 << 3 * cubes.side) - 1), axes)
-    high, low = _beside(cubes, axes, address, 0, True), _beside(cubes, axes, address, 0, False)
-    if axes & 4:
-        high, low = right | (high & 0x0F) << 4, left | low >> 4
-    behind, ahead = _beside(cubes, axes, address, 1, False), _beside(cubes, axes, address, 1, True)
-    if axes & 2:
-        behind, ahead = back | behind >> 2 & 0x33, front | (ahead & 0x33) << 2
-    under, over = _beside(cubes, axes, address, 2, False), _beside(cubes, axes, address, 2, True)
-    if axes & 1:
-        under, over = down | under >> 1 & 0x55, top | (over & 0x55) << 1
-    return high, low, behind, ahead, under, over
+    faces = 0
+    for axis in range(3):
+        upper, step = UPPER[axis], _STEP[axis]
+        after, before = (occupancy & upper) >> step, (occupancy & ~upper) << step
+        if cubes.side:
+            following = _beside(cubes, axes, address, axis, 1)
+            preceding = _beside(cubes, axes, address, axis, -1)
+            if axes & step:
+                after |= (following & ~upper) << step
+                before |= (preceding & upper) >> step
+            else:
+                after, before = following, preceding
+        faces |= after << 8 * AFTER[axis] | (before & 0xFF) << 8 * BEFORE[axis]
+    return faces
 
 
 @inlined
-def face_pattern(faces: Six, child: int) -> int:
+def face_pattern(faces: int, child: int) -> int:
     """Neighbour pattern of one child."""
-    return (
-        (faces[0] >> child & 1)
-        | (faces[1] >> child & 1) << 1
-        | (faces[2] >> child & 1) << 2
-        | (faces[3] >> child & 1) << 3
-        | (faces[4] >> child & 1) << 4
-        | (faces[5] >> child & 1) << 5
-    )
+    pattern = 0
+    for k in range(6):
+        pattern |= (faces >> (8 * k + child) & 1) << k
+    return pattern
 
 
 @kernel
@@ -200,7 +200,7 @@ def adjacent_children(
             continue
         bits = _AXIS[axis]
         beside = ((address & bits) - 1) & bits | address & ~bits
-        occupancy = np.int64(cubes.nodes[beside])
+        occupancy = integer(cubes.nodes[beside])
         seen |= occupancy << 8 * axis
         facing, step = UPPER[axis], _STEP[axis]
         if axes & step == 0:
@@ -258,6 +258,6 @@ def predicted_children(grid: int, child: int) -> tuple[int, int]:
     foretold, occupied = 0, 0
     for k in range(8):
         touching = bit_count(around & _TOUCHING[k])
-        foretold |= np.int64(touching <= 2 or touching >= most) << k
-        occupied |= np.int64(touching >= most) << k
+        foretold |= integer(touching <= 2 or touching >= most) << k
+        occupied |= integer(touching >= most) << k
     return foretold, occupied

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from puckbench.codecs.gpcc.compiled import inlined, kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, load, save, step
+from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
 from puckbench.codecs.gpcc.models import OCCUPANCY, SINGLE_CHILD, Models
 from puckbench.codecs.gpcc.tables import (
     ADJACENT_REDUCED,
@@ -54,32 +52,32 @@ def code_occupancy(
     coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
 ) -> int:
     """Code which children are occupied."""
-    masked = planes.masked_x | planes.masked_y | planes.masked_z
-    if masked == 0 and planes.possible == 7:
-        if around.pattern == 0:
-            single = code_bit(
-                coder, models.probabilities, SINGLE_CHILD, np.int64(COUNT[occupancy] == 1)
-            )
-            if single:
-                return _code_single_child(coder, planes, occupancy)
-        return _code_bits(coder, models, around, occupancy)
     if planes.masked_x and planes.masked_y and planes.masked_z:
         return 1 << _known_child(planes)
+    masked = planes.masked_x | planes.masked_y | planes.masked_z
     if around.pattern == 0:
-        if planes.possible == 7:
-            single = code_bit(
-                coder, models.probabilities, SINGLE_CHILD, np.int64(COUNT[occupancy] == 1)
-            )
-            if single:
-                return _code_single_child(coder, planes, occupancy)
-        child = _known_child(planes)
-        if planes.masked_x and planes.masked_y:
-            return 3 << child
-        if planes.masked_y and planes.masked_z:
-            return 0x11 << child
-        if planes.masked_x and planes.masked_z:
-            return 5 << child
+        single = integer(COUNT[occupancy] == 1)
+        if planes.possible == 7 and code_bit(coder, models.probabilities, SINGLE_CHILD, single):
+            return _code_single_child(coder, planes, occupancy)
+        pair = _pair_of_children(planes)
+        if pair:
+            return pair
+    if masked == 0 and planes.possible == 7:
+        return _code_bits(coder, models, around, occupancy)
     return _code_masked_bits(coder, models, around, planes, occupancy)
+
+
+@kernel
+def _pair_of_children(planes: Planes) -> int:
+    """The two children that two known planes leave when both are occupied; 0 without two planes."""
+    child = _known_child(planes)
+    if planes.masked_x and planes.masked_y:
+        return 3 << child
+    if planes.masked_y and planes.masked_z:
+        return 0x11 << child
+    if planes.masked_x and planes.masked_z:
+        return 5 << child
+    return 0
 
 
 @kernel
@@ -93,11 +91,11 @@ def _code_single_child(coder: Any, planes: Planes, occupancy: int) -> int:
     """Code the index of the only child, without the axes whose plane is known."""
     child = _known_child(planes)
     if planes.masked_z == 0:
-        child |= code_bypass(coder, np.int64(occupancy & 0xAA != 0))
+        child |= code_bypass(coder, integer(occupancy & 0xAA != 0))
     if planes.masked_y == 0:
-        child |= code_bypass(coder, np.int64(occupancy & 0xCC != 0)) << 1
+        child |= code_bypass(coder, integer(occupancy & 0xCC != 0)) << 1
     if planes.masked_x == 0:
-        child |= code_bypass(coder, np.int64(occupancy & 0xF0 != 0)) << 2
+        child |= code_bypass(coder, integer(occupancy & 0xF0 != 0)) << 2
     return 1 << child
 
 
@@ -115,13 +113,11 @@ def _map_index(around: Surroundings, i: int, child: int, predict: bool) -> int:
 
 
 @inlined
-def _code_mapped(
-    coder: Any, models: Models, state: Any, place: int, bit: int
-) -> tuple[int, Any]:
+def _code_mapped(coder: Any, models: Models, state: Any, place: int, bit: int) -> tuple[int, Any]:
     """Code one bit with the model that a map entry names, and move the entry."""
-    entry = np.int64(models.maps[place])
+    entry = integer(models.maps[place])
     model = OCCUPANCY + (entry >> 3)
-    bit, state, probability = step(coder, state, np.int64(models.probabilities[model]), bit)
+    bit, state, probability = step(coder, state, integer(models.probabilities[model]), bit)
     models.probabilities[model] = probability
     if bit:
         entry += MAP_DELTA[(255 - entry) >> 4]
@@ -191,7 +187,7 @@ def _must_be_one(planes: Planes, zeros: int, child: int, alone: bool) -> bool:
             continue
         upper = (0xF0, 0xCC, 0xAA)[axis]
         half = upper if child >> (2 - axis) & 1 else upper ^ 0xFF
-        most = 3 - np.int64(alone and mask != 0)
+        most = 3 - integer(alone and mask != 0)
         if COUNT[zeros & half] >= most:
             return True
     return False

@@ -1,6 +1,6 @@
 """One level of the octree: every node's planes, direct points or occupancy, in breadth-first order.
 
-The same kernel codes (given an `Encoder` and the tree) and decodes (given a `Decoder`).
+The same kernel codes (given an `Encoder` and a `Source`) and decodes (given a `Decoder` and None).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import kernel
-from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted, is_encoder
+from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
+from puckbench.codecs.gpcc.compiled import entry, integer, kernel
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -85,7 +85,7 @@ class Nodes(NamedTuple):
 
 
 class Source(NamedTuple):
-    """The tree that an encoder codes; empty in a decoder.
+    """The tree that an encoder codes.
 
     occupancy, first: of all nodes of a level, and the index of each one's first child below.
     start: index of each one's first leaf, and the number of leaves. leaves: codes of all leaves,
@@ -102,8 +102,9 @@ class Source(NamedTuple):
 class Slice(NamedTuple):
     """State that lasts over the levels of a slice.
 
-    atlas, planar: of the contexts. leaves: codes of decoded points. tally: how many there are,
-    how many there may be. given, coded: (2, 3), left: (3,), scratch of direct coding.
+    atlas, planar: of the contexts. leaves: codes of decoded points. tally: how many there are and
+    may be; nodes kept at this level, and their children; mask of candidates for direct coding.
+    given, coded: (2, 3), left: (3,), scratch of direct coding.
     """
 
     atlas: Atlas
@@ -115,79 +116,95 @@ class Slice(NamedTuple):
     left: Ints
 
 
-@kernel
+class Family(NamedTuple):
+    """A parent as its children see it.
+
+    base: code of its first child. siblings: its occupancy. faces: its children's occupied
+    face neighbours. grid: occupied nodes around the children. eligible: children that may be coded
+    directly. first: in an encoder, index of its first child among all nodes of the level.
+    """
+
+    base: int
+    siblings: int
+    faces: int
+    grid: int
+    eligible: int
+    first: int
+
+
+@entry
 def code_level(
     coder: Any,
     models: Models,
     level: Level,
     parents: Nodes,
     nodes: Nodes,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
 ) -> int:
     """Code the children of `parents`; those that have children themselves go into `nodes`.
 
     Returns how many these are, or a negative fault of the stream.
     """
-    count, children = 0, 0
+    cubes, axes, count = slice_.atlas, level.parent_axes, len(parents.morton)
+    slice_.tally[2:4] = 0
+    slice_.tally[4] = level.enabled
     cube_start, cube_end = 0, 0
-    enabled = level.enabled
-    for p in range(len(parents.morton)):
-        siblings = np.int64(parents.occupancy[p])
-        base = below(parents.morton[p], level.parent_axes)
-        if slice_.atlas.side and p == cube_end:
-            following = enter_cube(
-                slice_.atlas, parents.morton, parents.occupancy, level.parent_axes, cube_start, p
-            )
-            cube_start, cube_end = p, following
+    for p in range(count):
+        if cubes.side and p == cube_end:
+            cube_end = enter_cube(cubes, parents.morton, parents.occupancy, axes, cube_start, p)
+            cube_start = p
+        siblings = integer(parents.occupancy[p])
         if slice_.planar.enabled and not level.root:
             count_planes(slice_.planar, siblings)
-        faces = face_neighbours(slice_.atlas, level.parent_axes, base, siblings)
-        grid = neighbour_grid(slice_.atlas, level.parent_axes, base) if level.predict else 0
-        index = np.int64(parents.first[p]) if is_encoder(coder) else 0
-        family = Family(base, siblings, grid, np.int64(parents.eligible[p]))
-        for child in range(8):
-            if siblings >> child & 1 == 0:
-                continue
-            pattern = face_pattern(faces, child)
-            occupancy, pattern = _code_node(
-                coder, models, level, source, slice_, family, child, index, pattern
+        base = below(parents.morton[p], axes)
+        faces = face_neighbours(cubes, axes, base, siblings)
+        grid = neighbour_grid(cubes, axes, base) if level.predict else 0
+        first = integer(parents.first[p]) if source is not None else 0
+        family = Family(base, siblings, faces, grid, integer(parents.eligible[p]), first)
+        fault = _code_family(coder, models, level, family, nodes, source, slice_)
+        if fault:
+            return fault
+    if cubes.side:
+        enter_cube(cubes, parents.morton, parents.occupancy, axes, cube_start, count)
+    return integer(slice_.tally[2])
+
+
+@kernel
+def _code_family(
+    coder: Any,
+    models: Models,
+    level: Level,
+    family: Family,
+    nodes: Nodes,
+    source: Source | None,
+    slice_: Slice,
+) -> int:
+    """Code the children of one parent; 0, or a negative fault of the stream."""
+    index, tally = family.first, slice_.tally
+    for child in range(8):
+        if family.siblings >> child & 1 == 0:
+            continue
+        occupancy, pattern = _code_node(coder, models, level, source, slice_, family, child, index)
+        if occupancy and level.last:
+            _code_leaves(
+                coder, models, level, source, slice_, family.base | child, occupancy, index
             )
-            if occupancy > 0:
-                offspring = COUNT[occupancy]
-                children += offspring
-                if level.last:
-                    _code_leaves(coder, models, level, source, slice_, base | child, occupancy, index)
-                else:
-                    nodes.morton[count] = base | child
-                    nodes.occupancy[count] = occupancy
-                    mask, enabled = _eligible(level, siblings, pattern, occupancy, enabled)
-                    nodes.eligible[count] = mask
-                    if is_encoder(coder):
-                        nodes.first[count] = source.first[index]
-                    count += 1
-            index += 1
-            if exhausted(coder):
-                return EXHAUSTED
-            if slice_.tally[0] + (0 if level.last else children) > slice_.tally[1]:
-                return TOO_MANY_POINTS
-    if slice_.atlas.side:
-        enter_cube(
-            slice_.atlas, parents.morton, parents.occupancy, level.parent_axes, cube_start,
-            len(parents.morton),
-        )
-    return count
-
-
-class Family(NamedTuple):
-    """A parent as its children see it: code of its first child, its occupancy, the grid of
-    occupied nodes around them, and which of them may be coded directly.
-    """
-
-    base: int
-    siblings: int
-    grid: int
-    eligible: int
+        elif occupancy:
+            kept = tally[2]
+            nodes.morton[kept] = family.base | child
+            nodes.occupancy[kept] = occupancy
+            nodes.eligible[kept] = _eligible(level, family.siblings, pattern, occupancy, tally)
+            if source is not None:
+                nodes.first[kept] = source.first[index]
+            tally[2] += 1
+            tally[3] += COUNT[occupancy]
+        index += 1
+        if exhausted(coder):
+            return EXHAUSTED
+        if tally[0] + tally[3] > tally[1]:
+            return TOO_MANY_POINTS
+    return 0
 
 
 @kernel
@@ -195,21 +212,21 @@ def _code_node(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     family: Family,
     child: int,
     index: int,
-    pattern: int,
 ) -> tuple[int, int]:
     """Code one node: its occupancy, 0 when its points were coded directly; its refined pattern."""
     morton = family.base | child
+    pattern = face_pattern(family.faces, child)
     one, two, empty, seen = 0, 0, 0, 0
     if level.adjacent:
         pattern, one, two, empty, seen = adjacent_children(
             slice_.atlas, level.axes, morton, pattern
         )
-    occupancy = np.int64(source.occupancy[index]) if is_encoder(coder) else 0
+    occupancy = integer(source.occupancy[index]) if source is not None else 0
     planar, upper, possible = 0, 0, 7
     if slice_.planar.enabled:
         eligible = eligible_axes(slice_.planar, level.axes)
@@ -240,7 +257,7 @@ def _code_node(
         foretold, expected = 0, 0
         if level.predict and planar == 0:
             foretold, expected = predicted_children(family.grid, child)
-        known = np.int64(slice_.atlas.side > 0)
+        known = integer(slice_.atlas.side > 0)
         around = Surroundings(known, pattern, one, two, empty, foretold, expected)
         occupancy = code_occupancy(coder, models, around, planes, occupancy)
     if level.adjacent:
@@ -249,22 +266,21 @@ def _code_node(
 
 
 @kernel
-def _eligible(
-    level: Level, siblings: int, pattern: int, occupancy: int, enabled: int
-) -> tuple[int, int]:
-    """Children of a node that may be coded directly, and the mask of candidates after them."""
+def _eligible(level: Level, siblings: int, pattern: int, occupancy: int, tally: Ints) -> int:
+    """Children of a node that may be coded directly; turns the mask of candidates in `tally`."""
     if level.direct == 0:
-        return 0, enabled
+        return 0
     family = 8 if level.root else COUNT[siblings]
     size = max(level.bits[0], level.bits[1], level.bits[2])
     if not is_candidate(level.direct, size, pattern, family, COUNT[occupancy]):
-        return 0, enabled
-    mask = 0
+        return 0
+    mask, enabled = 0, tally[4]
     for child in range(8):
         if occupancy >> child & 1:
             mask |= (enabled & 1) << child
             enabled = enabled >> 1 | (enabled & 1) << 31
-    return mask, enabled
+    tally[4] = enabled
+    return mask
 
 
 @kernel
@@ -272,7 +288,7 @@ def _code_directly(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     morton: int,
     index: int,
@@ -281,20 +297,20 @@ def _code_directly(
 ) -> bool:
     """Code whether a node's points are coded directly and, if so, code them."""
     leaves, points, start, end = 0, 0, 0, 0
-    if is_encoder(coder):
-        start, end = np.int64(source.start[index]), np.int64(source.start[index + 1])
+    if source is not None:
+        start, end = integer(source.start[index]), integer(source.start[index + 1])
         leaves = end - start
         points = leaves if level.unique else _points(source, start, end)
-    direct = np.int64(fits(level.unique, leaves, points))
+    direct = integer(fits(level.unique, leaves, points))
     if not code_bit(coder, models.probabilities, IS_DIRECT, direct):
         return False
-    if is_encoder(coder):
+    if source is not None:
         local_points(source.leaves[start:end], level.bits, slice_.given, level.joint)
     node = DirectNode(level.bits, level.unique, level.joint, planar, upper)
     leaves, points = code_direct(
         coder, models, node, slice_.given, leaves, points, slice_.coded, slice_.left
     )
-    if not is_encoder(coder):
+    if source is None:
         for i in range(leaves):
             repeats = points - leaves + 1 if i == 0 else 1
             _put(slice_, placed(morton, level.bits, slice_.coded[i]), repeats)
@@ -315,7 +331,7 @@ def _code_leaves(
     coder: Any,
     models: Models,
     level: Level,
-    source: Source,
+    source: Source | None,
     slice_: Slice,
     morton: int,
     occupancy: int,
@@ -323,18 +339,18 @@ def _code_leaves(
 ) -> None:
     """Code how many points each leaf of a node of the last level holds; a decoder keeps them."""
     base = below(morton, level.axes)
-    leaf = np.int64(source.first[index]) if is_encoder(coder) else 0
+    leaf = integer(source.first[index]) if source is not None else 0
     for child in range(8):
         if occupancy >> child & 1 == 0:
             continue
-        points = np.int64(1)
+        points = integer(1)
         if not level.unique:
-            more = np.int64(source.counts[leaf]) - 1 if is_encoder(coder) else 0
-            if code_bit(coder, models.probabilities, DUPLICATES_GT0, np.int64(more > 0)):
+            more = integer(source.counts[leaf]) - 1 if source is not None else 0
+            if code_bit(coder, models.probabilities, DUPLICATES_GT0, integer(more > 0)):
                 points = 2 + code_exp_golomb(
                     coder, models.probabilities, DUPLICATES_PREFIX, more - 1
                 )
-        if not is_encoder(coder):
+        if source is None:
             _put(slice_, base | child, points)
         leaf += 1
 

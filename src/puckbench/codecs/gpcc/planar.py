@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.codecs.gpcc.arithmetic import code_bit
+from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
 from puckbench.codecs.gpcc.morton import gathered
-from puckbench.codecs.gpcc.neighbours import UPPER
+from puckbench.codecs.gpcc.neighbours import AFTER, BEFORE, UPPER
 from puckbench.codecs.gpcc.tables import COUNT
 
 _ROWS = 1 << 14
@@ -28,7 +28,7 @@ class PlanarState(NamedTuple):
 
     enabled: whether there is any. rates: of planes along x, y, z, and the density of nodes.
     thresholds: rates from which the most, second and least frequent axis are tried. place, plane:
-    (3, 16384) for each axis and position along it, where the last planar node was and its plane.
+    (3, rows) for each axis and position along it, where the last planar node was and its plane.
     """
 
     enabled: bool
@@ -38,9 +38,9 @@ class PlanarState(NamedTuple):
     plane: NDArray[np.int64]
 
 
-def planar_state(enabled: bool, thresholds: tuple[int, int, int]) -> PlanarState:
-    """The state at the start of a slice."""
-    rows = _ROWS if enabled else 1
+def planar_state(enabled: bool, depth: int, thresholds: tuple[int, int, int]) -> PlanarState:
+    """The state at the start of a slice, a tree of `depth` levels."""
+    rows = min(_ROWS, 1 << depth) if enabled else 1
     return PlanarState(
         enabled,
         np.array([1024, 1024, 1024, 4096], dtype=np.int64),
@@ -50,10 +50,10 @@ def planar_state(enabled: bool, thresholds: tuple[int, int, int]) -> PlanarState
     )
 
 
-def forget_planes(state: PlanarState) -> None:
-    """Empty the buffers, as at the start of each level of the tree."""
-    state.place.fill(0)
-    state.plane.fill(_UNUSED)
+def forget_planes(state: PlanarState, rows: int) -> None:
+    """Empty the buffers' first rows, those of a level with so many positions along an axis."""
+    state.place[:, :rows] = 0
+    state.plane[:, :rows] = _UNUSED
 
 
 @kernel
@@ -77,7 +77,7 @@ def eligible_axes(state: PlanarState, axes: int) -> int:
         rank = 0
         for other in range(3):
             ahead = rates[other] > rates[axis] or (rates[other] == rates[axis] and other < axis)
-            rank += np.int64(ahead)
+            rank += integer(ahead)
         if rates[axis] >= state.thresholds[rank] and axes >> (2 - axis) & 1:
             found |= 1 << axis
     return found
@@ -92,7 +92,7 @@ def planes_of(occupancy: int) -> tuple[int, int]:
         low = occupancy & ~UPPER[axis] & 0xFF != 0
         if high != low:
             planar |= 1 << axis
-            upper |= np.int64(high) << axis
+            upper |= integer(high) << axis
     return planar, upper
 
 
@@ -101,7 +101,7 @@ def masked_children(planar: int, upper: int, axis: int) -> int:
     """Children known empty because the occupied plane of an axis is known."""
     if planar >> axis & 1 == 0:
         return 0
-    return UPPER[axis] ^ 0xFF if upper >> axis & 1 else UPPER[axis]
+    return integer(UPPER[axis] ^ 0xFF if upper >> axis & 1 else UPPER[axis])
 
 
 class Node(NamedTuple):
@@ -153,14 +153,14 @@ def _code_plane(
     planar: int,
     upper: int,
 ) -> int:
-    """Code whether a node is planar along an axis and which plane is occupied; -1 when it is not."""
+    """Code whether a node is planar along an axis and which plane is occupied; -1 if not."""
     row = gathered(node.morton >> (2 - axis)) & (_ROWS - 1)
     other = gathered(node.morton >> (1 if axis == 0 else 2))
     another = gathered(node.morton >> (1 if axis == 2 else 0))
     place = max(other >> 3 & 31, another >> 3 & 31)
-    near = 2 * np.int64(abs(place - state.place[axis, row]) > 1)
+    near = 2 * integer(abs(place - state.place[axis, row]) > 1)
     last = state.plane[axis, row]
-    plane = np.int64(-1)
+    plane = integer(-1)
     if code_bit(coder, models.probabilities, PLANAR_MODE + axis, planar):
         beside = _planes_beside(node, axis)
         model = PLANE_UNKNOWN + beside if last < 0 else PLANE + 12 * axis + 4 * beside + last + near
@@ -174,8 +174,7 @@ def _code_plane(
 @kernel
 def _planes_beside(node: Node, axis: int) -> int:
     """Context by which of the planes next to a node's two are occupied."""
-    before = (1, 2, 4)[axis]
-    after = (0, 3, 5)[axis]
+    before, after = BEFORE[axis], AFTER[axis]
     if node.known:
         low = node.seen >> (8 * axis) & UPPER[axis] != 0
     else:
@@ -184,4 +183,4 @@ def _planes_beside(node: Node, axis: int) -> int:
         high = node.pattern >> after & 1 != 0
     else:
         high = node.siblings & UPPER[axis] != 0
-    return _CONTEXT_OF_NEIGHBOURS[np.int64(high) << 1 | np.int64(low)]
+    return integer(_CONTEXT_OF_NEIGHBOURS[integer(high) << 1 | integer(low)])

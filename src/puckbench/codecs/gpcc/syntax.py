@@ -269,9 +269,9 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
     header.tree_lvl_coded_axis_list = axes
 
 
-def read_footer(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[
-    GeometryFooter, int
-]:
+def read_footer(
+    data: bytes, header: GeometryHeader, gps: GeometryParameterSet
+) -> tuple[GeometryFooter, int]:
     """The footer at the end of a data unit, and its length in bytes."""
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import compiled
+from puckbench.codecs.gpcc.compiled import compiled, integer
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -66,10 +66,22 @@ class Tree:
     counts: Indices
 
 
-def build_tree(points: Ints, levels: list[int]) -> Tree:
-    """The tree of points (n, 3), non-negative and within the root that `levels` split."""
-    places = _bit_places(levels)
-    keys, counts = _distinct(np.sort(_keys(points, _key_tables(places))))
+@compiled
+def bounds(points: Ints) -> tuple[Ints, Ints]:
+    """Least and largest coordinates (3,) of points (n, 3), n > 0."""
+    least, most = points[0].copy(), points[0].copy()
+    for i in range(len(points)):
+        for axis in range(3):
+            least[axis] = min(least[axis], points[i, axis])
+            most[axis] = max(most[axis], points[i, axis])
+    return least, most
+
+
+def build_tree(points: Ints, corner: Ints, levels: list[int]) -> Tree:
+    """The tree of points (n, 3) within the root that `levels` split and that begins at `corner`."""
+    keys = _keys(points, corner, _key_tables(_bit_places(levels)))
+    keys.sort()
+    keys, counts = _distinct(keys)
     found, below = [], keys
     for axes in reversed(levels):
         children = _child_of_bits(axes)
@@ -126,12 +138,12 @@ def _child_of_bits(axes: int) -> Ints:
 
 
 @compiled
-def _keys(points: Ints, tables: Ints) -> Ints:
+def _keys(points: Ints, corner: Ints, tables: Ints) -> Ints:
     keys = np.empty(len(points), dtype=np.int64)
     for i in range(len(points)):
         key = 0
         for axis in range(3):
-            value = points[i, axis]
+            value = points[i, axis] - corner[axis]
             for byte in range(3):
                 key |= tables[axis, byte, value >> 8 * byte & 0xFF]
         keys[i] = key
@@ -152,7 +164,7 @@ def _distinct(keys: Ints) -> tuple[Ints, Indices]:
     """The distinct ones of sorted keys, and how often each stands there."""
     count = 1
     for i in range(1, len(keys)):
-        count += np.int64(keys[i] != keys[i - 1])
+        count += integer(keys[i] != keys[i - 1])
     distinct = np.empty(count, dtype=np.int64)
     counts = np.zeros(count, dtype=np.int32)
     k = -1
@@ -169,7 +181,7 @@ def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, 
     """Parents of nodes with sorted keys, of which the lowest `width` bits tell the child."""
     count = 1
     for i in range(1, len(keys)):
-        count += np.int64((keys[i] ^ keys[i - 1]) >> width != 0)
+        count += integer((keys[i] ^ keys[i - 1]) >> width != 0)
     parents = np.empty(count, dtype=np.int64)
     occupancy = np.zeros(count, dtype=np.uint8)
     first = np.empty(count, dtype=np.int32)

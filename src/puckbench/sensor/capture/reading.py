@@ -13,7 +13,7 @@ from puckbench.sensor.capture.packets import decode_packets
 from puckbench.sensor.capture.pcap import read_pcap
 from puckbench.sensor.capture.pointfiles import SUFFIXES, read_points
 from puckbench.sensor.capture.ros2bag import SQLITE, read_ros2bag
-from puckbench.sensor.capture.table import CaptureTable
+from puckbench.sensor.capture.table import CaptureTable, read_capture_table
 from puckbench.sensor.sensor import Sensor
 
 
@@ -23,19 +23,20 @@ def read_capture(
     start_s: float = 0.0,
     end_s: float = math.inf,
 ) -> CaptureTable:
-    """Returns of a packet capture (.pcap), a ROS 2 bag (.db3, or its folder) or a cloud.
+    """Returns of a packet capture (.pcap), a ROS 2 bag (.db3, or its folder), a cloud or a table.
 
-    A cloud (.csv, .ply, .pcd) must tell each point's laser: see `pointfiles.read_points`.
+    A cloud (.csv, .ply, .pcd) must tell each point's laser: see `pointfiles.read_points`. A table
+    (.parquet) is one that `write_capture_table` wrote; it has its sensor.
     start_s, end_s: the interval to read, in seconds after the first packet (or point). `about`
     tells the format and what was left aside: `other_packets`, `bytes_cut_off` of a truncated file.
 
     Raises InputError, one line that names the file, when it holds no readable VLP-16 data.
     """
     try:
-        if path.suffix.lower() in SUFFIXES:
-            points = read_points(path, sensor)
-            since = points["timestamp"] - points["timestamp"].min()
-            table = points.select((since >= start_s) & (since < end_s))
+        if path.suffix.lower() == ".parquet":
+            table = _between(read_capture_table(path), start_s, end_s)
+        elif path.suffix.lower() in SUFFIXES:
+            table = _between(read_points(path, sensor), start_s, end_s)
         else:
             log = read_packets(path).between(start_s, end_s)
             decoded = decode_packets(log.payloads, sensor)
@@ -55,6 +56,12 @@ def read_packets(path: Path) -> PacketLog:
     if data.startswith(SQLITE):
         return read_ros2bag(path)
     return read_pcap(data)
+
+
+def _between(table: CaptureTable, start_s: float, end_s: float) -> CaptureTable:
+    """Rows from `start_s` to before `end_s` seconds after the first one."""
+    since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    return table.select((since >= start_s) & (since < end_s))
 
 
 def _bag_in(folder: Path) -> Path:

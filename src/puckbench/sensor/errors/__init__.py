@@ -47,6 +47,12 @@ REGISTRY: dict[str, tuple[str, dict[str, Any]]] = {
     "surface_normal": ("puckbench.sensor.errors.surface_normal:SurfaceNormal", {}),
     "beam_footprint": ("puckbench.sensor.errors.beam_footprint:BeamFootprint", {}),
     "distance_table": ("puckbench.sensor.errors.distance_table:DistanceTable", {}),
+    "calibrated": ("puckbench.sensor.errors.calibrated:Calibrated", {}),
+    # Calibrated on captures of real sensors: calibrations/vlp16_measured.yaml.
+    "vlp16_measured": (
+        "puckbench.sensor.errors.calibrated:Calibrated",
+        {"file": "vlp16_measured"},
+    ),
     # The room scans as run: ray sigma is the default of BlenSor's scan_range, and no divergence.
     "thesis_room": ("puckbench.sensor.errors.vlp16:Vlp16", {"ray_sigma_m": 0.020}),
 }

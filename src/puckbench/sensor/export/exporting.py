@@ -36,7 +36,8 @@ def read_source(path: Path) -> Source:
         metadata = parquet.read_schema(path).metadata or {}
     except (OSError, ArrowException):
         return read_scan(path)
-    return read_capture_table(path) if b"puckbench_capture" in metadata else read_scan(path)
+    is_capture = CaptureTable.declared.key.encode() in metadata
+    return read_capture_table(path) if is_capture else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:

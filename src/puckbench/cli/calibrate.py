@@ -1,0 +1,55 @@
+"""`puckbench calibrate`: parameters of a range error model from plane residuals."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device"
+    )
+    parser.add_argument("out", type=Path, help="model file to write (.yaml)")
+    parser.add_argument("--model", help="whose rows count, where a table has several models")
+    parser.add_argument(
+        "--cells",
+        choices=["frame", "spot"],
+        help="what shares a bias: frame, or spot for a sensor that stands still "
+        "(default: spot for captures, else frame)",
+    )
+    parser.add_argument(
+        "--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)"
+    )
+    parser.add_argument(
+        "--quantum-mm", type=float, help="steps of the ranges (default: 2 for captures, else 0)"
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Estimate and write the model file; the estimates and intervals to print."""
+    from puckbench.analysis.calibration import calibrate, write_calibration
+    from puckbench.analysis.calibration.tables import read_tables, settings_for
+
+    tables, model = read_tables(options.residuals, options.model)
+    settings = settings_for(model, options.cells, options.parameters, options.quantum_mm)
+    content = write_calibration(options.out, calibrate(tables, settings), options.residuals)
+    answer = {"model": model, **content["provenance"]["counts"]}
+    return {**answer, **content} if options.json else {**answer, **_lines(content)}
+
+
+def _lines(content: dict[str, Any]) -> dict[str, Any]:
+    """Each parameter with its interval, in one line."""
+    intervals = content["intervals_95"]
+    lines = {}
+    for name, value in content["parameters"].items():
+        if name != "bias_m":
+            low, high = intervals.get(name, (None, None))
+            within = "" if low is None else f"  ({low:.6g} to {high:.6g})"
+            lines[name] = f"{value}{within}"
+    for laser, value in enumerate(content["parameters"].get("bias_m", [])):
+        low, high = intervals["bias_m"][laser]
+        lines[f"bias of laser {laser}"] = f"{value:.5f}  ({low:.5f} to {high:.5f})"
+    return lines

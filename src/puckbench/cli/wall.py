@@ -1,0 +1,40 @@
+"""`puckbench wall`: the points of virtual wall and floor scans (thesis Figures 5.2-5.9)."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from puckbench.cli.types import json_object, whole
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("out", type=Path, help="table of points to write (.parquet)")
+    parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
+    parser.add_argument("--model-options", type=json_object, default={}, help="JSON")
+    parser.add_argument(
+        "--distances",
+        nargs="+",
+        type=float,
+        default=[1.0, 5.0],
+        metavar="M",
+        help="from the wall, metres: 1 to 5, or 30 (default: 1 5)",
+    )
+    parser.add_argument("--seed", type=whole(0), default=0)
+    parser.add_argument(
+        "--keep", type=whole(1), help="points of each surface and distance, chosen at random"
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Scan and write the points."""
+    from puckbench.analysis.residuals import Procedure
+    from puckbench.analysis.wall_points import wall_points
+    from puckbench.tablefiles import write_table
+
+    procedure = Procedure(options.model, options.model_options, keep=options.keep)
+    table = wall_points(procedure, options.distances, options.seed)
+    write_table(table, options.out)
+    return {"model": options.model, "points": len(table)}

@@ -1,0 +1,95 @@
+"""Voxels packed without loss and with few header bytes, for codecs that code features upon them.
+
+The tree and its coding are G-PCC's; the header is ours: least coordinates, number of voxels and
+bits of the box's sides, in base-128 numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice
+from puckbench.codecs.gpcc.encoder import coded_tree
+from puckbench.codecs.gpcc.models import fresh_models
+from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
+from puckbench.codecs.gpcc.tree import bounds, build_tree, split_axes
+from puckbench.errors import InputError
+
+_SPS = syntax.SequenceParameterSet()
+_GPS = syntax.GeometryParameterSet(
+    qtbt_enabled_flag=1,
+    neighbour_avail_boundary_log2_minus1=7,
+    adjacent_child_contextualization_enabled_flag=1,
+)
+_LONGEST_NUMBER = 5
+_MOST_VOXELS = 1 << 24
+_AXES = np.arange(3)
+
+
+def encode_voxels(voxels: NDArray[Any]) -> bytes:
+    """Pack voxels (n, 3), integers of any sign; equal ones are kept once.
+
+    InputError when they are more than 21 bits apart or more than 16,777,216.
+    """
+    voxels = np.ascontiguousarray(voxels, dtype=np.int64)
+    if not len(voxels):
+        return b""
+    least, most = bounds(voxels)
+    x, y, z = (int(size).bit_length() for size in most - least)
+    if max(x, y, z) > MOST_BITS or np.abs(least).max() >= 1 << 31:
+        raise InputError(f"voxels are more than {MOST_BITS} bits apart, or too far away")
+    header = _header((x, y, z))
+    tree = build_tree(voxels, least, header.tree_lvl_coded_axis_list)
+    if len(tree.keys) > _MOST_VOXELS:
+        raise InputError(f"more than {_MOST_VOXELS} voxels")
+    signed = [2 * abs(int(v)) - (v < 0) for v in least]
+    numbers = [*signed, len(tree.keys), x | y << 5 | z << 10]
+    return b"".join(map(_base_128, numbers)) + coded_tree(tree, header, _GPS)
+
+
+def decode_voxels(stream: bytes) -> Ints:
+    """Voxels (m, 3) int64, in the order of their tree; InputError for a damaged stream."""
+    if not stream:
+        return np.empty((0, 3), dtype=np.int64)
+    rest = iter(stream)
+    signed = [_number(rest) for _ in range(3)]
+    count, sides = _number(rest), _number(rest)
+    bits = (sides & 31, sides >> 5 & 31, sides >> 10)
+    if not 0 < count <= _MOST_VOXELS or max(bits) > MOST_BITS:
+        raise InputError("packed voxels: the header is damaged")
+    coded = CodedSlice(_header(bits), bytes(rest), count)
+    codes = decode_slice(coded, _SPS, _GPS, fresh_models())
+    least = [(v >> 1) if v % 2 == 0 else -(v + 1 >> 1) for v in signed]
+    return coordinates(codes, _AXES, np.array(least, dtype=np.int64))
+
+
+def _header(bits: tuple[int, int, int]) -> syntax.GeometryHeader:
+    """A slice's header with the splits of a box; one level at least."""
+    x, y, z = bits
+    axes = split_axes((max(x, 1), y, z) if max(bits) == 0 else bits, qtbt=True)
+    return syntax.GeometryHeader(tree_depth_minus1=len(axes) - 1, tree_lvl_coded_axis_list=axes)
+
+
+def _base_128(number: int) -> bytes:
+    """Seven bits a byte, the lowest first; the top bit says that more follow."""
+    groups = [number & 127]
+    while number := number >> 7:
+        groups.append(number & 127)
+    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
+
+
+def _number(rest: Iterator[int]) -> int:
+    number = 0
+    for k in range(_LONGEST_NUMBER):
+        byte = next(rest, None)
+        if byte is None:
+            raise InputError("packed voxels: the stream is truncated")
+        number |= (byte & 127) << 7 * k
+        if byte < 128:
+            return number
+    raise InputError("packed voxels: the header is damaged")

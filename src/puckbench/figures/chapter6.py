@@ -1,0 +1,81 @@
+"""The figures of thesis chapter 6: clouds and what compression does to them."""
+
+from __future__ import annotations
+
+from puckbench.figures.entry import TRUTH, FigureEntry
+
+_HERE = "puckbench.figures"
+_CLOUDS, _RATES, _CURVES = "Clouds", "Results per rate", "Rate-distortion"
+
+FIGURES: dict[str, FigureEntry] = {
+    "fig_6_1": FigureEntry(
+        f"{_HERE}.example_clouds:draw_object",
+        ("example_object",),
+        "Example cloud of the object set",
+        _CLOUDS,
+        "6.1",
+    ),
+    "fig_6_2": FigureEntry(
+        f"{_HERE}.example_clouds:draw_raw_room",
+        ("example_raw",),
+        "Example cloud of a raw room",
+        _CLOUDS,
+        "6.2",
+    ),
+    "fig_6_3": FigureEntry(
+        f"{_HERE}.example_clouds:draw_room_versions",
+        ("example_raw", "example_clean", "example_noisy"),
+        "One room: raw, scanned without noise, scanned with noise",
+        _CLOUDS,
+        "6.3",
+    ),
+    "fig_6_4": FigureEntry(
+        f"{_HERE}.point_counts:draw_point_counts",
+        ("clouds",),
+        "Point counts per data set",
+        _CLOUDS,
+        "6.4",
+    ),
+    "fig_6_5": FigureEntry(
+        f"{_HERE}.per_rate:draw_medians_per_rate",
+        ("metrics",),
+        "Medians per compression rate",
+        _RATES,
+        "6.5",
+    ),
+    "fig_6_6": FigureEntry(
+        f"{_HERE}.per_bpp:draw_chamfer",
+        ("metrics",),
+        "Chamfer distance (point-to-plane) against bits per point",
+        _CURVES,
+        "6.6",
+    ),
+    "fig_6_7": FigureEntry(
+        f"{_HERE}.per_bpp:draw_hausdorff",
+        ("metrics",),
+        "Hausdorff distance (point-to-plane, squared) against bits per point",
+        _CURVES,
+        "6.7",
+    ),
+    "fig_6_8": FigureEntry(
+        f"{_HERE}.per_bpp:draw_encoding_time",
+        ("metrics",),
+        "Encoding time against bits per point",
+        _CURVES,
+        "6.8",
+    ),
+    "fig_6_9": FigureEntry(
+        f"{_HERE}.per_bpp:draw_decoding_time",
+        ("metrics",),
+        "Decoding time against bits per point",
+        _CURVES,
+        "6.9",
+    ),
+    "truth_rd": FigureEntry(
+        f"{_HERE}.truth_rd:draw_truth_curves",
+        ("metrics",),
+        "Distortion to the coded cloud and to the true surface against bits per point",
+        _CURVES,
+        needs=(TRUTH,),
+    ),
+}
