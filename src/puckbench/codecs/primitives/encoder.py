@@ -24,8 +24,8 @@ from puckbench.metrics.spatial import morton_order
 _NOISE_CELL = 16.0
 _SAMPLE_CELL = 6.0
 _FEWEST_A_SAMPLE = 3.0
-_RADIUS, _BAND = 16.0, 6.5
-"""Radius of smoothing and Tukey's band, in units of the noise."""
+_BAND = 6.5
+"""Tukey's band of smoothing, in standard deviations of the noise."""
 _DISC = 0.6
 """Radius of the disc that a sample stands for, in sample cells."""
 _LEAF_BITS, _SPLIT_BITS = 9.0, 5.0
@@ -52,7 +52,10 @@ def encode_surface(points: Floats, settings: Settings) -> bytes | None:
     """Code points (n, 3) as planes; None where there are too few points for that."""
     points = points[morton_order(points)]
     low, unit = points.min(axis=0), float(np.ptp(points, axis=0).max()) / SIZE
-    surface = _surface((points - low) / unit, settings)
+    points = (points - low) / unit
+    noise = spread(points, _NOISE_CELL)
+    settings = settings.coarsened(noise)
+    surface = _surface(points, noise, settings)
     cell = _cell(surface, settings)
     surface = _in_cells(surface, cell)
     header, levels = _plan(surface, settings, cell)
@@ -78,15 +81,14 @@ def noise_of(points: Floats, unit: float) -> float:
     return spread((points - points.min(axis=0)) / unit, _NOISE_CELL)
 
 
-def _surface(points: Floats, settings: Settings) -> Surface:
+def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
     """Smoothed samples of points in units; their cells grow until they hold a few points each."""
     side = min(_SAMPLE_CELL, 1.5 * settings.cell)
     samples = sampled(points, side)
     while len(points) < _FEWEST_A_SAMPLE * len(samples.xyz) and side < SIZE / 4:
         side *= 2**0.5
         samples = sampled(points, side)
-    noise = spread(points, _NOISE_CELL)
-    radius = max(min(_RADIUS * noise, settings.reach), 1.5 * side)
+    radius = max(settings.reach * noise, 1.5 * side)
     xyz, normals = smoothed(samples, side, radius, max(_BAND * noise, side / 2))
     return Surface(xyz, normals, samples.counts, side)
 
