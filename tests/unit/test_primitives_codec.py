@@ -90,6 +90,16 @@ def test_the_mesh_is_where_the_points_are_and_labelled_with_planes() -> None:
     assert mesh.areas().sum() == pytest.approx(2 * (1023 * 700 + 1023 * 500 + 700 * 500), rel=0.05)
 
 
+def test_the_sides_of_a_box_are_six_segments() -> None:
+    mesh = _codec().decode_mesh(_codec().encode(_room(), "r4"))
+    assert mesh.labels is not None
+    areas = np.bincount(mesh.labels.object_id, mesh.areas())
+    largest = np.sort(areas)[::-1]
+    sides = np.repeat([1023 * 700, 1023 * 500, 700 * 500], 2)
+    assert largest[:6] == pytest.approx(sides, rel=0.15)
+    assert largest[6:].sum() < 0.05 * areas.sum()
+
+
 def test_voxels_have_no_mesh() -> None:
     codec = _codec()
     with pytest.raises(InputError, match="voxels, not planes"):

@@ -39,20 +39,28 @@ class Patches(NamedTuple):
     header: Header
     frame: Frame
     leaves: Leaves
+    owner: Owners
     cover: Bytes
 
 
 def decode_surface(header: Header, bits: bytes) -> Decoded:
     """Points of a stream; InputError when it is damaged."""
     patches = read_patches(header, bits)
-    leaves, density = patches.leaves, (header.fineness, header.spread)
-    made = count_points(patches.frame, leaves, patches.cover, *density)
+    xyz, rows = points_of(patches)
+    planes = patches.leaves.plane[rows]
+    return Decoded(xyz, patches.leaves.planes[planes, :3], planes)
+
+
+def points_of(patches: Patches) -> tuple[Floats, Ints]:
+    """Points (m, 3) in the cloud's coordinates and the leaves (m,) they lie on; or InputError."""
+    header = patches.header
+    surface = (patches.frame, patches.leaves, patches.cover, header.fineness, header.spread)
+    made = count_points(*surface)
     if not 0 < made <= MOST_POINTS:
         raise InputError(f"the stream is damaged ({made} points)")
     xyz, rows = np.empty((made, 3)), np.empty(made, np.int64)
-    fill(patches.frame, leaves, patches.cover, *density, xyz, rows)
-    planes = leaves.plane[rows]
-    return Decoded(xyz * header.unit + header.origin, leaves.planes[planes, :3], planes)
+    fill(*surface, xyz, rows)
+    return xyz * header.unit + header.origin, rows
 
 
 def read_patches(header: Header, bits: bytes) -> Patches:
@@ -65,7 +73,7 @@ def read_patches(header: Header, bits: bytes) -> Patches:
         code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
     if not whole or coder.registers[POSITION] > len(bits) + _PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
-    return Patches(header, frame, leaves, cover)
+    return Patches(header, frame, leaves, owner, cover)
 
 
 def frame_of(header: Header, price: float = 0.0) -> Frame:

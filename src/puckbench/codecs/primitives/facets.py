@@ -14,6 +14,7 @@ from puckbench.codecs.primitives.layout import (
     dominant,
     height,
 )
+from puckbench.codecs.primitives.segments import joined_leaves
 from puckbench.codecs.primitives.stream import Header
 from puckbench.codecs.primitives.support import in_leaf
 from puckbench.errors import InputError
@@ -24,37 +25,40 @@ from puckbench.metrics.compiled import compiled
 def decode_mesh(header: Header, bits: bytes) -> Mesh:
     """The planes of a stream as triangles in the cloud's coordinates.
 
-    The primitive of a triangle is its plane (unit normal and offset, ``normal . p = offset``).
+    The primitive of a triangle is its plane (unit normal and offset, ``normal . p = offset``), its
+    object the segment of leaves that go on from one another (`segments`).
     InputError when the stream is damaged or has no surface.
     """
     patches = read_patches(header, bits)
-    quads, planes = np.empty((0, 4, 3)), np.empty(0, np.int64)
-    made = _rectangles(patches.frame, patches.leaves, patches.cover, quads, planes)
+    surface = (patches.frame, patches.leaves, patches.cover)
+    made = _rectangles(*surface, np.empty((0, 4, 3)), np.empty(0, np.int64))
     if not made:
         raise InputError("the stream is damaged (it has no surface)")
-    quads, planes = np.empty((made, 4, 3)), np.empty(made, np.int64)
-    _rectangles(patches.frame, patches.leaves, patches.cover, quads, planes)
+    quads, rows = np.empty((made, 4, 3)), np.empty(made, np.int64)
+    _rectangles(*surface, quads, rows)
     vertices = quads.reshape(-1, 3) * header.unit + header.origin
     corners = np.arange(4 * made).reshape(-1, 4)
     triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return Mesh(vertices, triangles, _labels(patches, np.tile(planes, 2)))
+    return Mesh(vertices, triangles, _labels(patches, np.tile(rows, 2)))
 
 
-def _labels(patches: Patches, plane_of: Ints) -> Labels:
-    used, named = np.unique(plane_of, return_inverse=True)
+def _labels(patches: Patches, rows: Ints) -> Labels:
+    """Labels of triangles on leaves `rows`: the plane as primitive, the segment as object."""
+    used, named = np.unique(patches.leaves.plane[rows], return_inverse=True)
+    segments, segment = np.unique(joined_leaves(patches)[rows], return_inverse=True)
     planes = patches.leaves.planes[used]
     offsets = planes[:, 3] * patches.header.unit + planes[:, :3] @ patches.header.origin
     primitives = tuple(
         Primitive("plane", {"normal": plane[:3].tolist(), "offset": float(offset)})
         for plane, offset in zip(planes, offsets, strict=True)
     )
-    objects = (SceneObject("scan", "unknown"),)
-    return Labels(np.zeros(len(named), np.int32), named.astype(np.int32), objects, primitives)
+    objects = tuple(SceneObject(f"segment_{k + 1}", "segment") for k in range(len(segments)))
+    return Labels(segment.astype(np.int32), named.astype(np.int32), objects, primitives)
 
 
 @compiled
-def _rectangles(frame: Frame, leaves: Leaves, cover: Bytes, quads: Floats, planes: Ints) -> int:
-    """Corners of the rectangles of all leaves, and their planes; how many, written or not."""
+def _rectangles(frame: Frame, leaves: Leaves, cover: Bytes, quads: Floats, rows: Ints) -> int:
+    """Corners of the rectangles of all leaves, and their leaves; how many, written or not."""
     count = 0
     at = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
@@ -73,7 +77,7 @@ def _rectangles(frame: Frame, leaves: Leaves, cover: Bytes, quads: Floats, plane
                     if count < len(quads):
                         u, v = (low_u + a, low_u + end_a), (low_v + b, low_v + end_b)
                         _write_corners(leaves.planes[name], axis, u, v, quads[count])
-                        planes[count] = name
+                        rows[count] = i
                     count += 1
     return count
 
