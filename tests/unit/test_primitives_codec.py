@@ -1,10 +1,13 @@
 """The primitives codec on a room whose true surface is known, noisy and clean."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from puckbench.cli import main
 from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_surface
 from puckbench.codecs.primitives.noise import spread
@@ -12,6 +15,7 @@ from puckbench.codecs.primitives.smooth import sampled, smoothed
 from puckbench.codecs.primitives.stream import Header, pack_surface, unpack
 from puckbench.codecs.registry import open_codec
 from puckbench.errors import InputError
+from puckbench.meshfiles import read_mesh
 
 SIZE = np.array([1023.0, 700.0, 500.0])
 NOISE = 2.5
@@ -148,3 +152,18 @@ def test_damage_behind_a_right_check_ends_in_an_error_or_points(data: st.DataObj
     except InputError:
         return
     assert np.isfinite(decoded).all()
+
+
+def test_the_command_line_writes_the_mesh(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(_codec().encode(_room(), "r4"))
+    assert main(["decode", str(tmp_path / "a.bin"), str(tmp_path / "a.ply"), "--as-mesh"]) == 0
+    mesh = read_mesh(tmp_path / "a.ply")
+    assert mesh.labels is not None
+    assert {primitive.kind for primitive in mesh.labels.primitives} == {"plane"}
+    assert mesh.bounds() == pytest.approx(np.array([[0, 0, 0], SIZE]), abs=24)
+
+
+def test_a_codec_of_points_has_no_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.bin").write_bytes(open_codec("draco").encode(_room(100), "r4"))
+    assert main(["decode", str(tmp_path / "a.bin"), str(tmp_path / "a.ply"), "--as-mesh"]) == 2
+    assert "a.bin: codec draco: codes points, not surfaces" in capsys.readouterr().err
