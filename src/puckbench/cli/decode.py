@@ -12,6 +12,7 @@ from puckbench.codecs.measure import measured
 from puckbench.codecs.registry import codec_of
 from puckbench.errors import InputError
 from puckbench.files import read_bytes
+from puckbench.meshfiles.writing import write_mesh
 
 
 class Decoded(NamedTuple):
@@ -25,15 +26,35 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("stream", type=Path, help="stream to decode")
     parser.add_argument("out", type=Path, help="PLY file to write")
+    parser.add_argument("--as-mesh", action="store_true", help="write the surface, if it has one")
     codec_arguments(parser, required=False)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the decoded cloud."""
+    """Write the decoded cloud, or the surface that a codec of surfaces has coded."""
+    if options.as_mesh:
+        return _run_mesh(options)
     decoded = decode_file(options.stream, options)
     about = {"source": options.stream.name, "codec": decoded.record["codec"]}
     write_cloud(options.out, PointCloud(decoded.points, about=about))
     return decoded.record
+
+
+def _run_mesh(options: argparse.Namespace) -> dict[str, Any]:
+    stream = read_bytes(options.stream)
+    try:
+        name = options.codec or codec_of(stream)
+        mesh = chosen_codec(options, name).decode_mesh(stream)
+    except InputError as error:
+        raise InputError(f"{options.stream}: {error}") from error
+    write_mesh(options.out, mesh, {"source": options.stream.name, "codec": name})
+    return {
+        "codec": name,
+        "bytes": len(stream),
+        "vertices": len(mesh.vertices),
+        "triangles": len(mesh.triangles),
+        "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
+    }
 
 
 def decode_file(path: Path, options: argparse.Namespace) -> Decoded:

@@ -10,6 +10,7 @@ import numpy as np
 
 from puckbench.cloud import Floats, check_points
 from puckbench.errors import InputError
+from puckbench.mesh import Mesh
 
 
 class Availability(NamedTuple):
@@ -76,6 +77,13 @@ class Codec(ABC):
         InputError for a stream that is not this codec's, or damaged.
         """
         return self._decode(stream)
+
+    def decode_mesh(self, stream: bytes) -> Mesh:
+        """Triangles in the coordinates of the input cloud, where a codec codes surfaces.
+
+        InputError as for `decode`, and for a codec that has no surfaces.
+        """
+        raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     @abstractmethod
     def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes: ...

@@ -1,0 +1,104 @@
+"""What each part of the primitives codec is worth, and how noise and density change it.
+
+    python benchmarks/primitives_ablations.py ROOM --captured FOLDER [--rates r4 r5]
+
+Prints, for a scanned room, bpp, CD(plane) to the scan and to the truth: as shipped, with parts of
+the codec switched off, with fewer points, and with other noise (bias and ray sigma alike, m).
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import primitives_rate_distortion as rd
+from puckbench.codecs.primitives import encoder
+from puckbench.codecs.registry import entries, open_codec
+from puckbench.metrics.closest import mesh_in_frame
+from puckbench.prepare.preparation import Returns, prepare
+from puckbench.sensor.errors import open_error_model
+from puckbench.sensor.origin import free_origin
+from puckbench.sensor.scan import scan
+from puckbench.sensor.sensor import load_sensor
+from puckbench.sensor.sweep import open_sweep
+
+SIGMAS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
+POINTS = (50_000, 150_000, 500_000)
+
+
+def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
+    """Measure the codec with changed parameters of its rates."""
+    shipped = entries()["primitives"]["rates"]
+    for rate in rates:
+        parameters = {**shipped[rate], **changes}
+        if changes.get("largest") == 0:
+            parameters["largest"] = parameters["leaf"]
+        codec = open_codec("primitives", {"rates": {rate: parameters}})
+        stream = codec.encode(found.scan.xyz, rate)
+        to_scan, to_truth, _ = rd.errors(found, codec.decode(stream))
+        bpp = 8 * len(stream) / len(found.scan)
+        own = rd.errors(found, found.scan.xyz)[1]
+        values = f"{bpp:8.4f} {to_scan:8.3f} {to_truth:8.3f} {own:8.3f}"
+        print(f"| {label} | {rate} | {values.replace('  ', ' ')} |", flush=True)
+
+
+def noisy(options: argparse.Namespace, sigma: float) -> rd.Room:
+    """The room scanned with another noise."""
+    scene = rd.scene_of(options.room, options.captured)
+    assert scene.mesh is not None
+    table = scan(
+        scene.mesh,
+        load_sensor("vlp16"),
+        open_sweep({"azimuth_step_deg": options.step}),
+        open_error_model("vlp16", {"bias_sigma_m": sigma, "ray_sigma_m": sigma}),
+        scene.origin or free_origin(scene.mesh),
+        np.random.default_rng(1),
+    )
+    clean = rd.PointCloud(table.xyz, table.normals)
+    returns = Returns(rd.PointCloud(table.xyz_noisy), clean)
+    returns = returns if scene.box is None else returns.cropped(scene.box)
+    cloud = prepare(returns.cloud)
+    frame = (cloud.about["scale"], np.asarray(cloud.about["offset"]))
+    return rd.Room(cloud, returns.truth_in_frame_of(cloud), mesh_in_frame(scene.mesh, *frame))
+
+
+def thinned(found: rd.Room, points: int) -> rd.Room:
+    """The room with some of its points, drawn at random."""
+    rows = np.sort(np.random.default_rng(0).permutation(len(found.scan))[:points])
+    cloud = prepare(found.scan.select(rows), size=0)
+    return rd.Room(cloud, found.visible.select(rows), found.mesh)
+
+
+def ablate(found: rd.Room, rates: list[str]) -> None:
+    """Print a line for each part switched off."""
+    line("as shipped", found, rates)
+    line("no smoothing", found, rates, reach=0)
+    line("no larger leaves", found, rates, largest=0)
+    edge, encoder._EDGE_BITS = encoder._EDGE_BITS, 0.0
+    line("bitmaps without a price", found, rates)
+    encoder._EDGE_BITS = edge
+
+
+def main() -> None:
+    """Print the rows of the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("room")
+    parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
+    parser.add_argument("--rates", nargs="+", default=["r4", "r5"])
+    parser.add_argument("--errors", default="vlp16_divergence")
+    parser.add_argument("--step", type=float, default=0.1)
+    parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))
+    options = parser.parse_args()
+    found = rd.room(options.room, options)
+    ablate(found, options.rates)
+    for points in POINTS:
+        line(f"{points} points", thinned(found, points), options.rates)
+    for sigma in SIGMAS_M:
+        line(f"sigma {sigma} m", noisy(options, sigma), options.rates)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""From a stream to points on planes, with their normals and the planes they lie on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.codecs.primitives.columns import NO_CHOICE
+from puckbench.codecs.primitives.entropy import POSITION, reader
+from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
+from puckbench.codecs.primitives.stream import MOST_POINTS, Header
+from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, code_support
+from puckbench.codecs.primitives.surface import count_points, fill
+from puckbench.codecs.primitives.walk import code_tree
+from puckbench.errors import InputError
+
+_PAST_THE_END = 8
+_FINER_BY_LEVEL = 0.5
+"""Planes of larger leaves are more precise, by the size to this power."""
+
+
+class Decoded(NamedTuple):
+    """What a stream holds.
+
+    xyz: (m, 3) points in the cloud's coordinates. normals: (m, 3) unit normals, of any sign.
+    planes: (m,) which plane each lies on; leaves share planes.
+    """
+
+    xyz: Floats
+    normals: Floats
+    planes: Ints
+
+
+class Patches(NamedTuple):
+    """A stream's planes, before points are made on them."""
+
+    header: Header
+    frame: Frame
+    leaves: Leaves
+    owner: Owners
+    cover: Bytes
+
+
+def decode_surface(header: Header, bits: bytes) -> Decoded:
+    """Points of a stream; InputError when it is damaged."""
+    patches = read_patches(header, bits)
+    xyz, rows = points_of(patches)
+    planes = patches.leaves.plane[rows]
+    return Decoded(xyz, patches.leaves.planes[planes, :3], planes)
+
+
+def points_of(patches: Patches) -> tuple[Floats, Ints]:
+    """Points (m, 3) in the cloud's coordinates and the leaves (m,) they lie on; or InputError."""
+    header = patches.header
+    surface = (patches.frame, patches.leaves, patches.cover, header.fineness, header.spread)
+    made = count_points(*surface)
+    if not 0 < made <= MOST_POINTS:
+        raise InputError(f"the stream is damaged ({made} points)")
+    xyz, rows = np.empty((made, 3)), np.empty(made, np.int64)
+    fill(*surface, xyz, rows)
+    return xyz * header.unit + header.origin, rows
+
+
+def read_patches(header: Header, bits: bytes) -> Patches:
+    """Planes of a stream; InputError when it is damaged."""
+    frame = frame_of(header)
+    leaves, owner, cover = empty_leaves(header)
+    coder = reader(bits, CONTEXTS, MIXERS)
+    whole = code_tree(coder, frame, _NO_NODES, leaves, owner)
+    if whole:
+        code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
+    if not whole or coder.registers[POSITION] > len(bits) + _PAST_THE_END:
+        raise InputError("the stream is damaged (it ends too early)")
+    return Patches(header, frame, leaves, owner, cover)
+
+
+def frame_of(header: Header, price: float = 0.0) -> Frame:
+    """The geometry of the tree, in cells."""
+    below = np.maximum(header.finest - np.arange(header.depth + 1), 0)
+    steps = header.step / 16 * 2.0 ** (-_FINER_BY_LEVEL * below)
+    shape = np.array(header.shape, np.int64)
+    return Frame(header.depth, header.finest, header.coarsest, shape, steps, price)
+
+
+def empty_leaves(header: Header) -> tuple[Leaves, Owners, Bytes]:
+    """Room for leaves, and grids of the cells' owners (leaf + 1, 0 for none) and states."""
+    n = header.leaves
+    corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
+    leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))
+    owner = np.zeros(header.shape, np.int32)
+    return leaves, owner, np.zeros(header.shape, np.uint8)
+
+
+_NO_NODES = Nodes(
+    np.zeros((1, 10)), np.zeros(2, np.int64), np.zeros(1, np.bool_), np.zeros(1, np.int64)
+)
