@@ -16,8 +16,8 @@ from puckbench.codecs.primitives.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.planes import plane_from, quantised
 from puckbench.codecs.primitives.stream import Header, pack_surface, pack_voxels, unpack
 from puckbench.codecs.primitives.tree import build, moments_of, prune
+from puckbench.compiling import compiled
 from puckbench.errors import InputError
-from puckbench.metrics.compiled import compiled
 
 
 @compiled

@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Bytes, Ints, Owners
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 
 class Choice(NamedTuple):

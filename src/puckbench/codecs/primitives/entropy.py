@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

@@ -17,9 +17,9 @@ from puckbench.codecs.primitives.layout import (
 from puckbench.codecs.primitives.segments import joined_leaves
 from puckbench.codecs.primitives.stream import Header
 from puckbench.codecs.primitives.support import in_leaf
+from puckbench.compiling import compiled
 from puckbench.errors import InputError
 from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.metrics.compiled import compiled
 
 
 def decode_mesh(header: Header, bits: bytes) -> Mesh:

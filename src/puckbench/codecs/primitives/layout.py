@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 Ints = NDArray[np.int64]
 Owners = NDArray[np.int32]

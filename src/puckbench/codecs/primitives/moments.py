@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 SIZE = 10
 

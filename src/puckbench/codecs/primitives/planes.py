@@ -8,7 +8,7 @@ from puckbench.cloud import Floats
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
 from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant
 from puckbench.codecs.primitives.moments import fit_plane, squared_distance
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 _CANDIDATES = 4
 _NAMES = 64

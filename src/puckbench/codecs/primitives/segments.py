@@ -11,7 +11,7 @@ from puckbench.codecs.primitives.decoder import Patches, points_of
 from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Owners
 from puckbench.codecs.primitives.moments import fit_plane
 from puckbench.codecs.primitives.tree import moments_of
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 _PARALLEL = float(np.cos(np.radians(10)))
 _NEAR = 1.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.moments import SIZE, add_point, fit_plane
 from puckbench.codecs.primitives.tree import cell_starts
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 Ints = NDArray[np.int64]
 

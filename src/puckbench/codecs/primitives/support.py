@@ -22,7 +22,7 @@ from puckbench.codecs.primitives.layout import (
 )
 from puckbench.codecs.primitives.walk import CONTEXTS as TREE_CONTEXTS
 from puckbench.codecs.primitives.walk import MIXERS as TREE_MIXERS
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 # States of a column, also in the grid of cells.
 _UNKNOWN, _EMPTY, _SURFACE = 0, 1, 2

@@ -7,7 +7,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, dominant, height
 from puckbench.codecs.primitives.support import in_leaf
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 
 @compiled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Ints
 from puckbench.codecs.primitives.moments import fit_plane
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 
 class Level(NamedTuple):

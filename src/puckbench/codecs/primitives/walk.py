@@ -13,7 +13,7 @@ from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes
 from puckbench.codecs.primitives.planes import CONTEXTS as PLANE_CONTEXTS
 from puckbench.codecs.primitives.planes import MIXERS as PLANE_MIXERS
 from puckbench.codecs.primitives.planes import code_plane
-from puckbench.metrics.compiled import compiled
+from puckbench.compiling import compiled
 
 # States of the nodes of a level.
 _UNKNOWN, _EMPTY, _FULL, _SPLIT = 0, 1, 2, 3
