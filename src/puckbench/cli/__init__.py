@@ -23,6 +23,7 @@ COMMANDS = {
     "encode": "code a cloud with a codec at a rate",
     "decode": "decode a stream",
     "train": "train a learned codec's weights on clouds",
+    "train_octree": "train the learned octree coder's weights on clouds",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
     "figure": "draw a figure from the tables of results",
     "codecs": "list the codecs, their rates and whether they can run here",
