@@ -18,7 +18,7 @@ Frequencies = NDArray[np.float32]
 """Whole numbers (n, 16)."""
 _BITS = 16
 _LEAST = 8
-"""No symbol is so certain that it costs less than 0.0026 bits, which bounds what a byte can make."""
+"""So that no symbol costs less than 0.0026 bits, which bounds what a byte can make."""
 _WORD = 4
 
 

@@ -95,7 +95,7 @@ class OctreeNet(nn.Module):
 
     def start(self, count: int) -> Tensor:
         """Features of the voxels of the top level."""
-        return rounded(self.top).expand(count, -1)
+        return rounded(self.top).repeat(count, 1)
 
     def before_first(self, features: Tensor, where: Site) -> Tensor:
         """Features from which the first symbols are predicted, by `first_head`."""
