@@ -28,8 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--scales", type=float, nargs=2, default=[0.1, 1.1], help="of the grids, coarsest, finest"
     )
     parser.add_argument("--width", type=whole(4), default=32, help="of the network's features")
-    parser.add_argument("--before", type=whole(1), default=1, help="convolutions, first symbol")
-    parser.add_argument("--between", type=whole(1), default=1, help="convolutions, second symbol")
+    parser.add_argument("--before", type=whole(1), default=1, help="convolutions, first group")
     parser.add_argument("--every", type=whole(1), default=100, help="steps between two savings")
     parser.add_argument("--seed", type=whole(0), default=1)
 
@@ -44,7 +43,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.codecs.sparse.crew import crew
 
     torch.manual_seed(options.seed)
-    model = OctreeNet(Shape(options.width, options.before, options.between))
+    model = OctreeNet(Shape(options.width, options.before))
     model.to("cuda" if torch.cuda.is_available() else "cpu")
     training = Training(options.steps, options.side, seed=options.seed)
     curve, start = options.out.with_suffix(".csv"), time.perf_counter()

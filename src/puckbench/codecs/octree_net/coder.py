@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.octree_net.coding import (
@@ -18,10 +18,10 @@ from puckbench.codecs.octree_net.coding import (
     SymbolEncoder,
     frequencies,
 )
-from puckbench.codecs.octree_net.model import Head, OctreeNet, index
+from puckbench.codecs.octree_net.model import OctreeNet, index
 from puckbench.codecs.octree_net.stream import MOST_VOXELS, Part
-from puckbench.codecs.octree_net.symbols import VALUES, Symbols, slots_of, symbols_of
-from puckbench.codecs.sparse.convolution import site
+from puckbench.codecs.octree_net.symbols import VALUES, Symbols, groups_of, slots_of, symbols_of
+from puckbench.codecs.sparse.convolution import Site, site
 from puckbench.codecs.sparse.crew import Crew, Scratch, crew
 from puckbench.codecs.sparse.layout import rows_layout
 from puckbench.codecs.sparse.voxels import (
@@ -59,7 +59,7 @@ class Coder:
         while len(sets[-1]) > _MOST_TOP:
             sets.append(parents_of(sets[-1])[0])
         coder = SymbolEncoder()
-        waiting = chain.from_iterable(symbols_of(below) for below in sets[-2::-1])
+        waiting = chain.from_iterable(map(_runs, sets[:0:-1], sets[-2::-1]))
 
         def code(known: Frequencies) -> Symbols:
             symbols = next(waiting)
@@ -100,11 +100,16 @@ class Level:
 
     def next(self, code: Code, most: int, last: bool) -> Level:
         """The next finer level, of at most `most` voxels; of the `last` one only the keys count."""
-        where = site(self.voxels.neighbours, rows_layout(), self.crew)
-        before = self.model.before_first(self.features, where)
-        first = code(self._known(self.model.first_head, before))
-        between = self.model.before_second(before, index(first, before), where)
-        second = code(self._known(self.model.second_head, between))
+        first, second = np.empty((2, len(self.voxels)), dtype=np.uint8)
+        features = self.model.before_groups(self.features, self._site())
+        for group, rows in enumerate(groups_of(self.voxels.keys)):
+            if len(rows):
+                at = torch.from_numpy(rows)
+                own = self.model.of_group(group, features, at, self._site(rows))
+                first[rows] = code(self._known(self.model.first_heads[group], own))
+                own = self.model.with_first(own, index(first[rows], own))
+                second[rows] = code(self._known(self.model.second_heads[group], own))
+                features[at] = self.model.with_second(own, index(second[rows], own))
         if ((first == 0) & (second == 0)).any():
             raise InputError("the stream is damaged (a voxel without children)")
         slots = slots_of(first, second)
@@ -112,11 +117,19 @@ class Level:
             raise InputError("the stream is damaged (its number of voxels)")
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
-            return Level(self.model, self.crew, _keys_only(keys), between[:0])
-        features = self.model.below(between, index(second, before), torch.from_numpy(slots))
-        return Level(self.model, self.crew, children_voxels(self.voxels, keys, self.crew), features)
+            return Level(self.model, self.crew, _keys_only(keys), features[:0])
+        below = self.model.below(features, torch.from_numpy(slots))
+        return Level(self.model, self.crew, children_voxels(self.voxels, keys, self.crew), below)
 
-    def _known(self, head: Head, features: Tensor) -> Frequencies:
+    def _site(self, rows: NDArray[np.int64] | None = None) -> Site:
+        """Where to convolve; of other rows than the given ones, only the centre."""
+        table = self.voxels.neighbours
+        if rows is not None:
+            table = np.full_like(table, -1)
+            table[:, rows] = self.voxels.neighbours[:, rows]
+        return site(table, rows_layout(), self.crew)
+
+    def _known(self, head: nn.Module, features: Tensor) -> Frequencies:
         """Frequencies of all symbols, some rows at a time."""
         known = np.empty((len(features), VALUES), dtype=np.float32)
 
@@ -125,6 +138,15 @@ class Level:
 
         self.crew.over(len(features), _ROWS, work)
         return known
+
+
+def _runs(keys: Keys, below: Keys) -> Iterator[Symbols]:
+    """The symbols of a level's voxels in the order in which they are coded."""
+    first, second = symbols_of(below)
+    for rows in groups_of(keys):
+        if len(rows):
+            yield first[rows]
+            yield second[rows]
 
 
 def _keys_only(keys: Keys) -> Voxels:

@@ -1,8 +1,8 @@
 """The network: features of a level's voxels, from them their symbols, then their children's.
 
 All levels share the weights. In the manner of You, Chen, Liu, Xu: "RENO: real-time neural
-compression for 3D LiDAR point clouds", CVPR 2025, with features handed down from level to level and
-a convolution between the two symbols, which sees the first symbols of all neighbours.
+compression for 3D LiDAR point clouds", CVPR 2025, with features handed down from level to level,
+and voxels in groups: a convolution before each group sees the symbols of the groups before it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from puckbench.codecs.octree_net.fixed import (
     streamed,
     weight,
 )
-from puckbench.codecs.octree_net.symbols import VALUES, Symbols
+from puckbench.codecs.octree_net.symbols import GROUPS, VALUES, Symbols
 from puckbench.codecs.sparse.convolution import Site, convolve
 from puckbench.codecs.sparse.layers import Weighted
 from puckbench.codecs.sparse.voxels import CHILDREN, OFFSETS
@@ -31,11 +31,10 @@ from puckbench.errors import InputError
 
 @dataclass(frozen=True)
 class Shape:
-    """Sizes. width: of features. before, between: convolutions before each of the symbols."""
+    """Sizes. width: of features. before: convolutions of a level before its first group."""
 
     width: int = 32
-    before: int = 2
-    between: int = 1
+    before: int = 1
 
 
 class Layer(Weighted):
@@ -87,8 +86,9 @@ class OctreeNet(nn.Module):
         width = shape.width
         self.top = nn.Parameter(torch.ones(width))
         self.before = Residual(shape.before, width)
-        self.between = Residual(shape.between, width)
-        self.first_head, self.second_head = Head(width), Head(width)
+        self.between = nn.ModuleList(Residual(1, width) for _ in range(GROUPS - 1))
+        self.first_heads = nn.ModuleList(Head(width) for _ in range(GROUPS))
+        self.second_heads = nn.ModuleList(Head(width) for _ in range(GROUPS))
         self.first_known = nn.Parameter(torch.randn(VALUES, width) / 4)
         self.second_known = nn.Parameter(torch.randn(VALUES, width) / 4)
         self.down = Layer(CHILDREN, width, width)
@@ -97,20 +97,32 @@ class OctreeNet(nn.Module):
         """Features of the voxels of the top level."""
         return rounded(self.top).repeat(count, 1)
 
-    def before_first(self, features: Tensor, where: Site) -> Tensor:
-        """Features from which the first symbols are predicted, by `first_head`."""
+    def before_groups(self, features: Tensor, where: Site) -> Tensor:
+        """Features of a level's voxels before anything of their children is known."""
         result: Tensor = self.before(features, where)
         return result
 
-    def before_second(self, features: Tensor, first: Tensor, where: Site) -> Tensor:
-        """Features from which the second ones are, given all the first: (n,) int64."""
-        known = streamed(features + rounded(self.first_known)[first])
-        result: Tensor = self.between(known, where)
-        return result
+    def of_group(self, group: int, features: Tensor, rows: Tensor, where: Site) -> Tensor:
+        """Features of the `rows` of a group, from those of all voxels.
 
-    def below(self, features: Tensor, second: Tensor, slots: Tensor) -> Tensor:
-        """Features of the children at `slots`, given the second symbols of their parents."""
-        read = activated(streamed(features + rounded(self.second_known)[second]))
+        Only these rows of `where` are used; the others may lack neighbours.
+        """
+        if group == 0:
+            return features[rows]
+        result: Tensor = self.between[group - 1](features, where)
+        return result[rows]
+
+    def with_first(self, features: Tensor, first: Tensor) -> Tensor:
+        """Features that know the first symbols, (n,) int64."""
+        return streamed(features + rounded(self.first_known)[first])
+
+    def with_second(self, features: Tensor, second: Tensor) -> Tensor:
+        """Features that know the second symbols too."""
+        return streamed(features + rounded(self.second_known)[second])
+
+    def below(self, features: Tensor, slots: Tensor) -> Tensor:
+        """Features of the children at `slots`, from those of their parents."""
+        read = activated(features)
         kernel, bias = weight(self.down.kernel), rounded(self.down.bias)
         parent, child = slots >> 3, slots & 7
         order = [torch.nonzero(child == c)[:, 0] for c in range(CHILDREN)]

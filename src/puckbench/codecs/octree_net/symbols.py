@@ -1,8 +1,7 @@
-"""Occupancy of a voxel's eight children as two symbols of four bits: a checkerboard.
+"""Occupancy of a voxel's eight children as two symbols of four bits, and groups of voxels.
 
-The first symbol holds the children whose coordinates have an even sum, the second the others. A
-child of the second has no face in common with another one of its kind, within its parent or
-beyond: once all first symbols are known, so are all of its six face neighbours.
+The first symbol holds the children whose coordinates have an even sum, the second the others:
+the faces of one kind touch the other kind alone, so that the first tells most about the second.
 """
 
 from __future__ import annotations
@@ -16,6 +15,10 @@ Symbols = NDArray[np.uint8]
 
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
+GROUPS = 4
+"""Of voxels, coded one group after the other. Of a square of four voxels on a plane at right angles
+to an axis each is in another group, so that three of the four know where the plane lies."""
+_GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
 
 
@@ -36,6 +39,12 @@ def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
     bits = (1 << (keys & 7)).astype(np.uint8)
     codes = np.add.reduceat(bits, starts)
     return _FIRST[codes], _SECOND[codes]
+
+
+def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
+    """Rows of the voxels of each group, ascending; opposite corners of a block are of one group."""
+    group = _GROUP[keys & 7]
+    return [np.flatnonzero(group == g) for g in range(GROUPS)]
 
 
 def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:

@@ -18,9 +18,9 @@ from torch.nn.functional import cross_entropy
 
 from puckbench.codecs.octree_net.fixed import MOST_ACTIVATION, MOST_SUM, WEIGHT_UNITS
 from puckbench.codecs.octree_net.model import Layer, OctreeNet, index
-from puckbench.codecs.octree_net.symbols import Symbols, symbols_of
+from puckbench.codecs.octree_net.symbols import Symbols, groups_of, symbols_of
 from puckbench.codecs.pcgcv2.training import batch
-from puckbench.codecs.sparse.convolution import site
+from puckbench.codecs.sparse.convolution import Site, site
 from puckbench.codecs.sparse.crew import Crew
 from puckbench.codecs.sparse.layout import rows_layout
 from puckbench.codecs.sparse.voxels import Keys, pyramid
@@ -38,7 +38,7 @@ class Training:
 
     steps: int
     side: int = 128
-    rate_first: float = 2e-3
+    rate_first: float = 3e-3
     rate_last: float = 2e-5
     seed: int = 1
 
@@ -51,20 +51,36 @@ def bits_per_level(model: OctreeNet, keys: Keys, levels: int, crew: Crew) -> lis
     bits = []
     for depth in range(levels, 0, -1):
         where = site(sets[depth].neighbours, rows_layout(), crew, device)
-        first, second = symbols_of(sets[depth - 1].keys)
-        before = model.before_first(features, where)
-        between = model.before_second(before, index(first, before), where)
-        of_first = _bits(model.first_head(before), first)
-        bits.append(of_first + _bits(model.second_head(between), second))
-        slots = torch.from_numpy(families[depth - 1].slots).to(device)
+        features = model.before_groups(features, where)
+        symbols = symbols_of(sets[depth - 1].keys)
+        of_level, features = _bits_of_level(model, features, sets[depth].keys, symbols, where)
+        bits.append(of_level)
         if depth > 1:
-            features = model.below(between, index(second, before), slots)
+            slots = torch.from_numpy(families[depth - 1].slots).to(device)
+            features = model.below(features, slots)
     return bits
 
 
-def _bits(logits: Tensor, symbols: Symbols) -> Tensor:
+def _bits_of_level(
+    model: OctreeNet, features: Tensor, keys: Keys, symbols: tuple[Symbols, Symbols], where: Site
+) -> tuple[Tensor, Tensor]:
+    """Bits of a level's symbols, and features that know them."""
+    bits = []
+    for group, rows in enumerate(groups_of(keys)):
+        if len(rows):
+            at = index(rows, features)
+            own = model.of_group(group, features, at, where)
+            first, second = (index(symbol[rows], features) for symbol in symbols)
+            bits.append(_bits(model.first_heads[group](own), first))
+            own = model.with_first(own, first)
+            bits.append(_bits(model.second_heads[group](own), second))
+            features = features.index_copy(0, at, model.with_second(own, second))
+    return torch.stack(bits).sum(), features
+
+
+def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
     """Bits of symbols (n,) by logits (n, 16) to the base 2."""
-    nats = cross_entropy(logits * math.log(2), index(symbols, logits), reduction="sum")
+    nats = cross_entropy(logits * math.log(2), symbols, reduction="sum")
     return nats / math.log(2)
 
 

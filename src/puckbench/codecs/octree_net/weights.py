@@ -68,8 +68,6 @@ def _real(name: str, whole: Tensor) -> Tensor:
 
 def _shape(header: Mapping[str, int]) -> Shape:
     shape = Shape(**header)
-    if not (0 < shape.width <= _WIDEST and min(shape.before, shape.between) >= 0):
-        raise InputError("damaged weights (shape)")
-    if max(shape.before, shape.between) > _DEEPEST:
+    if not (0 < shape.width <= _WIDEST and 0 <= shape.before <= _DEEPEST):
         raise InputError("damaged weights (shape)")
     return shape
