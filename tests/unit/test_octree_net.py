@@ -127,11 +127,11 @@ class IntegerNetwork:
     def level(self, own: np.ndarray, below: np.ndarray, features: np.ndarray) -> Step:
         """Logits of a level's groups and symbols, and the features of its children."""
         voxels, (first, second), logits = morton_voxels(own), symbols_of(below), []
-        features = self._around(features, "before.layers.0", voxels)
+        features = self._around(features, "before.0", voxels)
         corner = own & 7
         for group, corners in enumerate([(0, 7), (1, 6), (2, 5), (3, 4)]):
             rows = np.isin(corner, corners)
-            around = f"between.{group - 1}.layers.0"
+            around = f"between.{group - 1}"
             known = (self._around(features, around, voxels) if group else features)[rows]
             logits.append(self._head(known, f"first_heads.{group}"))
             known = known + self.values["first_known"][first[rows]]
@@ -277,7 +277,7 @@ def test_weights_come_back_as_they_were_used(folder: Path) -> None:
 
 def test_weights_whose_sums_might_not_be_exact_are_refused(tmp_path: Path) -> None:
     model = _network()
-    model.before.layers[0].kernel[:] = 2.0
+    model.before[0].kernel[:] = 2.0
     with pytest.raises(InputError, match="too large for exact sums"):
         save_weights(tmp_path / "a.pcgw", model, {})
 

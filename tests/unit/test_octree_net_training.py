@@ -86,7 +86,7 @@ def test_limited_weights_keep_sums_exact() -> None:
                 layer.kernel.fill_(3.0)
     limit(model)
     model.check()
-    kernel, bias = weight(model.between[0].layers[0].kernel), rounded(torch.zeros(8))
+    kernel, bias = weight(model.between[0].kernel), rounded(torch.zeros(8))
     assert 0.8 * MOST_SUM < largest_sum(kernel, bias) < MOST_SUM
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
+from typing import cast
 
 import numpy as np
 import torch
@@ -18,12 +19,11 @@ from puckbench.codecs.octree_net.coding import (
     SymbolEncoder,
     frequencies,
 )
-from puckbench.codecs.octree_net.model import OctreeNet, index
+from puckbench.codecs.octree_net.inference import convolved_rows
+from puckbench.codecs.octree_net.model import Layer, OctreeNet, index
 from puckbench.codecs.octree_net.stream import MOST_VOXELS, Part
 from puckbench.codecs.octree_net.symbols import VALUES, Symbols, groups_of, slots_of, symbols_of
-from puckbench.codecs.sparse.convolution import Site, site
 from puckbench.codecs.sparse.crew import Crew, Scratch, crew
-from puckbench.codecs.sparse.layout import rows_layout
 from puckbench.codecs.sparse.voxels import (
     AXIS_BITS,
     Keys,
@@ -101,11 +101,11 @@ class Level:
     def next(self, code: Code, most: int, last: bool) -> Level:
         """The next finer level, of at most `most` voxels; of the `last` one only the keys count."""
         first, second = np.empty((2, len(self.voxels)), dtype=np.uint8)
-        features = self.model.before_groups(self.features, self._site())
+        features = self._before()
         for group, rows in enumerate(groups_of(self.voxels.keys)):
             if len(rows):
                 at = torch.from_numpy(rows)
-                own = self.model.of_group(group, features, at, self._site(rows))
+                own = self._of_group(group, features, rows)
                 first[rows] = code(self._known(self.model.first_heads[group], own))
                 own = self.model.with_first(own, index(first[rows], own))
                 second[rows] = code(self._known(self.model.second_heads[group], own))
@@ -121,13 +121,17 @@ class Level:
         below = self.model.below(features, torch.from_numpy(slots))
         return Level(self.model, self.crew, children_voxels(self.voxels, keys, self.crew), below)
 
-    def _site(self, rows: NDArray[np.int64] | None = None) -> Site:
-        """Where to convolve; of other rows than the given ones, only the centre."""
-        table = self.voxels.neighbours
-        if rows is not None:
-            table = np.full_like(table, -1)
-            table[:, rows] = self.voxels.neighbours[:, rows]
-        return site(table, rows_layout(), self.crew)
+    def _before(self) -> Tensor:
+        features, table = self.features, self.voxels.neighbours
+        for layer in self.model.before:
+            features = convolved_rows(cast(Layer, layer), features, table, None, self.crew)
+        return features
+
+    def _of_group(self, group: int, features: Tensor, rows: NDArray[np.int64]) -> Tensor:
+        if group == 0:
+            return features[torch.from_numpy(rows)]
+        layer = cast(Layer, self.model.between[group - 1])
+        return convolved_rows(layer, features, self.voxels.neighbours, rows, self.crew)
 
     def _known(self, head: nn.Module, features: Tensor) -> Frequencies:
         """Frequencies of all symbols, some rows at a time."""

@@ -63,20 +63,6 @@ class Head(nn.Module):
         return streamed(self.logits.rows(activated(hidden)))
 
 
-class Residual(nn.Module):
-    """Convolutions, each added to what it reads."""
-
-    def __init__(self, layers: int, width: int) -> None:
-        super().__init__()
-        self.layers = nn.ModuleList(Layer(OFFSETS, width, width) for _ in range(layers))
-
-    def forward(self, features: Tensor, where: Site) -> Tensor:
-        """(n, width) to the same."""
-        for layer in self.layers:
-            features = streamed(features + layer(activated(features), where))
-        return features
-
-
 class OctreeNet(nn.Module):
     """Predicts levels one after the other; features are (n, width) in multiples of the unit."""
 
@@ -85,8 +71,8 @@ class OctreeNet(nn.Module):
         self.shape = shape
         width = shape.width
         self.top = nn.Parameter(torch.ones(width))
-        self.before = Residual(shape.before, width)
-        self.between = nn.ModuleList(Residual(1, width) for _ in range(GROUPS - 1))
+        self.before = nn.ModuleList(Layer(OFFSETS, width, width) for _ in range(shape.before))
+        self.between = nn.ModuleList(Layer(OFFSETS, width, width) for _ in range(GROUPS - 1))
         self.first_heads = nn.ModuleList(Head(width) for _ in range(GROUPS))
         self.second_heads = nn.ModuleList(Head(width) for _ in range(GROUPS))
         self.first_known = nn.Parameter(torch.randn(VALUES, width) / 4)
@@ -99,18 +85,16 @@ class OctreeNet(nn.Module):
 
     def before_groups(self, features: Tensor, where: Site) -> Tensor:
         """Features of a level's voxels before anything of their children is known."""
-        result: Tensor = self.before(features, where)
-        return result
+        for layer in self.before:
+            features = streamed(features + layer(activated(features), where))
+        return features
 
     def of_group(self, group: int, features: Tensor, rows: Tensor, where: Site) -> Tensor:
-        """Features of the `rows` of a group, from those of all voxels.
-
-        Only these rows of `where` are used; the others may lack neighbours.
-        """
+        """Features of the `rows` of a group, from those of all voxels."""
         if group == 0:
             return features[rows]
-        result: Tensor = self.between[group - 1](features, where)
-        return result[rows]
+        made = self.between[group - 1](activated(features), where)
+        return streamed((features + made)[rows])
 
     def with_first(self, features: Tensor, first: Tensor) -> Tensor:
         """Features that know the first symbols, (n,) int64."""
