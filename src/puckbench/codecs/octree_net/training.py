@@ -38,8 +38,8 @@ class Training:
 
     steps: int
     side: int = 128
-    rate_first: float = 1e-2
-    rate_last: float = 1e-4
+    rate_first: float = 3e-3
+    rate_last: float = 2e-5
     seed: int = 1
 
 

@@ -47,7 +47,7 @@ def encode_conditional(latent: Integers, chosen: Chosen) -> bytes:
 
 
 def decode_conditional(data: bytes, chosen: Chosen) -> Integers:
-    """Integers of `encode_conditional`, in the shape of what was chosen; InputError when damaged."""
+    """Integers of `encode_conditional`, shaped like what was chosen; InputError when damaged."""
     order, sizes = _by_table(chosen)
     parts = decode_groups(data, [(size, table(number)) for number, size in sizes])
     values = np.empty(chosen.table.size, dtype=np.int32)

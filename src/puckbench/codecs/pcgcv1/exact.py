@@ -9,6 +9,7 @@ tables. (An "integer network" in the sense of Ballé, Johnston, Minnen, ICLR 201
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import torch
@@ -61,8 +62,7 @@ class ExactHyperDecoder:
 
 def _layer(layer: torch.nn.Conv3d | torch.nn.ConvTranspose3d) -> _Layer:
     kernel = (layer.weight.detach().double() * _WEIGHT_UNITS).round()
-    assert layer.bias is not None
-    bias = (layer.bias.detach().double() * (_WEIGHT_UNITS * UNITS)).round()
+    bias = (cast(Tensor, layer.bias).detach().double() * (_WEIGHT_UNITS * UNITS)).round()
     axes = (0, 2, 3, 4) if isinstance(layer, torch.nn.ConvTranspose3d) else (1, 2, 3, 4)
     largest = kernel.abs().sum(axes).max() * (_MOST * UNITS) + bias.abs().max()
     if not largest < 2**53:

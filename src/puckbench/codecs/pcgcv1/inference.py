@@ -11,20 +11,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import conv3d, pad
 
-from puckbench.codecs.pcgcv1.model import Conv, Down, PCGCv1, Up, VoxceptionResNet
+from puckbench.codecs.pcgcv1.model import Conv, Down, PCGCv1, Pointwise, Up, VoxceptionResNet
 
 _LANES = 16
 _TILE = 4
-"""The last layer, with its one output, takes tiles of 4 x 4 voxels."""
+"""Most voxels taken together along an axis; the layer with one output takes 4 x 4 of them."""
+_ROWS = 16384
+"""Voxels of a chunk that stays in the cache while a block is finished."""
+_REACH = 16
+"""Margin around the voxels of a cube. Seven layers of three spread what they see seven voxels far,
+and let as much of a false border in: `_UNSURE` of the margin is thrown away."""
+_UNSURE = 8
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
@@ -34,6 +39,7 @@ class Inference:
 
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
+            self._empties: dict[tuple[int, ...], Tensor] = {}
             self._gains = [model.gain(rate).detach() for rate in range(model.shape.rates)]
             analysis, synthesis, hyper = model.analysis, model.synthesis, model.hyper_encoder
             self._first, self._last = _strips(analysis.first), _strips(analysis.last)
@@ -41,18 +47,44 @@ class Inference:
             self._falling = [_residuals(blocks) for blocks in analysis.blocks]
             self._hyper = (_strips(hyper.first), _plain(hyper.down), _strips(hyper.last))
             self._begin, self._end = _strips(synthesis.first), _tiles(synthesis.last)
-            self._ups = [cast(Up, up) for up in synthesis.ups]
+            self._ups = [_parities(cast(Up, up)) for up in synthesis.ups]
             self._rising = [_residuals(blocks) for blocks in synthesis.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
         """Voxels (side, side, side) of zeros and ones to latent and hyper-latent, rounded."""
         with torch.inference_mode():
-            features = self._first.over(_laid(torch.from_numpy(occupied)[None, None])).relu_()
-            features = _through(self._falling[0], features)
-            for down, blocks in zip(self._downs, self._falling[1:], strict=True):
-                features = _through(blocks, _lowered(features, down).relu_())
+            features = _through(self._falling[1], self._halved(occupied))
+            features = _through(self._falling[2], _lowered(features, self._downs[1]).relu_())
             latent = self._last.over(features) * self._gains[rate]
             return _rounded(latent), _rounded(self._hyper_encoded(latent))
+
+    def _halved(self, occupied: Floats32) -> Tensor:
+        """Features at stride 2; beyond the reach of any voxel they are an empty cube's."""
+        sides = occupied.shape
+        box = _box(occupied)
+        part = self._halved_whole(occupied[tuple(slice(low, high) for low, high in box)])
+        kept = [
+            ((low + _UNSURE) // 2 if low else 0, (high - _UNSURE if high < side else high) // 2)
+            for (low, high), side in zip(box, sides, strict=True)
+        ]
+        whole = self._empty(sides).clone(memory_format=torch.channels_last_3d)
+        there = tuple(slice(low, high) for low, high in kept)
+        here = tuple(
+            slice(low - first // 2, high - first // 2)
+            for (low, high), (first, _) in zip(kept, box, strict=True)
+        )
+        whole[0][(slice(None), *there)] = part[0][(slice(None), *here)]
+        return whole
+
+    def _empty(self, sides: tuple[int, ...]) -> Tensor:
+        if sides not in self._empties:
+            self._empties[sides] = self._halved_whole(np.zeros(sides, dtype=np.float32))
+        return self._empties[sides]
+
+    def _halved_whole(self, occupied: Floats32) -> Tensor:
+        voxels = _laid(torch.from_numpy(np.ascontiguousarray(occupied))[None, None])
+        features = _through(self._falling[0], self._first.over(voxels).relu_())
+        return _laid(_lowered(features, self._downs[0]).relu_())
 
     def _hyper_encoded(self, latent: Tensor) -> Tensor:
         first, down, last = self._hyper
@@ -65,9 +97,21 @@ class Inference:
             features = _laid(torch.from_numpy(latent)[None].float() / self._gains[rate])
             features = _through(self._rising[0], self._begin.over(features).relu_())
             for up, blocks in zip(self._ups, self._rising[1:], strict=True):
-                features = _through(blocks, _laid(up(features)).relu_())
+                features = _through(blocks, up.over(features))
             logits: Floats32 = _occupancy(features, self._end).numpy()
         return logits
+
+
+def _box(occupied: Floats32) -> list[tuple[int, int]]:
+    """First and last of the voxels along each axis, with a margin, at multiples of four."""
+    box = []
+    for axis, side in enumerate(occupied.shape):
+        others = tuple(other for other in range(3) if other != axis)
+        found = np.flatnonzero(occupied.any(axis=others))
+        low, high = (found[0], found[-1] + 1) if len(found) else (0, side)
+        last = -(-(int(high) + _REACH) // _TILE) * _TILE
+        box.append((max(int(low) - _REACH, 0) // _TILE * _TILE, min(last, side)))
+    return box
 
 
 def _laid(features: Tensor) -> Tensor:
@@ -98,7 +142,7 @@ def _lowered(features: Tensor, layer: Plain) -> Tensor:
 
 def _convolution(features: Tensor, layer: Plain, stride: list[int], padding: int) -> Tensor:
     """conv3d by oneDNN where there is one; PyTorch would take a slow way for a single image."""
-    if not torch.backends.mkldnn.is_available():
+    if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
     around, apart = [padding] * 3, [1, 1, 1]
     return torch.mkldnn_convolution(
@@ -116,14 +160,14 @@ class Strips:
 
     def over(self, features: Tensor) -> Tensor:
         """One cube (1, c, s, s, s), in channels-last memory, to (1, d, s, s, s) in the same."""
-        side = features.shape[-1]
+        sides = features.shape[2:]
         strips = _laid(_convolution(features, self.layer, [1, 1, self.together], 1))
-        flat = strips.permute(0, 2, 3, 4, 1).reshape(1, side, side, side, self.out)
+        flat = strips.permute(0, 2, 3, 4, 1).reshape(1, *sides, self.out)
         return flat.permute(0, 4, 1, 2, 3)
 
 
 def _strips(layer: Conv) -> Strips:
-    together = max(1, _LANES // layer.out_channels)
+    together = max(1, min(_TILE, _LANES // layer.out_channels))
     kernel = side_by_side(layer.weight.detach(), together, axis=4)
     bias = cast(Tensor, layer.bias).detach().repeat(together)
     return Strips(Plain(_laid(kernel), bias), layer.out_channels, together)
@@ -151,14 +195,79 @@ def _occupancy(features: Tensor, layer: Plain) -> Tensor:
 
 
 @dataclass(frozen=True)
+class Parities:
+    """A transposed convolution and its ReLU, by the parity of x and y; both of z at once.
+
+    An even output has two inputs along an axis, an odd one one, so that four small kernels do
+    what one large kernel would do with every other product a zero.
+    """
+
+    layers: tuple[tuple[Plain, Plain], tuple[Plain, Plain]]
+    out: int
+
+    def over(self, features: Tensor) -> Tensor:
+        """One cube (1, c, s, s, s) to (1, d, 2 s, 2 s, 2 s), in channels-last memory."""
+        side = features.shape[-1]
+        padded = _laid(pad(features, (1, 0) * 3))
+        raised = torch.empty(side, 2, side, 2, 2 * side * self.out)
+        for x, row in enumerate(self.layers):
+            for y, layer in enumerate(row):
+                found = _laid(_convolution(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
+                strips = found.permute(0, 2, 3, 4, 1).reshape(side, side, -1)
+                torch.clamp_min(strips, 0, out=raised[:, x, :, y])
+        cube = raised.view(1, 2 * side, 2 * side, 2 * side, self.out)
+        return cube.permute(0, 4, 1, 2, 3)
+
+
+def _parities(layer: Up) -> Parities:
+    kernel = layer.weight.detach().transpose(0, 1)
+    bias = cast(Tensor, layer.bias).detach().repeat(2)
+
+    def one(x: int, y: int) -> Plain:
+        part = _taps(_taps(kernel, x, axis=2), y, axis=3)
+        even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
+        return Plain(_laid(torch.cat([even, odd])), bias)
+
+    return Parities(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
+
+
+def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
+    """What outputs of a parity use of a kernel of three: of the input before and of their own."""
+    taps = torch.tensor([1] if parity else [2, 0])
+    return kernel.index_select(axis, taps)
+
+
+@dataclass(frozen=True)
+class Points:
+    """A 1x1x1 convolution as a matrix that serves several voxels at once, and its bias."""
+
+    matrix: Tensor
+    bias: Tensor
+    together: int
+
+    def over(self, rows: Tensor) -> Tensor:
+        """(n, c) to (n, d); n is a multiple of the voxels taken together."""
+        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.together, -1), self.matrix)
+        return wide.view(len(rows), -1)
+
+
+def _points(layer: Pointwise) -> Points:
+    together = max(1, _LANES // min(layer.out_channels, layer.in_channels))
+    matrix = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
+    bias = cast(Tensor, layer.bias).detach().repeat(together)
+    blocks = torch.block_diag(*[matrix] * together)  # type: ignore[no-untyped-call]
+    return Points(blocks, bias, together)
+
+
+@dataclass(frozen=True)
 class Residual:
-    """A Voxception-ResNet block; its 1x1x1 layers as matrices (in, out) and biases."""
+    """A Voxception-ResNet block."""
 
     near_in: Strips
     near_out: Strips
+    point_in: Points
     middle: Strips
-    point_in: tuple[Tensor, Tensor]
-    point_out: tuple[Tensor, Tensor]
+    point_out: Points
 
 
 def _residuals(blocks: nn.Module) -> list[Residual]:
@@ -169,15 +278,10 @@ def _residual(block: VoxceptionResNet) -> Residual:
     return Residual(
         _strips(block.near_in),
         _strips(block.near_out),
+        _points(block.point_in),
         _strips(block.middle),
-        _matrix(block.point_in),
-        _matrix(block.point_out),
+        _points(block.point_out),
     )
-
-
-def _matrix(layer: Conv) -> tuple[Tensor, Tensor]:
-    kernel = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
-    return kernel, cast(Tensor, layer.bias).detach()
 
 
 def _through(blocks: list[Residual], features: Tensor) -> Tensor:
@@ -186,39 +290,22 @@ def _through(blocks: list[Residual], features: Tensor) -> Tensor:
     rows = _rows(features)
     for block in blocks:
         near = block.near_out.over(block.near_in.over(features).relu_())
-        matrix, bias = block.point_in
-        point = torch.addmm(bias, rows, matrix).relu_()
-        point = point.view(1, *features.shape[2:], -1).permute(0, 4, 1, 2, 3)
-        point = block.middle.over(point)
-        matrix, bias = block.point_out
-        _join(*_arrays(rows, _rows(near), _rows(point), matrix, bias))
+        point = block.point_in.over(rows).relu_().view(1, *features.shape[2:], -1)
+        point = block.middle.over(point.permute(0, 4, 1, 2, 3))
+        for first in range(0, len(rows), _ROWS):
+            chunk = slice(first, first + _ROWS)
+            _join(rows[chunk], _rows(near)[chunk], _rows(point)[chunk], block.point_out)
     return features
+
+
+def _join(rows: Tensor, near: Tensor, point: Tensor, out: Points) -> None:
+    """rows = relu(rows + [relu(near), relu(point_out(relu(point)))]), in place."""
+    half = near.shape[1]
+    rows[:, :half] += near.relu_()
+    rows[:, half:] += out.over(point.relu_()).relu_()
+    rows.relu_()
 
 
 def _rows(features: Tensor) -> Tensor:
     """A view of a cube as (voxels, features)."""
     return features.permute(0, 2, 3, 4, 1).view(-1, features.shape[1])
-
-
-def _arrays(*tensors: Tensor) -> list[NDArray[Any]]:
-    return [tensor.numpy() for tensor in tensors]
-
-
-@numba.njit(cache=True, nogil=True)
-def _join(
-    rows: Floats32, near: Floats32, point: Floats32, matrix: Floats32, bias: Floats32
-) -> None:
-    """rows = relu(rows + [relu(near), relu(relu(point) @ matrix + bias)]), in place."""
-    half, quarter = near.shape[1], point.shape[1]
-    sums = np.empty(half, dtype=np.float32)
-    for row in range(len(rows)):
-        for k in range(half):
-            sums[k] = bias[k]
-        for j in range(quarter):
-            value = max(point[row, j], np.float32(0))
-            for k in range(half):
-                sums[k] += value * matrix[j, k]
-        for k in range(half):
-            rows[row, k] = max(rows[row, k] + max(near[row, k], np.float32(0)), np.float32(0))
-            tail = rows[row, half + k] + max(sums[k], np.float32(0))
-            rows[row, half + k] = max(tail, np.float32(0))

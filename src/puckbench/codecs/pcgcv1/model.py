@@ -16,7 +16,7 @@ from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import pad
+from torch.nn.functional import linear, pad
 
 from puckbench.codecs.pcgcv2.bottleneck import Bottleneck
 
@@ -39,10 +39,22 @@ class Shape:
 
 
 class Conv(nn.Conv3d):
-    """3x3x3 (or 1x1x1) convolution that keeps the size."""
+    """3x3x3 convolution that keeps the size."""
 
-    def __init__(self, width: int, out: int, size: int = 3) -> None:
-        super().__init__(width, out, size, padding=size // 2)
+    def __init__(self, width: int, out: int) -> None:
+        super().__init__(width, out, 3, padding=1)
+
+
+class Pointwise(nn.Conv3d):
+    """1x1x1 convolution; as a product of matrices, whose gradient PyTorch finds sooner."""
+
+    def __init__(self, width: int, out: int) -> None:
+        super().__init__(width, out, 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(n, c, s, s, s) to (n, d, s, s, s)."""
+        rows = features.movedim(1, -1)
+        return linear(rows, self.weight[:, :, 0, 0, 0], self.bias).movedim(-1, 1)
 
 
 class Down(nn.Conv3d):
@@ -75,9 +87,9 @@ class VoxceptionResNet(nn.Module):
         quarter = width // 4
         self.near_in = Conv(width, quarter)
         self.near_out = Conv(quarter, 2 * quarter)
-        self.point_in = Conv(width, quarter, 1)
+        self.point_in = Pointwise(width, quarter)
         self.middle = Conv(quarter, quarter)
-        self.point_out = Conv(quarter, 2 * quarter, 1)
+        self.point_out = Pointwise(quarter, 2 * quarter)
 
     def forward(self, features: Tensor) -> Tensor:
         """(n, c, s, s, s) to the same; a ReLU after every convolution and after the sum."""

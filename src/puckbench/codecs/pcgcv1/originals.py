@@ -5,6 +5,7 @@ A kernel is stored [d, h, w, in, out], a transposed one [d, h, w, out, in].
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from torch import Tensor
 
 from puckbench.codecs.pcgcv1.model import PCGCv1, Shape
 from puckbench.errors import InputError
+from puckbench.files import read_bytes
 
 _BLOCK = {
     "conv1_1": "near_in",
@@ -61,10 +63,11 @@ def load_original(path: Path) -> PCGCv1:
 
 
 def _read(path: Path) -> dict[str, NDArray[np.float32]]:
+    data = read_bytes(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: np.asarray(archive[name], dtype=np.float32) for name in archive.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not a NumPy archive of weights") from error
 
 

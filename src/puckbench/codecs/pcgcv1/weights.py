@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,13 +88,15 @@ def save_weights(
     return load_weights(path)
 
 
+def _shape(sizes: Mapping[str, Any]) -> Shape:
+    shape = Shape(**sizes)
+    return replace(shape, widths=tuple(sizes["widths"]), hyper=tuple(sizes["hyper"]))
+
+
 def _load_own(path: Path) -> WeightSet:
     found = read_weights(path)
     try:
-        sizes = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in found.header["shape"].items()
-        }
-        shape = Shape(**sizes)
+        shape = _shape(found.header["shape"])
         model = PCGCv1(shape)
         model.load_state_dict(found.state)
         made = tables_of(found.header["tables"])
