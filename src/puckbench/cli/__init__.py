@@ -25,6 +25,7 @@ COMMANDS = {
     "encode": "code a cloud with a codec at a rate",
     "decode": "decode a stream",
     "train": "train a learned codec's weights on clouds",
+    "train_octree": "train the learned octree coder's weights on clouds",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
     "wall": "scan a wall and a floor: the points, in the wall's frame",
     "table": "make a table of the sensor study",
