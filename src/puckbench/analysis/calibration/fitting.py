@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -73,8 +74,9 @@ def fit(
 
     Raises InputError when the search does not end.
     """
-    from scipy.optimize import minimize
+    from scipy import optimize
 
+    minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
     first = start or _start(likelihood, free)
     if not free:
         return first
