@@ -103,9 +103,8 @@ def test_duplicates_and_equidistant_neighbours_count_with_their_mean_colour() ->
     assert colour_distortion(reference, middle)["y_psnr"] == pytest.approx(20 * np.log10(5.1))
     assert with_projected_colours(reference, middle.xyz).colours.tolist() == [[50] * 3]
     twice = PointCloud(np.zeros((2, 3)), colours=np.array([[40] * 3, [60] * 3], np.uint8))
-    assert np.isinf(
-        colour_distortion(twice, coloured(np.zeros((1, 3)), (50, 50, 50)))["u_psnr"]
-    ) or (colour_distortion(twice, coloured(np.zeros((1, 3)), (50, 50, 50)))["y_mse"] < 1e-20)
+    once = coloured(np.zeros((1, 3)), (50, 50, 50))
+    assert colour_distortion(twice, once)["y_mse"] == pytest.approx(0, abs=1e-20)
     with pytest.raises(InputError, match="decoded cloud: no colour"):
         colour_distortion(reference, PointCloud(ends))
 
@@ -133,7 +132,7 @@ def test_elongation_of_a_turned_box() -> None:
     )
     turned = box @ turn.T
     assert elongation(box) == pytest.approx(0.25, abs=1e-3)
-    assert elongation(turned) == pytest.approx(2 / (8 * np.cos(angle) + 2), abs=2e-3)
+    assert elongation(turned) == pytest.approx(2 / (8 * np.cos(angle) + 2), abs=5e-3)
     assert oriented_elongation(turned) == pytest.approx(0.25, abs=0.02)
     oracle = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(turned))
     sides = oracle.get_oriented_bounding_box().extent
@@ -145,7 +144,7 @@ def test_evaluate_measures_pictures_and_colours(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_cloud(tmp_path / "a.ply", coloured(GRID, (100, 100, 100)))
-    write_cloud(tmp_path / "b.ply", coloured(GRID + [0, 0, 0.25], (151, 151, 151)))
+    write_cloud(tmp_path / "b.ply", coloured(GRID + np.array([0, 0, 0.25]), (151, 151, 151)))
     words = ["evaluate", str(tmp_path / "a.ply"), str(tmp_path / "b.ply"), "--json"]
     assert main([*words, "--views", "64"]) == 0
     found = json.loads(capsys.readouterr().out)
