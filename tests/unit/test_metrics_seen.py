@@ -133,7 +133,7 @@ def test_elongation_of_a_turned_box() -> None:
     turned = box @ turn.T
     assert elongation(box) == pytest.approx(0.25, abs=1e-3)
     assert elongation(turned) == pytest.approx(2 / (8 * np.cos(angle) + 2), abs=5e-3)
-    assert oriented_elongation(turned) == pytest.approx(0.25, abs=0.02)
+    assert oriented_elongation(turned) == pytest.approx(0.25, abs=0.06)
     oracle = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(turned))
     sides = oracle.get_oriented_bounding_box().extent
     assert oriented_elongation(turned) == pytest.approx(min(sides) / max(sides), rel=1e-6)

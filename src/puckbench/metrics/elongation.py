@@ -21,7 +21,8 @@ def oriented_elongation(points: Floats) -> float:
 
     This is Open3D's oriented box, which the thesis's author measured. It does not depend on how
     a room is turned, but is no box of least volume: where two principal axes are about as long,
-    as in a square room, it may stand askew, and the elongation is then another than the room's.
+    or hull corners gather on one side, it stands askew: a box of 8 x 4 x 2 filled at random has
+    0.29 in place of 0.25.
     A flat cloud has 0. Raises InputError as `elongation` does.
     """
     from scipy.spatial import ConvexHull, QhullError

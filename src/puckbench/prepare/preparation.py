@@ -40,7 +40,8 @@ def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointC
 
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
-    `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in the scaled frame, as the thesis does.
+    `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
+    the scaled frame, as the thesis does.
     """
     scaling = to_cube(cloud.xyz, size) if size else Scaling(1.0, np.zeros(3))
     xyz = scaling.apply(cloud.xyz)
