@@ -29,6 +29,7 @@ _FIRST = (
 """Columns that come first, in this order, where a table has them; the others follow by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
+_STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _COUNTS = {"truth_points_a", "truth_points_b"}
 _SUMMARY = (
     "bpp",
@@ -70,6 +71,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     about = read_json(file)
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
+    kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 

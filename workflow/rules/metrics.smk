@@ -12,6 +12,7 @@ rule evaluate:
         truth=lambda wildcards, input: truth_arguments(input),
         entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
         peak=lambda wildcards: bench.dataset(wildcards.dataset).settings["size"] - 1,
+        views=lambda wildcards: bench.dataset(wildcards.dataset).settings["views"],
         repeats=bench.config["timing"]["repeats"],
         code=lambda wildcards: bench.codec_code("puckbench.cli.evaluate", wildcards.codec),
     resources:
@@ -24,4 +25,4 @@ rule evaluate:
     shell:
         "python -m puckbench evaluate {input.cloud} {input.stream} {params.truth}"
         " --dataset {wildcards.dataset} --codec {wildcards.codec} --entry {params.entry:q}"
-        " --repeats {params.repeats} --peak {params.peak} --row {output} > {log} 2>&1"
+        " --repeats {params.repeats} --peak {params.peak} --views {params.views} --row {output} > {log} 2>&1"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from puckbench import __version__
 from puckbench.cli.codec_options import codec_arguments
 from puckbench.cli.decode import decode_file
 from puckbench.cli.encode import record_file
+from puckbench.cli.types import whole
 from puckbench.cloud import Floats, PointCloud, read_cloud
 from puckbench.files import read_json, write_json
 
@@ -31,6 +33,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--visible", type=Path, help="true points seen by the sensor, in the reference's frame"
     )
     parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
+    parser.add_argument(
+        "--views", type=whole(0), default=0, help="pixels of six pictures to compare (default: 0)"
+    )
     parser.add_argument("--dataset", help="name of the data set, for the result row")
     parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
     codec_arguments(parser, required=False)
@@ -39,13 +44,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Measure; the answer is the result row."""
     reference = read_cloud(options.reference)
-    points, record = _decoded(options)
+    decoded, record = _decoded(options)
+    points = decoded.xyz
+    found = measures(reference, points, options.peak)
     row = {
         **({"dataset": options.dataset} if options.dataset else {}),
         **{key: reference.about[key] for key in _KEPT if key in reference.about},
         **record,
         "puckbench_version": __version__,
-        **measures(reference, points, options.peak),
+        **found,
+        **_seen(reference, decoded, options.views, found),
         **_truth(options, reference, points),
     }
     row["cloud"] = row.pop("name", options.reference.stem)
@@ -76,12 +84,29 @@ def _diameter(reference: PointCloud) -> float:
     return float(diameter(reference.xyz))
 
 
-def _decoded(options: argparse.Namespace) -> tuple[Floats, dict[str, Any]]:
+def _seen(
+    reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
+) -> dict[str, float]:
+    """Measures of pictures, if asked for, and of colours, where both clouds have them."""
+    found: dict[str, float] = {}
+    if pixels:
+        from puckbench.metrics.views import view_quality
+
+        found |= view_quality(reference, decoded, pixels)
+    if reference.colours is not None and decoded.colours is not None:
+        from puckbench.metrics.colour import colour_distortion, joint_quality
+
+        colour = colour_distortion(reference, decoded)
+        found |= {**colour, "joint_quality": joint_quality(geometry, colour)}
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def _decoded(options: argparse.Namespace) -> tuple[PointCloud, dict[str, Any]]:
     if options.decoded.suffix == ".ply":
-        return read_cloud(options.decoded).xyz, {}
+        return read_cloud(options.decoded), {}
     points, record = decode_file(options.decoded, options)
     beside = record_file(options.decoded)
-    return points, {**(read_json(beside) if beside.exists() else {}), **record}
+    return PointCloud(points), {**(read_json(beside) if beside.exists() else {}), **record}
 
 
 def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) -> dict[str, float]:

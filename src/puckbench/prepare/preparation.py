@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from puckbench.cloud import Floats, PointCloud
+from puckbench.metrics.density import density, in_metres
 from puckbench.metrics.diameter import diameter
+from puckbench.metrics.elongation import elongation, oriented_elongation
 from puckbench.prepare.crop import inside
 from puckbench.prepare.normals import estimate_normals
 from puckbench.prepare.scaling import Scaling, to_cube
@@ -36,12 +38,13 @@ class Returns:
 def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointCloud:
     """A cloud in metres, with normals estimated and scaled to [0, size - 1]; size 0: not scaled.
 
-    Its description gains scale and offset to metres, elongation and extent in metres, and the
-    diameter of the scaled cloud. Normals are estimated in the scaled frame, as the thesis does.
+    Its description gains scale and offset to metres, elongation (of the axis-aligned and of
+    the oriented box), extent in metres, point density and outliers (see
+    `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
+    the scaled frame, as the thesis does.
     """
     scaling = to_cube(cloud.xyz, size) if size else Scaling(1.0, np.zeros(3))
     xyz = scaling.apply(cloud.xyz)
-    extent = np.sort(np.ptp(cloud.xyz, axis=0))
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
@@ -49,7 +52,9 @@ def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointC
         "size": size,
         "neighbours": neighbours,
         "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
-        "elongation": float(extent[0] / extent[2]),
+        "elongation": elongation(cloud.xyz),
+        "elongation_oriented": oriented_elongation(cloud.xyz),
+        **in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)

@@ -1,0 +1,106 @@
+"""A decoded cloud as it is seen: six pictures along the axes, their PSNR and SSIM.
+
+PCC Arena compares such pictures of 1920 x 1920 pixels. Its renderer is a window of Open3D; this one
+needs no display, splats points with a depth buffer and gives the same pixels everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from puckbench.cloud import Floats, PointCloud, check_points
+from puckbench.errors import InputError
+from puckbench.metrics.psnr import psnr
+from puckbench.metrics.ssim import WINDOW, ssim
+from puckbench.render import Image, View, render_cloud
+
+PIXELS = 1920
+"""PCC Arena's width and height."""
+_NEAR, _FAR = 0.0, 200.0
+"""Grey of a cloud without colour at the near and the far side of its box; around it is 255."""
+_AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+def view_quality(
+    reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
+) -> dict[str, float]:
+    """PSNR and SSIM of six pictures of `decoded` against those of `reference`, one frame.
+
+    Where both have colours, the pictures show their luminance (BT.709), else depth: grey by the
+    distance behind the near side of the reference's box. radius: of the discs in pixels, the same
+    for both clouds; when not given, what closes the reference's surface, see `closing_radius`.
+
+    Returns ``view_psnr`` in dB, of the squared error over the pixels of all six pictures with a
+    peak of 255, infinite where they are equal; ``view_ssim``, the mean over the pictures; and
+    ``view_pixels``, ``view_radius``. The empty background counts, as in PCC Arena: values compare
+    only between codecs on one cloud. InputError for pictures smaller than SSIM's window.
+    """
+    check_points(decoded.xyz, "decoded cloud")
+    if pixels < WINDOW:
+        raise InputError(f"views: {pixels} pixels are fewer than the {WINDOW} of SSIM's window")
+    if radius is None:
+        radius = closing_radius(reference.xyz, pixels)
+    coloured = reference.colours is not None and decoded.colours is not None
+    squared, structure = 0.0, 0.0
+    bounds = np.stack([reference.xyz.min(axis=0), reference.xyz.max(axis=0)])
+    for axis in range(len(_AXES)):
+        a, b = (
+            view(cloud, axis, bounds, pixels, radius, coloured).astype(np.float64)
+            for cloud in (reference, decoded)
+        )
+        squared += float(np.mean((a - b) ** 2)) / len(_AXES)
+        structure += ssim(a, b) / len(_AXES)
+    found = {"view_psnr": psnr(squared, 255.0), "view_ssim": structure}
+    return found | {"view_pixels": pixels, "view_radius": radius}
+
+
+def view(
+    cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
+) -> Image:
+    """Picture (pixels, pixels) of a cloud from outside a box (2, 3), grey.
+
+    axis: 0 to 5, from +x, -x, +y, -y, +z and -z. The box's longest side fills the picture but for
+    2 % on either side. coloured: show the luminance of the cloud's colours in place of depth.
+    """
+    direction = np.array(_AXES[axis], dtype=np.float64)
+    centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
+    # Points that a codec moved out of the box are still before the camera.
+    eye = centre + direction * (2 * extent)
+    up = (0.0, 1.0, 0.0) if direction[2] else (0.0, 0.0, 1.0)
+    camera = View(_triple(eye), _triple(centre), up, height=extent * 1.04)
+    greys = _luminance(cloud) if coloured else _depth_grey(cloud.xyz, direction, bounds)
+    colours = np.repeat(greys[:, None], 3, axis=1)
+    size = (pixels, pixels)
+    return render_cloud(cloud.xyz, colours, camera, size, radius=radius, shade=False)[..., 0]
+
+
+def closing_radius(points: Floats, pixels: int) -> int:
+    """Radius in pixels of discs that close most gaps of a surface sampled as `points` are.
+
+    The median distance to the nearest point, twice over (a random sample's gaps are wider than
+    that), and at least 1.
+    """
+    from puckbench.metrics.density import density
+
+    spacing = density(points).get("spacing_median", 0.0)
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    return max(1, math.ceil(2 * spacing * pixels / (1.04 * extent)))
+
+
+def _depth_grey(points: Floats, direction: Floats, bounds: Floats) -> Image:
+    along = bounds @ direction
+    near, depth = along.max(), float(np.ptp(along)) or 1.0
+    share = np.clip((near - points @ direction) / depth, 0, 1)
+    return np.asarray(np.round(_NEAR + (_FAR - _NEAR) * share), dtype=np.uint8)
+
+
+def _luminance(cloud: PointCloud) -> Image:
+    return np.asarray(np.round(np.asarray(cloud.colours) @ _LUMA), dtype=np.uint8)
+
+
+def _triple(values: Floats) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return (x, y, z)
