@@ -20,25 +20,34 @@ from puckbench.meshfiles import read_mesh_report
 from puckbench.meshfiles.reading import y_up_to_z_up
 
 
+Surface = tuple[Floats, NDArray[np.int64]]
+"""Vertices (v, 3), y up, and triangles (t, 3)."""
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """Where a child of a room stands: position (3,), quaternion x, y, z, w, and scale (3,)."""
+
+    position: Floats
+    quaternion: Floats
+    scale: Floats
+
+    def apply(self, points: Floats) -> Floats:
+        """Points (n, 3) of a model in the house, y up: scaled, turned, moved."""
+        return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
+
+
 @dataclass(frozen=True)
 class _Placed:
     """One child of a room: its semantic class and pose, and its model or its own surface.
 
-    model: id of a 3D-FUTURE model, None for surfaces of the house itself. vertices: (v, 3),
-    faces: (t, 3) of such a surface.
+    model: id of a 3D-FUTURE model, None for surfaces of the house itself.
     """
 
     semantic: str
-    position: Floats
-    quaternion: Floats
-    scale: Floats
+    pose: _Pose
     model: str | None = None
-    vertices: Floats | None = None
-    faces: NDArray[np.int64] | None = None
-
-    def apply(self, points: Floats) -> Floats:
-        """Points (n, 3) of the model in the house, y up: scaled, turned, moved."""
-        return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
+    surface: Surface | None = None
 
 
 @dataclass(frozen=True)
@@ -77,11 +86,11 @@ def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None
     left_out = Counter(room.left_out)
     placed: list[tuple[_Placed, Floats, NDArray[np.int64]]] = []
     for thing in room.things:
-        surface = _surface(thing, folder)
+        surface = thing.surface if thing.model is None else _model_of(thing.model, folder)
         if surface is None:
             left_out["model_missing"] += 1
         else:
-            placed.append((thing, y_up_to_z_up(thing.apply(surface[0])), surface[1]))
+            placed.append((thing, y_up_to_z_up(thing.pose.apply(surface[0])), surface[1]))
     if not placed:
         raise InputError(f"{what}: nothing of the room has a surface")
     own = [points for thing, points, _ in placed if thing.model is None]
@@ -101,33 +110,38 @@ def _things(
     children: Any, parts: dict[str, Any], furniture: dict[str, Any], left_out: Counter[str]
 ) -> Iterator[_Placed]:
     for child in children:
-        pose = [np.array(child[key], dtype=np.float64) for key in ("pos", "rot", "scale")]
-        if [len(values) for values in pose] != [3, 4, 3] or not np.isfinite(np.hstack(pose)).all():
-            raise ValueError(f"pos, rot and scale of {child['ref']} are not 3, 4 and 3 numbers")
-        if child["ref"] in parts:
-            yield _own_surface(parts[child["ref"]], pose)
-        elif child["ref"] not in furniture:
+        ref, pose = child["ref"], _pose(child)
+        item = furniture.get(ref)
+        if ref in parts:
+            yield _Placed(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
+        elif item is None:
             left_out["unknown_ref"] += 1
-        elif furniture[child["ref"]].get("valid") is not True:
+        elif item.get("valid") is not True:
             left_out["furniture_not_valid"] += 1
         else:
-            item = furniture[child["ref"]]
             semantic = str(item.get("category") or item.get("title") or "furniture")
-            yield _Placed(semantic, *pose, model=str(item["jid"]))
+            yield _Placed(semantic, pose, model=str(item["jid"]))
 
 
-def _own_surface(part: Any, pose: list[Floats]) -> _Placed:
+def _pose(child: Any) -> _Pose:
+    position, turn, scale = (np.array(child[key], np.float64) for key in ("pos", "rot", "scale"))
+    shapes = (position.shape, turn.shape, scale.shape)
+    if shapes != ((3,), (4,), (3,)) or not np.isfinite([*position, *turn, *scale]).all():
+        raise ValueError(f"pos, rot and scale of {child['ref']} are not 3, 4 and 3 numbers")
+    if not turn.any():
+        raise ValueError(f"the rotation of {child['ref']} is zero")
+    return _Pose(position, turn, scale)
+
+
+def _own_surface(part: Any) -> Surface:
     vertices = np.array(part["xyz"], dtype=np.float64).reshape(-1, 3)
-    faces = np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
-    return _Placed(str(part["type"]), *pose, vertices=vertices, faces=faces)
+    return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
 
 
-def _surface(thing: _Placed, folder: Path) -> tuple[Floats, NDArray[np.int64]] | None:
-    """Vertices (v, 3), y up, and triangles (t, 3); None where the model's file is missing."""
-    if thing.model is None:
-        return thing.vertices, thing.faces  # type: ignore[return-value]
-    path = _model_file(folder, thing.model)
-    return _model(path) if path.is_file() else None
+def _model_of(model: str, folder: Path) -> Surface | None:
+    """The surface of a model; None where its file is missing."""
+    path = _model_file(folder, model)
+    return _read_model(path) if path.is_file() else None
 
 
 def _model_file(folder: Path, model: str) -> Path:
@@ -135,17 +149,14 @@ def _model_file(folder: Path, model: str) -> Path:
 
 
 @lru_cache(maxsize=64)
-def _model(path: Path) -> tuple[Floats, NDArray[np.int64]]:
+def _read_model(path: Path) -> Surface:
     mesh, _ = read_mesh_report(path, up="z")  # left as it is: the whole room is turned
     return mesh.vertices, mesh.triangles
 
 
 def _rotation(quaternion: Floats) -> Floats:
     """Rotation matrix (3, 3) of a quaternion x, y, z, w of any length."""
-    length = float(np.linalg.norm(quaternion))
-    if length == 0:
-        raise InputError("a rotation of length 0")
-    x, y, z, w = (quaternion / length).tolist()
+    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 

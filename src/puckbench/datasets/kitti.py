@@ -25,8 +25,17 @@ _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
 _PUBLISHED = {
     "training": 7481,
     "testing": 7518,
-    **dict(zip(("00", "01", "02", "03", "04", "05"), (4541, 1101, 4661, 801, 271, 2761))),
-    **dict(zip(("06", "07", "08", "09", "10"), (1101, 1101, 4071, 1591, 1201))),
+    "00": 4541,
+    "01": 1101,
+    "02": 4661,
+    "03": 801,
+    "04": 271,
+    "05": 2761,
+    "06": 1101,
+    "07": 1101,
+    "08": 4071,
+    "09": 1591,
+    "10": 1201,
 }
 _LICENCE = "CC BY-NC-SA 3.0"
 _CREDIT = 'A. Geiger, P. Lenz, R. Urtasun, "Are we ready for Autonomous Driving?", CVPR 2012'
@@ -108,5 +117,5 @@ def _part(folder: Path) -> str:
 
 
 def _frames(folder: Path) -> list[str]:
-    names = sorted(os.listdir(folder))
+    names = sorted(entry.name for entry in os.scandir(folder))
     return [name for name in names if name.endswith(".bin") and not name.startswith(".")]

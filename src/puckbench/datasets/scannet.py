@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -73,7 +73,7 @@ class ScanNet:
 
     def counts(self) -> list[Count]:
         """Scans of the public part."""
-        return [Count("scans", len(replace(self).names()), _PUBLISHED)]
+        return [Count("scans", len(self.names()), _PUBLISHED)]
 
     @cached_property
     def _table(self) -> dict[str, Path]:
