@@ -19,7 +19,6 @@ from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
 from puckbench.meshfiles import read_mesh_report
 from puckbench.meshfiles.reading import y_up_to_z_up
 
-
 Surface = tuple[Floats, NDArray[np.int64]]
 """Vertices (v, 3), y up, and triangles (t, 3)."""
 
