@@ -101,9 +101,19 @@ def test_a_voxelised_body_keeps_its_colours_and_grid(tmp_path: Path) -> None:
     assert cloud.colours.tolist() == [[255, 0, 128], [1, 2, 3]]
     voxels = cloud.xyz / scene.about["metres_per_voxel"]
     np.testing.assert_allclose(voxels, [[10, -7, 1023], [0, 0, 0]], atol=1e-9)
-    assert scene.about["metres_per_voxel"] == pytest.approx(0.00175, abs=1e-5)  # the authors' word
+    assert scene.about["metres_per_voxel"] == pytest.approx(1.8 / 1024)
     assert scene.about["double_voxels"] == 1
     assert scene.group == "loot"
+
+
+def test_a_voxel_has_the_size_of_the_header_unless_another_is_given(tmp_path: Path) -> None:
+    comment = "comment frame_to_world_scale 0.181985\ncomment width 1023\nelement"
+    text = HEADER.replace("element", comment, 1).format(3) + "\n".join(VOXELS) + "\n"
+    put(tmp_path / "loot_vox10_1000.ply", text.encode())
+    own = Voxelised8i(str(tmp_path)).load("loot_vox10_1000")
+    given = Voxelised8i(str(tmp_path), height_m=1.024).load("loot_vox10_1000")
+    assert own.about["metres_per_voxel"] == pytest.approx(0.00181985)
+    assert given.about["metres_per_voxel"] == pytest.approx(0.001)
 
 
 def test_the_colours_survive_a_file_of_ours(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_stanford_models_are_found_by_their_files_and_have_their_units(tmp_path:
     assert lucy.mesh is not None
     assert bunny.mesh.bounds()[1].tolist() == [100, 0, 200]  # metres, y up
     assert lucy.mesh.bounds()[1].tolist() == [0.1, 0.2, 0]  # millimetres, z up
-    assert (bunny.about["triangles"], bunny.about["faces_published"]) == (1, 69_451)
+    assert (bunny.about["triangles"], bunny.about["faces_expected"]) == (1, 69_451)
 
 
 def test_a_stanford_model_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ _ASK = (
 
 @dataclass(frozen=True)
 class _Model:
-    """A model's file at full resolution, its up axis, its unit in metres and published faces.
+    """A model's file at full resolution, its up axis, its unit in metres and its faces where known.
 
     The repository names no unit: the models of the first years are in metres, the later ones have
     the size of the thing in millimetres.
@@ -35,7 +35,8 @@ class _Model:
     triangles: int | None = None
 
 
-# The repository's page says 1,132,830 triangles for the dragon; dragon_vrip.ply has 871,414.
+# The faces of the files; the repository's page gives 1,132,830 for the dragon and 7,218,906 for the
+# Asian dragon.
 _MODELS = {
     "armadillo": _Model("Armadillo.ply", "y", 0.001, 345_944),
     "asian_dragon": _Model("xyzrgb_dragon.ply", "y", 0.001, 7_219_045),
@@ -45,7 +46,7 @@ _MODELS = {
     "happy_buddha": _Model("happy_vrip.ply", "y", 1.0, 1_087_716),
     "lucy": _Model("lucy.ply", "z", 0.001, 28_055_742),
     "thai_statue": _Model("xyzrgb_statuette.ply", "y", 0.001, 10_000_000),
-    "vellum_manuscript": _Model("xyzrgb_manuscript.ply", "z", 0.001, 4_305_818),
+    "vellum_manuscript": _Model("xyzrgb_manuscript.ply", "z", 0.001),
 }
 
 
@@ -69,7 +70,7 @@ class StanfordScans:
         return [found(self._table, name, self.path)]
 
     def load(self, name: str) -> Scene:
-        """Read the model; `about` has the number of faces published, beside those found."""
+        """Read the model; `about` has the number of faces that the file should have, beside those found."""
         path = found(self._table, name, self.path)
         model = _MODELS[name]
         mesh, report = read_mesh_report(path, up=model.up)
@@ -78,7 +79,7 @@ class StanfordScans:
             "licence": _LICENCE,
             "credit": _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT,
             "metres_per_unit": model.unit,
-            "faces_published": model.triangles,
+            "faces_expected": model.triangles,
             **report,
         }
         scaled = Mesh(mesh.vertices * model.unit, mesh.triangles)

@@ -15,9 +15,13 @@ from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found, unique_names
 from puckbench.errors import InputError
+from puckbench.files import read_bytes
 from puckbench.meshfiles.reading import y_up_to_z_up
 
 _FRAME = re.compile(r"(?P<sequence>\w+?)_vox(?P<bits>\d+)(?:_(?P<frame>\d+))?", re.ASCII)
+_SCALE = re.compile(rb"^comment frame_to_world_scale (\d*\.?\d+)\s*$", re.MULTILINE)
+_HEADER_BYTES = 4096
+_HEIGHT_M = 1.8
 _FRAMES = 300
 _SEQUENCES = ("longdress", "loot", "redandblack", "soldier")
 _LICENCE = "8i's licence agreement: MPEG, JPEG and research that is not commercial"
@@ -36,20 +40,22 @@ class Voxelised8i:
     """Frames ``<sequence>_vox<bits>_<frame>.ply`` anywhere below a folder.
 
     path: the folder. sequences: names of sequences to keep (longdress, ...); all by default.
-    every: take one frame of so many. height_m: length of the grid's side; the authors give 1.8 m,
-    1.75 mm to the voxel. Scenes are named as their files and grouped by sequence. Colours are
-    kept. Y is up, and turned to z. InputError for coordinates that are not on the grid.
+    every: take one frame of so many. height_m: length of the grid's side; by default a voxel has
+    the ``frame_to_world_scale`` of the file's header, taken for cm (it is about 0.18), or where
+    there is none 1.8 m, a person's height, over the number of voxels. Scenes are named as their
+    files and grouped by sequence. Colours are kept. Y is up, and turned to z. InputError for
+    coordinates that are not on the grid.
     """
 
     path: str
     sequences: tuple[str, ...] | None = None
     every: int = 1
-    height_m: float = 1.8
+    height_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.every < 1:
             raise InputError(f"every: {self.every} is not at least 1")
-        if self.height_m <= 0:
+        if self.height_m is not None and self.height_m <= 0:
             raise InputError(f"height_m: {self.height_m} is not above 0")
 
     def names(self) -> list[str]:
@@ -70,7 +76,7 @@ class Voxelised8i:
         path = found(self._table, name, self.path)
         bits = _bits(name)
         voxels, doubles = _distinct(_on_grid(read_cloud(path), bits, path))
-        step = self.height_m / 2**bits
+        step = self._metres_per_voxel(path, bits)
         about: dict[str, Any] = {
             "source": f"8i {path.name}",
             "licence": _LICENCE,
@@ -88,6 +94,13 @@ class Voxelised8i:
         """Frames of the four sequences of 8iVFB v2."""
         held = [_sequence(name) for name in replace(self, sequences=None, every=1).names()]
         return [Count(sequence, held.count(sequence), _FRAMES) for sequence in _SEQUENCES]
+
+    def _metres_per_voxel(self, path: Path, bits: int) -> float:
+        scale = _SCALE.search(read_bytes(path)[:_HEADER_BYTES])
+        if self.height_m is None and scale is not None:
+            return float(scale[1]) / 100
+        side = _HEIGHT_M if self.height_m is None else self.height_m
+        return side / float(2**bits)
 
     @cached_property
     def _table(self) -> dict[str, Path]:
