@@ -70,7 +70,7 @@ class StanfordScans:
         return [found(self._table, name, self.path)]
 
     def load(self, name: str) -> Scene:
-        """Read the model; `about` has the number of faces that the file should have, beside those found."""
+        """Read the model; `about` has the faces that the file should have, and those found."""
         path = found(self._table, name, self.path)
         model = _MODELS[name]
         mesh, report = read_mesh_report(path, up=model.up)
