@@ -173,6 +173,19 @@ def test_codecs_and_datasets_are_listed(capsys: pytest.CaptureFixture[str]) -> N
     assert "r1 quantization_bits 4" in capsys.readouterr().out
 
 
+def test_what_is_there_of_a_data_set_is_counted(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "Area_1" / "office_1").mkdir(parents=True)
+    (tmp_path / "Area_1" / "office_1" / "office_1.txt").write_text("1 2 3 4 5 6\n")
+    options = json.dumps({"path": str(tmp_path)})
+    counted = _json(capsys, "datasets", "--check", "s3dis", "--options", options)
+    assert counted["scenes"] == 1
+    assert counted["Area_1"] == "1 of 44 published, which differs"
+    members = _json(capsys, "datasets", "--check", "embedded_objects", "--options", "{}")
+    assert members == {"scenes": 180}
+
+
 def test_help_names_every_command() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "puckbench", "--help"], capture_output=True, text=True, check=True

@@ -124,6 +124,13 @@ def test_rooms_of_all_areas_or_of_some(tree: Path) -> None:
         S3DIS(str(tree), areas=("Area_2",)).names()
 
 
+def test_rooms_are_counted_against_the_release(tree: Path) -> None:
+    counts = {count.what: count for count in S3DIS(str(tree), areas=("Area_1",)).counts()}
+    assert sum(count.published for count in counts.values()) == 272
+    assert counts["Area_6"].line() == "2 of 48 published, which differs"
+    assert counts["Area_2"].held == 0
+
+
 def test_a_raw_room_needs_no_annotations(tree: Path) -> None:
     scene = S3DIS(str(tree)).load("Area_6_hallway_2")
     assert scene.cloud is not None

@@ -55,7 +55,20 @@ def test_a_wrong_option_is_named(loader: str, options: Mapping[str, Any], messag
         open_scene_set(loader, options)
 
 
-SETS_ON_DISK = ["capod", "captured_rooms", "mesh_folder", "s3dis", "sweethome3d"]
+SETS_ON_DISK = [
+    "capod",
+    "captured_rooms",
+    "kitti",
+    "matterport3d",
+    "mesh_folder",
+    "modelnet40",
+    "s3dis",
+    "scannet",
+    "shapenetcore",
+    "stanford_scans",
+    "sweethome3d",
+    "voxelised8i",
+]
 
 
 @pytest.mark.parametrize("loader", SETS_ON_DISK)
@@ -68,6 +81,19 @@ def test_a_missing_or_empty_folder_is_named(tmp_path: Path, loader: str, exists:
         open_scene_set(loader, {"path": str(folder)}).names()
     assert str(folder) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+ASKED_FOR = ["kitti", "matterport3d", "modelnet40", "scannet", "shapenetcore", "voxelised8i"]
+
+
+@pytest.mark.parametrize("loader", ASKED_FOR)
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_set_that_is_not_there_tells_what_to_put_there(
+    tmp_path: Path, loader: str, exists: bool
+) -> None:
+    folder = tmp_path if exists else tmp_path / "data"
+    with pytest.raises(InputError, match=r"should lie there, .* in it"):
+        open_scene_set(loader, {"path": str(folder)}).names()
 
 
 def test_a_loader_of_ones_own(tmp_path: Path) -> None:

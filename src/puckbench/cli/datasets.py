@@ -1,4 +1,4 @@
-"""`puckbench datasets`: the loaders of scene sets and their options."""
+"""`puckbench datasets`: the loaders of scene sets and their options, and what is there of one."""
 
 from __future__ import annotations
 
@@ -6,18 +6,33 @@ import argparse
 from dataclasses import MISSING, fields
 from typing import Any
 
-from puckbench.datasets.registry import REGISTRY
+from puckbench.cli.types import json_object
+from puckbench.datasets.counts import Counted
+from puckbench.datasets.registry import REGISTRY, open_scene_set
 from puckbench.plugins import load_class
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """No arguments."""
+    """Declare the command's arguments."""
+    parser.add_argument("--check", metavar="LOADER", help="count what is there of one set")
+    parser.add_argument("--options", type=json_object, default={}, help="options of that loader")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """One line (or JSON member) for each loader: its options, and the defaults they have."""
+    """One line (or JSON member) for each loader: its options, and the defaults they have.
+
+    With a loader to check: its number of scenes, and its counts against those published.
+    """
+    if options.check:
+        return _checked(options.check, options.options)
     table = {name: _options(name) for name in REGISTRY}
     return table if options.json else {name: _line(found) for name, found in table.items()}
+
+
+def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:
+    scenes = open_scene_set(loader, options)
+    counts = scenes.counts() if isinstance(scenes, Counted) else []
+    return {"scenes": len(scenes.names()), **{count.what: count.line() for count in counts}}
 
 
 def _options(loader: str) -> dict[str, Any]:

@@ -16,10 +16,18 @@ REGISTRY = {
     "captured_rooms": "puckbench.datasets.captured_rooms:CapturedRooms",
     "embedded_objects": "puckbench.datasets.embedded_objects:EmbeddedObjects",
     "embedded_rooms": "puckbench.datasets.embedded_rooms:EmbeddedRooms",
+    "front3d": "puckbench.datasets.front3d:Front3D",
+    "kitti": "puckbench.datasets.kitti:Kitti",
+    "matterport3d": "puckbench.datasets.matterport3d:Matterport3D",
     "mesh_folder": "puckbench.datasets.mesh_folder:MeshFolder",
+    "modelnet40": "puckbench.datasets.modelnet40:ModelNet40",
     "s3dis": "puckbench.datasets.s3dis:S3DIS",
+    "scannet": "puckbench.datasets.scannet:ScanNet",
+    "shapenetcore": "puckbench.datasets.shapenetcore:ShapeNetCore",
     "stanford2d3d": "puckbench.datasets.stanford2d3d:Stanford2D3D",
+    "stanford_scans": "puckbench.datasets.stanford_scans:StanfordScans",
     "sweethome3d": "puckbench.datasets.sweethome3d:SweetHome3D",
+    "voxelised8i": "puckbench.datasets.voxelised8i:Voxelised8i",
 }
 
 

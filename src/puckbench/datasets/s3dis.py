@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from puckbench.cloud import PointCloud
+from puckbench.datasets.counts import Count
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
 from puckbench.datasets.xyzrgb import TextCloud, read_xyzrgb
 from puckbench.errors import InputError
@@ -31,6 +32,7 @@ CLASSES = (
     "board",
     "clutter",
 )
+_ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _COPY = re.compile(r" \(\d+\)$")
 _NUMBER = re.compile(r"_\d+$")
 _LICENCE = "terms of Stanford's S3DIS, not redistributable"
@@ -67,6 +69,11 @@ class S3DIS:
         box = np.stack([cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)])
         group = _NUMBER.sub("", folder.name)
         return Scene(name, group, cloud=cloud, box=box, about=cloud.about)
+
+    def counts(self) -> list[Count]:
+        """Rooms of each area; 272 in all."""
+        areas = [room.parent.name for room in replace(self, areas=None)._table.values()]
+        return [Count(area, areas.count(area), rooms) for area, rooms in _ROOMS.items()]
 
     @cached_property
     def _table(self) -> dict[str, Path]:

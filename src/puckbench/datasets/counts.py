@@ -1,0 +1,28 @@
+"""How much of a data set is there, against what its authors published."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+
+@dataclass(frozen=True)
+class Count:
+    """One published count: `what` is counted, how many are `held`, how many `published`."""
+
+    what: str
+    held: int
+    published: int
+
+    def line(self) -> str:
+        """The count in words; what differs says so."""
+        verdict = "" if self.held == self.published else ", which differs"
+        return f"{self.held} of {self.published} published{verdict}"
+
+
+@runtime_checkable
+class Counted(Protocol):
+    """A scene set whose counts can be checked."""
+
+    def counts(self) -> list[Count]:
+        """What is there, whatever the options choose of it, against what was published."""

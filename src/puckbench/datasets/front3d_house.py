@@ -1,0 +1,175 @@
+"""Reading a house of 3D-FRONT: what stands in its rooms, and where."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.cloud import Floats
+from puckbench.errors import InputError
+from puckbench.files import read_json
+from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.meshfiles import read_mesh_report
+from puckbench.meshfiles.reading import y_up_to_z_up
+
+Surface = tuple[Floats, NDArray[np.int64]]
+"""Vertices (v, 3), y up, and triangles (t, 3)."""
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """Where a child of a room stands: position (3,), quaternion x, y, z, w, and scale (3,)."""
+
+    position: Floats
+    quaternion: Floats
+    scale: Floats
+
+    def apply(self, points: Floats) -> Floats:
+        """Points (n, 3) of a model in the house, y up: scaled, turned, moved."""
+        return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """One child of a room: its semantic class and pose, and its model or its own surface.
+
+    model: id of a 3D-FUTURE model, None for surfaces of the house itself.
+    """
+
+    semantic: str
+    pose: _Pose
+    model: str | None = None
+    surface: Surface | None = None
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room of a house: name (LivingRoom-1234), kind (LivingRoom), things, and what lacks."""
+
+    name: str
+    kind: str
+    things: tuple[_Placed, ...]
+    left_out: dict[str, int]
+
+    def models(self, folder: Path) -> list[Path]:
+        """Files of the models that the room's furniture has, each once."""
+        ids = dict.fromkeys(thing.model for thing in self.things if thing.model is not None)
+        return [_model_file(folder, model) for model in ids]
+
+
+def read_rooms(path: Path) -> list[Room]:
+    """The rooms of a house file that have any surface; InputError when it is damaged."""
+    house = read_json(path)
+    try:
+        parts = {part["uid"]: part for part in house["mesh"]}
+        furniture = {item["uid"]: item for item in house["furniture"]}
+        rooms = [_room(room, parts, furniture) for room in house["scene"]["room"]]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path}: not a readable house of 3D-FRONT ({error!r})") from error
+    return [room for room in rooms if room.things]
+
+
+def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None, dict[str, int]]:
+    """The room's labelled mesh in metres with z up, the box of its own surfaces, and left-outs.
+
+    `folder` holds the models. The box (2, 3) is None for a room of furniture alone. InputError
+    when nothing of the room has a surface.
+    """
+    left_out = Counter(room.left_out)
+    placed: list[tuple[_Placed, Floats, NDArray[np.int64]]] = []
+    for thing in room.things:
+        surface = thing.surface if thing.model is None else _model_of(thing.model, folder)
+        if surface is None:
+            left_out["model_missing"] += 1
+        else:
+            placed.append((thing, y_up_to_z_up(thing.pose.apply(surface[0])), surface[1]))
+    if not placed:
+        raise InputError(f"{what}: nothing of the room has a surface")
+    own = [points for thing, points, _ in placed if thing.model is None]
+    box = np.stack([np.vstack(own).min(axis=0), np.vstack(own).max(axis=0)]) if own else None
+    mesh = _joined(placed)
+    check_mesh(mesh, what)
+    return mesh, box, dict(left_out)
+
+
+def _room(room: Any, parts: dict[str, Any], furniture: dict[str, Any]) -> Room:
+    left_out: Counter[str] = Counter()
+    things = tuple(_things(room["children"], parts, furniture, left_out))
+    return Room(str(room["instanceid"]), str(room["type"]), things, dict(left_out))
+
+
+def _things(
+    children: Any, parts: dict[str, Any], furniture: dict[str, Any], left_out: Counter[str]
+) -> Iterator[_Placed]:
+    for child in children:
+        ref, pose = child["ref"], _pose(child)
+        item = furniture.get(ref)
+        if ref in parts:
+            yield _Placed(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
+        elif item is None:
+            left_out["unknown_ref"] += 1
+        elif item.get("valid") is not True:
+            left_out["furniture_not_valid"] += 1
+        else:
+            semantic = str(item.get("category") or item.get("title") or "furniture")
+            yield _Placed(semantic, pose, model=str(item["jid"]))
+
+
+def _pose(child: Any) -> _Pose:
+    position, turn, scale = (np.array(child[key], np.float64) for key in ("pos", "rot", "scale"))
+    shapes = (position.shape, turn.shape, scale.shape)
+    if shapes != ((3,), (4,), (3,)) or not np.isfinite([*position, *turn, *scale]).all():
+        raise ValueError(f"pos, rot and scale of {child['ref']} are not 3, 4 and 3 numbers")
+    if not turn.any():
+        raise ValueError(f"the rotation of {child['ref']} is zero")
+    return _Pose(position, turn, scale)
+
+
+def _own_surface(part: Any) -> Surface:
+    vertices = np.array(part["xyz"], dtype=np.float64).reshape(-1, 3)
+    return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
+
+
+def _model_of(model: str, folder: Path) -> Surface | None:
+    """The surface of a model; None where its file is missing."""
+    path = _model_file(folder, model)
+    return _read_model(path) if path.is_file() else None
+
+
+def _model_file(folder: Path, model: str) -> Path:
+    return folder / model / "raw_model.obj"
+
+
+@lru_cache(maxsize=64)
+def _read_model(path: Path) -> Surface:
+    mesh, _ = read_mesh_report(path, up="z")  # left as it is: the whole room is turned
+    return mesh.vertices, mesh.triangles
+
+
+def _rotation(quaternion: Floats) -> Floats:
+    """Rotation matrix (3, 3) of a quaternion x, y, z, w of any length."""
+    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+
+
+def _joined(placed: list[tuple[_Placed, Floats, NDArray[np.int64]]]) -> Mesh:
+    """One mesh, each thing an object of its semantic class, all surfaces freeform."""
+    starts = np.cumsum([0, *(len(points) for _, points, _ in placed)])
+    triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
+    sizes = [len(faces) for _, _, faces in placed]
+    owner = np.repeat(np.arange(len(placed), dtype=np.int32), sizes)
+    seen: Counter[str] = Counter()
+    objects = []
+    for thing, _, _ in placed:
+        seen[thing.semantic] += 1
+        objects.append(SceneObject(f"{thing.semantic}_{seen[thing.semantic]}", thing.semantic))
+    labels = Labels(owner, np.zeros_like(owner), tuple(objects), (Primitive("freeform", {}),))
+    return Mesh(np.vstack([points for _, points, _ in placed]), np.concatenate(triangles), labels)
