@@ -9,24 +9,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from puckbench.analysis import joining
 from puckbench.analysis.residuals import Procedure
 from puckbench.scenes.calibration import facing_the_wall
 from puckbench.seeding import generator
 from puckbench.sensor import ScanTable, Sensor, load_sensor, open_error_model, scan
 
 SURFACES = ("wall", "floor", "surroundings")
-COLUMNS = (
-    "model",
-    "surface",
-    "distance_m",
-    "laser_id",
-    "elevation_deg",
-    "x_m",
-    "y_m",
-    "z_m",
-    "range_error_m",
-    "incidence_rad",
-)
+COLUMNS = joining.COLUMNS["scans"]
 """Columns of a table of points: the wall is at y = 0, the floor at z = 0, the sensor at
 y = `distance_m`, z = 1; `range_error_m` is the measured distance less the true one. Wall and floor
 are parts of a room; what else the sensor sees of it is the surface "surroundings"."""

@@ -1,29 +1,28 @@
-"""A set of weights: the network, integer tables for each rate, and where they come from.
-
-Our own format is one file: magic, version and length, a JSON header (shape, alphas, tables, names
-and shapes of tensors, model card), then the tensors in half precision, one after the other.
-"""
+"""A set of weights: the network, integer tables for each rate, and where they come from."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
-
-from puckbench.codecs.pcgcv2.bottleneck import Table, tables
-from puckbench.codecs.pcgcv2.catalogue import MAGIC, START, SUFFIX, VERSION, alphas_of, header_of
+from puckbench.codecs.pcgcv2.bottleneck import tables
+from puckbench.codecs.pcgcv2.catalogue import SUFFIX, alphas_of
 from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
 from puckbench.codecs.pcgcv2.originals import load_original
+from puckbench.codecs.weightsfile import (
+    TableSets,
+    digest_of,
+    halved,
+    plain_tables,
+    read_weights,
+    tables_of,
+    write_weights,
+)
 from puckbench.errors import InputError
-from puckbench.files import read_bytes, write_bytes
-
-_DIGEST = 8
+from puckbench.files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class WeightSet:
 
     model: PCGCv2
     alphas: tuple[float, ...]
-    tables: tuple[tuple[Table, ...], ...]
+    tables: TableSets
     digest: bytes
     card: Mapping[str, Any]
 
@@ -49,19 +48,9 @@ def load_weights(path: Path) -> WeightSet:
 def _load_original(path: Path) -> WeightSet:
     model = load_original(path)
     made = (tables(model.bottleneck(0)),)
-    digest = _digest(read_bytes(path) + json.dumps(_plain(made)).encode())
+    digest = digest_of(read_bytes(path) + json.dumps(plain_tables(made)).encode())
     card = {"origin": "authors' checkpoint", "file": path.name}
     return WeightSet(model, tuple(alphas_of(path)), made, digest, card)
-
-
-def _digest(data: bytes) -> bytes:
-    return hashlib.sha256(data).digest()[:_DIGEST]
-
-
-def _plain(sets: tuple[tuple[Table, ...], ...]) -> list[list[dict[str, Any]]]:
-    return [
-        [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate] for rate in sets
-    ]
 
 
 def save_weights(
@@ -71,50 +60,30 @@ def save_weights(
 
     Returns the set as `load_weights` reads it.
     """
-    halves = {name: value.detach().half().cpu() for name, value in model.state_dict().items()}
     rounded = PCGCv2(model.shape)
-    rounded.load_state_dict({name: value.float() for name, value in halves.items()})
+    rounded.load_state_dict(halved(model.state_dict()))
     made = tuple(tables(rounded.bottleneck(rate)) for rate in range(model.shape.rates))
     header = {
         "shape": asdict(model.shape),
         "alphas": list(alphas),
-        "tables": _plain(made),
-        "tensors": [{"name": name, "shape": list(v.shape)} for name, v in halves.items()],
+        "tables": plain_tables(made),
         "card": dict(card),
     }
-    text = json.dumps(header, sort_keys=True).encode()
-    body = b"".join(value.numpy().astype("<f2").tobytes() for value in halves.values())
-    write_bytes(path, START.pack(MAGIC, VERSION, len(text)) + text + body)
+    write_weights(path, header, rounded.state_dict())
     return load_weights(path)
 
 
 def _load_own(path: Path) -> WeightSet:
-    header, data = header_of(path), read_bytes(path)
-    at = START.size + START.unpack_from(data)[2]
+    found = read_weights(path)
     try:
-        shape = Shape(**header["shape"])
-        model = PCGCv2(replace(shape, widths=tuple(header["shape"]["widths"])))
-        model.load_state_dict(_tensors(header["tensors"], data[at:]))
-        read = tuple(tuple(_table(table) for table in rate) for rate in header["tables"])
-        alphas = tuple(float(alpha) for alpha in header["alphas"])
+        shape = Shape(**found.header["shape"])
+        model = PCGCv2(replace(shape, widths=tuple(found.header["shape"]["widths"])))
+        model.load_state_dict(found.state)
+        made = tables_of(found.header["tables"])
+        alphas = tuple(float(alpha) for alpha in found.header["alphas"])
+        card = found.header["card"]
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: damaged weights") from error
-    if not len(read) == len(alphas) == shape.rates:
+    if not len(made) == len(alphas) == shape.rates:
         raise InputError(f"{path}: damaged weights (rates)")
-    return WeightSet(model.eval(), alphas, read, _digest(data), header["card"])
-
-
-def _tensors(named: list[dict[str, Any]], data: bytes) -> dict[str, torch.Tensor]:
-    values = np.frombuffer(data, dtype="<f2").astype(np.float32)
-    sizes = [int(np.prod(entry["shape"])) for entry in named]
-    if sum(sizes) != len(values):
-        raise ValueError("tensors and data differ in size")
-    parts = np.split(values, np.cumsum(sizes)[:-1])
-    return {
-        entry["name"]: torch.from_numpy(part.reshape(entry["shape"]).copy())
-        for entry, part in zip(named, parts, strict=True)
-    }
-
-
-def _table(plain: Mapping[str, Any]) -> Table:
-    return Table(int(plain["lowest"]), np.array(plain["frequencies"], dtype=np.int32))
+    return WeightSet(model.eval(), alphas, made, found.digest, card)
