@@ -88,4 +88,6 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
     ]
     medians = groups[numbers].median().assign(clouds=groups.size())
+    if "weights" in table:
+        medians["weights"] = groups["weights"].first()
     return pd.concat([medians, *shares], axis=1).reset_index()

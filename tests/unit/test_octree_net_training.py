@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from puckbench.cli import main
-from puckbench.cloud import PointCloud, write_cloud
-from puckbench.codecs.octree_net.coder import Coder
+from puckbench.codecs.learned.training import train
 from puckbench.codecs.octree_net.examples import Examples
 from puckbench.codecs.octree_net.fixed import MOST_SUM, largest_sum, rounded, weight
 from puckbench.codecs.octree_net.model import Layer, OctreeNet, Shape
-from puckbench.codecs.octree_net.training import Trainer, Training, bits_per_level, limit, train
-from puckbench.codecs.octree_net.weights import load_weights
+from puckbench.codecs.octree_net.recipe import Training
+from puckbench.codecs.octree_net.training import Trainer, bits_per_level, limit
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import morton_keys, morton_voxels
 from puckbench.errors import InputError
@@ -31,7 +29,7 @@ def _examples(seed: int = 1) -> Examples:
 
 def _trainer(workers: Crew, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
-    return Trainer(OctreeNet(Shape(width=8)), Training(steps, side=16), workers)
+    return Trainer(OctreeNet(Shape(width=8)), Training(steps=steps, side=16), workers)
 
 
 def test_training_lowers_the_bits() -> None:
@@ -100,19 +98,3 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(InputError, match="no cube of 8 voxels' side holds 5000"):
         Examples([_room()], side=8, fewest=5000).batch(0)
-
-
-def test_the_command_trains_resumes_and_exports(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", PointCloud(_room(20_000)))
-    command = ["train_octree", f"{tmp_path}/a.ply", "--out", f"{tmp_path}/set.pcgw"]
-    command += ["--side", "32", "--cubes", "1", "--width", "8"]
-    assert main([*command, "--steps", "2", "--json"]) == 0
-    weights = load_weights(tmp_path / "set.pcgw")
-    assert weights.card["data"] == ["a.ply"]
-    assert weights.card["steps"] == 2
-    rows = (tmp_path / "set.csv").read_text().splitlines()
-    assert [row.split(",")[0] for row in rows] == ["step", "1", "2"]
-    keys = np.unique(morton_keys(_room().clip(0, 63).astype(np.int64)))
-    part = Coder(weights.model, 1).encode(keys)
-    assert np.array_equal(Coder(weights.model, 2).decode(part), keys)
-    assert main([*command, "--steps", "3"]) == 2

@@ -1,27 +1,20 @@
 """Training PCGCv1: the loss in closed form where it has one, and that a step lowers it."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import torch
+from learned_codecs import ALPHAS, TINY1
 
-from puckbench.codecs.pcgcv1.model import PCGCv1, Shape
-from puckbench.codecs.pcgcv1.training import BETA, loss_of, spread_gains, step
+from puckbench.codecs.learned.gains import spread_gains
+from puckbench.codecs.pcgcv1.model import PCGCv1
+from puckbench.codecs.pcgcv1.recipe import Training
+from puckbench.codecs.pcgcv1.training import BETA, Trainer, dense, loss_of
+from puckbench.codecs.sparse.voxels import distinct, morton_keys
 from puckbench.errors import InputError
 
-TINY = Shape(side=16, widths=(4, 8, 16), latent=4, hyper=(16, 8), blocks=1, rates=2)
-ALPHAS = (1.0, 4.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Layers so small are slower with more."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def _cubes() -> torch.Tensor:
@@ -30,13 +23,22 @@ def _cubes() -> torch.Tensor:
     return cubes
 
 
+def _planes() -> list[np.ndarray]:
+    """The voxels of those cubes."""
+    return [distinct(morton_keys(np.argwhere(cube[0].numpy()))) for cube in _cubes()]
+
+
+def test_cubes_are_as_dense_as_their_voxels_say() -> None:
+    assert torch.equal(dense(_planes(), 16), _cubes())
+
+
 def _noise() -> torch.Generator:
     return torch.Generator().manual_seed(0)
 
 
 def test_an_undecided_network_costs_log_two_for_each_kind_of_voxel() -> None:
     torch.manual_seed(0)
-    model = PCGCv1(TINY)
+    model = PCGCv1(TINY1)
     with torch.no_grad():
         model.synthesis.last.weight.zero_()
         model.synthesis.last.bias.zero_()
@@ -49,7 +51,7 @@ def test_an_undecided_network_costs_log_two_for_each_kind_of_voxel() -> None:
 
 def test_the_latents_bits_grow_with_its_gain() -> None:
     torch.manual_seed(0)
-    model = PCGCv1(TINY)
+    model = PCGCv1(TINY1)
     spread_gains(model, ALPHAS)
     np.testing.assert_allclose(model.log_gains.exp()[:, 0].detach(), [0.5, 1])
     with torch.no_grad():
@@ -60,13 +62,13 @@ def test_the_latents_bits_grow_with_its_gain() -> None:
 
 def test_steps_lower_the_loss_and_reach_every_network() -> None:
     torch.manual_seed(0)
-    model = PCGCv1(TINY)
-    optimiser = torch.optim.Adam(model.parameters(), lr=1e-2)
-    noise = _noise()
+    model = PCGCv1(TINY1)
+    training = Training(alphas=ALPHAS, steps=10, side=16, rate_first=1e-2, rate_last=1e-2)
+    trainer = Trainer(model, training)
     before = loss_of(model, _cubes(), 1, 4.0, _noise()).total.item()
     start = {name: value.clone() for name, value in model.state_dict().items()}
     for _ in range(10):
-        step(model, optimiser, _cubes(), ALPHAS, noise)
+        trainer.step(_planes())
     assert loss_of(model, _cubes(), 1, 4.0, _noise()).total.item() < 0.8 * before
     changed = {n for n, value in model.state_dict().items() if not torch.equal(value, start[n])}
     parts = {name.split(".")[0] for name in changed}
@@ -75,4 +77,4 @@ def test_steps_lower_the_loss_and_reach_every_network() -> None:
 
 def test_as_many_alphas_as_rates() -> None:
     with pytest.raises(InputError, match="number of rates"):
-        spread_gains(PCGCv1(TINY), (1.0,))
+        spread_gains(PCGCv1(TINY1), (1.0,))

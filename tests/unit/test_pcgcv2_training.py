@@ -3,27 +3,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from learned_codecs import ALPHAS, TINY2
 
-from puckbench.cli import main
-from puckbench.cloud import PointCloud, write_cloud
-from puckbench.codecs.pcgcv2.examples import Examples
-from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
-from puckbench.codecs.pcgcv2.training import (
-    Loss,
-    Trainer,
-    Training,
-    batch,
-    loss_of,
-    spread_gains,
-    train,
-)
-from puckbench.codecs.pcgcv2.weights import load_weights
+from puckbench.codecs.learned.examples import Examples, batch
+from puckbench.codecs.learned.gains import spread_gains
+from puckbench.codecs.learned.training import train
+from puckbench.codecs.pcgcv2.model import PCGCv2
+from puckbench.codecs.pcgcv2.recipe import Training
+from puckbench.codecs.pcgcv2.training import Loss, Trainer, loss_of
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import morton_keys, morton_voxels
 from puckbench.errors import InputError
-
-TINY = Shape(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
-ALPHAS = (1.0, 4.0)
 
 
 def _cloud(step: int) -> list[np.ndarray]:
@@ -36,9 +26,9 @@ def _cloud(step: int) -> list[np.ndarray]:
 
 def _trainer(workers: Crew, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
-    model = PCGCv2(TINY)
+    model = PCGCv2(TINY2)
     spread_gains(model, ALPHAS)
-    return Trainer(model, Training(ALPHAS, steps, rate_first=5e-3), workers)
+    return Trainer(model, Training(alphas=ALPHAS, steps=steps, rate_first=5e-3), workers)
 
 
 def _number(value: torch.Tensor) -> float:
@@ -134,23 +124,3 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(InputError, match="no cube of 8 voxels' side holds 500"):
         Examples([_plane()], side=8).batch(0)
-
-
-def test_the_command_trains_resumes_and_exports(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", PointCloud(_plane().astype(float)))
-    command = ["train", f"{tmp_path}/a.ply", "--out", f"{tmp_path}/set.pcgw", "--side", "32"]
-    command += ["--alphas", "4", "1", "--cubes", "1", "--widths", "4", "8", "8", "8"]
-    assert main([*command, "--steps", "3", "--json"]) == 0
-    weights = load_weights(tmp_path / "set.pcgw")
-    assert weights.alphas == (1.0, 4.0)
-    assert weights.card["steps"] == 3
-    assert weights.card["data"] == ["a.ply"]
-    digest = weights.digest
-    assert main([*command, "--steps", "3"]) == 0
-    again = load_weights(tmp_path / "set.pcgw")
-    for name, value in weights.model.state_dict().items():
-        assert torch.equal(again.model.state_dict()[name], value)
-    assert again.digest != digest  # the card says another time
-    rows = (tmp_path / "set.csv").read_text().splitlines()
-    assert [row.split(",")[0] for row in rows] == ["step", "1", "2", "3"]
-    assert main([*command, "--steps", "4"]) == 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object
@@ -16,7 +15,9 @@ from puckbench.errors import InputError
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
     """Declare --codec, --weights, --entry and --repeats."""
     parser.add_argument("--codec", required=required, help="see `puckbench codecs`")
-    parser.add_argument("--weights", type=Path, help="folder of a learned codec's weights")
+    parser.add_argument(
+        "--weights", help="a learned codec's: a shipped set, a file or a folder of weights"
+    )
     parser.add_argument(
         "--entry", type=json_object, default={}, help="changes to the codec's entry, as in a config"
     )
@@ -27,7 +28,7 @@ def chosen_codec(options: argparse.Namespace, name: str) -> Codec:
     """The codec, loaded; InputError when it is unknown or cannot run here."""
     entry = options.entry
     if options.weights:
-        entry = with_options(entry, weights=str(options.weights))
+        entry = with_options(entry, weights=options.weights)
     codec = open_codec(name, entry)
     ok, why = codec.available()
     if not ok:

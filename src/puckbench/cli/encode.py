@@ -30,10 +30,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     codec = chosen_codec(options, options.codec)
     points = read_cloud(options.cloud).xyz
     coded = measured(lambda: codec.encode(points, options.rate), options.repeats, codec.cost)
+    weights = codec.weights_of(options.rate)
     record = {
         "codec": options.codec,
         "rate": options.rate,
         "codec_version": codec.version,
+        **({"weights": weights} if weights else {}),
         "points_in": len(points),
         "bytes": len(coded.result),
         "bpp": 8 * len(coded.result) / len(points),

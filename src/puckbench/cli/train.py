@@ -1,106 +1,140 @@
-"""`puckbench train`: weights of a learned codec from clouds, resumable."""
+"""`puckbench train`: weights of a learned codec from clouds, resumable, measured on others."""
 
 from __future__ import annotations
 
 import argparse
-import csv
+import os
 import sys
-import time
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from puckbench.cli.types import whole
+from puckbench.cli.codec_options import with_options
+from puckbench.cli.types import json_object, whole
 from puckbench.cloud import read_cloud
+from puckbench.codecs.learned.recipe import Training, open_training
+from puckbench.codecs.registry import entry, open_codec
+from puckbench.files import sha256, write_json
+
+if TYPE_CHECKING:
+    from puckbench.codecs.learned.training import Trainer
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("clouds", type=Path, nargs="+", help="prepared clouds to learn from (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="set of weights to write (.pcgw)")
-    parser.add_argument("--alphas", type=float, nargs="+", default=[0.25, 0.5, 1, 2, 4, 6, 10])
-    parser.add_argument("--steps", type=whole(1), default=2000, help="default: %(default)s")
-    parser.add_argument("--cubes", type=whole(1), default=4, help="of a step; default: %(default)s")
-    parser.add_argument("--side", type=whole(8), default=64, help="of a cube, in voxels")
+    parser.add_argument("--codec", default="pcgcv2", help="default: %(default)s")
+    parser.add_argument("--steps", type=whole(1), help="of the training; default: the codec's")
+    parser.add_argument("--seed", type=whole(0), help="default: 1")
     parser.add_argument(
-        "--widths", type=whole(4), nargs=4, default=[16, 32, 64, 32], help="of the network"
+        "--options", type=json_object, default={}, help="further settings of the codec's training"
+    )
+    parser.add_argument(
+        "--entry", type=json_object, default={}, help="changes to the codec's entry, as in a config"
     )
     parser.add_argument("--every", type=whole(1), default=100, help="steps between two savings")
-    parser.add_argument("--seed", type=whole(0), default=1)
+    parser.add_argument(
+        "--validate", type=Path, nargs="+", default=[], help="clouds to measure the set on (PLY)"
+    )
+    parser.add_argument(
+        "--validate-every", type=whole(0), default=0, help="measure it every so many steps too"
+    )
+    parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
+    parser.add_argument(
+        "--code", help="fingerprint of the code: begin anew where anything else made the checkpoint"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Train, going on from the checkpoint beside `out` where there is one, and export the set."""
-    import torch
+    from puckbench.cli.training_curve import Curve
+    from puckbench.codecs.learned.training import train
 
-    from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
-    from puckbench.codecs.pcgcv2.training import Trainer, Training, spread_gains, train
-    from puckbench.codecs.pcgcv2.weights import save_weights
-    from puckbench.codecs.sparse.crew import crew
+    training = _training(options)
+    checkpoint = options.out.with_suffix(".pt")
+    with training.trainer() as trainer:
+        _resume(trainer, checkpoint, options)
+        curve = Curve(trainer, options.out.with_suffix(".csv"), options.every)
 
-    alphas = tuple(sorted(options.alphas))
-    torch.manual_seed(options.seed)
-    model = PCGCv2(Shape(widths=tuple(options.widths), rates=len(alphas)))
-    spread_gains(model, alphas)
-    model.to("cuda" if torch.cuda.is_available() else "cpu")
-    training = Training(alphas, options.steps, seed=options.seed)
-    start, curve = time.perf_counter(), options.out.with_suffix(".csv")
-    with crew() as workers, Curve(curve, start, options.every) as told:
-        trainer = Trainer(model, training, workers)
-        checkpoint = options.out.with_suffix(".pt")
-        train(trainer, _examples(options).batch, checkpoint, options.every, told.note)
-    card = _card(options, time.perf_counter() - start)
-    save_weights(options.out, model.cpu(), alphas, card)
+        def report(step: int, loss: Any) -> None:
+            curve.note(step, loss)
+            if options.validate_every and step % options.validate_every == 0:
+                _measure_now(options, training, trainer)
+
+        examples = training.examples([read_cloud(path).xyz for path in options.clouds])
+        train(trainer, examples.batch, checkpoint, options.every, report)
+        curve.write()
+    return _export(options, training, trainer, curve.seconds)
+
+
+def _training(options: argparse.Namespace) -> Training:
+    given = {"steps": options.steps, "seed": options.seed}
+    settings = {name: value for name, value in given.items() if value is not None}
+    return open_training(options.codec, options.entry, {**settings, **options.options})
+
+
+def _resume(trainer: Trainer[Any, Any], checkpoint: Path, options: argparse.Namespace) -> None:
+    """Go on from the checkpoint; with a fingerprint of the code, remove any other training's."""
+    from puckbench.codecs.learned.training import OtherTrainingError
+
+    code = {} if options.code is None else {"code": options.code}
+    trainer.identity = {"data": [sha256(path) for path in options.clouds], **code}
+    if checkpoint.exists():
+        try:
+            trainer.resume(checkpoint)
+        except OtherTrainingError:
+            if not code:
+                raise
+            checkpoint.unlink()
+
+
+def _export(
+    options: argparse.Namespace, training: Training, trainer: Trainer[Any, Any], seconds: float
+) -> dict[str, Any]:
+    """Write the set, and again with what it was measured to be; the card stands beside it too."""
+    card = {
+        "codec": options.codec,
+        **asdict(training),
+        "data": _names(options.clouds),
+        "seconds": seconds,
+    }
+    training.export(options.out, trainer.model, card)
+    if options.validate:
+        card["validation"] = _measured(options, training, options.out)
+        training.export(options.out, trainer.model, card)
+    write_json(options.out.with_suffix(".json"), card)
     return card
 
 
-def _examples(options: argparse.Namespace) -> Any:
-    from puckbench.codecs.pcgcv2.examples import Examples
+def _measured(options: argparse.Namespace, training: Training, weights: Path) -> dict[str, Any]:
+    """What the codec does with a set on the validation's clouds; a warning where it is at fault."""
+    from puckbench.codecs.learned.validation import faults, validated
 
-    clouds = [np.rint(read_cloud(path).xyz).astype(np.int64) for path in options.clouds]
-    return Examples(clouds, options.side, options.cubes, seed=options.seed)
-
-
-def _card(options: argparse.Namespace, seconds: float) -> dict[str, Any]:
-    """What the exported set says about itself; the time is that of this call alone."""
-    return {
-        "data": sorted(path.name for path in options.clouds),
-        "alphas": sorted(options.alphas),
-        "steps": options.steps,
-        "cubes": options.cubes,
-        "side": options.side,
-        "seed": options.seed,
-        "seconds": round(seconds, 1),
-    }
+    changes = with_options(options.entry, weights=str(weights))
+    rates = training.rates(entry(options.codec, changes)["rates"])
+    codec = open_codec(options.codec, {**changes, "rates": rates})
+    clouds = [read_cloud(path) for path in options.validate]
+    found = validated(codec, clouds, options.peak)
+    for fault in faults(found):
+        print(f"warning: {options.out.stem}: {fault}", file=sys.stderr)  # noqa: T201
+    return {"data": _names(options.validate), "rates": found, "faults": faults(found)}
 
 
-class Curve:
-    """The training curve as a table, a row for each step, and a line of progress now and then."""
+def _measure_now(
+    options: argparse.Namespace, training: Training, trainer: Trainer[Any, Any]
+) -> None:
+    """Tell what the set would do if the training ended here."""
+    weights = options.out.with_name(f".{options.out.name}")
+    training.export(weights, trainer.model, {})
+    for rate, means in _measured(options, training, weights)["rates"].items():
+        values = ", ".join(f"{name} {value:.4g}" for name, value in means.items())
+        print(f"step {trainer.done}, {rate}: {values}", file=sys.stderr)  # noqa: T201
+    weights.unlink()
 
-    def __init__(self, path: Path, start: float, every: int) -> None:
-        self.path = path
-        self.start = start
-        self.every = every
 
-    def __enter__(self) -> Curve:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = not self.path.exists()
-        self.file = self.path.open("a", newline="", encoding="utf-8")
-        self.rows = csv.writer(self.file)
-        if fresh:
-            names = ("step", "loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
-            self.rows.writerow([*names, "seconds"])
-        return self
-
-    def note(self, step: int, loss: Any) -> None:
-        """Add the row of a step."""
-        values = [float(v) for v in (loss.total, *loss.entropies, loss.bpp)]
-        seconds = time.perf_counter() - self.start
-        self.rows.writerow([step, *(f"{value:.5g}" for value in values), f"{seconds:.1f}"])
-        self.file.flush()
-        if step % self.every == 0:
-            print(f"step {step}: loss {values[0]:.3g}, {seconds:.0f} s", file=sys.stderr)  # noqa: T201
-
-    def __exit__(self, *_: object) -> None:
-        self.file.close()
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Clouds by their paths below the folder that all of them are in."""
+    shared = os.path.commonpath([path.parent.resolve() for path in paths])
+    return sorted(path.resolve().relative_to(shared).as_posix() for path in paths)

@@ -49,6 +49,10 @@ class Codec(ABC):
         """Version of the implementation, for the results table; a class may just assign it."""
         return ""
 
+    def weights_of(self, rate: str) -> str:
+        """Which trained weights code at a rate, for the results table; most codecs have none."""
+        return ""
+
     def available(self) -> Availability:
         """Whether the codec can run on this machine."""
         return Availability(True)

@@ -66,6 +66,19 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     return codec
 
 
+def training_class(name: str, changes: Entry | None = None) -> str:
+    """Where the settings of a codec's training are; InputError for a codec that cannot learn."""
+    if not has_weights(name, changes):
+        known = ", ".join(name for name in entries() if has_weights(name))
+        raise InputError(f"codec {name}: there is nothing to train (trainable: {known})")
+    return str({**entries().get(name, {}), **(changes or {})}["training"])
+
+
+def has_weights(name: str, changes: Entry | None = None) -> bool:
+    """Whether a codec has trained weights, in its option `weights`: then it names its training."""
+    return "training" in {**entries().get(name, {}), **(changes or {})}
+
+
 def codec_of(stream: bytes) -> str:
     """Name of the first shipped codec whose magic the stream begins with; else InputError."""
     for name, found in entries().items():

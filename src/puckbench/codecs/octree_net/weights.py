@@ -13,10 +13,10 @@ from typing import Any
 
 from torch import Tensor
 
+from puckbench.codecs.learned.weightsfile import read_weights, write_weights
 from puckbench.codecs.octree_net.catalogue import NETWORK
 from puckbench.codecs.octree_net.fixed import MOST_WEIGHT, UNITS, WEIGHT_UNITS
 from puckbench.codecs.octree_net.model import OctreeNet, Shape
-from puckbench.codecs.weightsfile import read_weights, write_weights
 from puckbench.errors import InputError
 
 _WIDEST, _DEEPEST = 256, 8
@@ -34,7 +34,12 @@ class Weights:
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
     """Write the network's whole numbers; InputError when its sums might not be exact."""
     model.check()
-    header = {"network": NETWORK, "shape": asdict(model.shape), "alphas": [], "card": dict(card)}
+    header = {
+        "network": NETWORK.name,
+        "shape": asdict(model.shape),
+        "alphas": [],
+        "card": dict(card),
+    }
     state = {
         name: (value.detach() * _units(name)).round().clamp(-MOST_WEIGHT, MOST_WEIGHT)
         for name, value in model.state_dict().items()

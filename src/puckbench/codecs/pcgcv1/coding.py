@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.pcgcv1.laplace import PLACES, SCALES, Chosen, table
-from puckbench.codecs.pcgcv2.bottleneck import Table
-from puckbench.codecs.pcgcv2.coding import (
+from puckbench.codecs.learned.bottleneck import Table
+from puckbench.codecs.learned.coding import (
     decode_groups,
     decode_latent,
     encode_groups,
     encode_latent,
 )
+from puckbench.codecs.pcgcv1.laplace import PLACES, SCALES, Chosen, table
 from puckbench.errors import InputError
 
 Integers = NDArray[np.int32]

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from puckbench.codecs.pcgcv2.bottleneck import LEAST, Table
+from puckbench.codecs.learned.bottleneck import LEAST, Table
 
 UNIT_BITS = 12
 UNITS = 2**UNIT_BITS

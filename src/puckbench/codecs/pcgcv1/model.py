@@ -1,9 +1,7 @@
 """The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
 
 Wang, Zhu, Liu, Ma: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT
-2021. With more than one rate the latent is multiplied by a gain for each rate and channel before it
-is rounded, and divided by it after (Cui, Wang, Gao et al., CVPR 2021), so that one set of weights
-serves a whole rate-distortion curve; each rate has a bottleneck of its own.
+2021. It may have several rates: see `gains`.
 
 Convolutions pad as TensorFlow's 'same' does: a stride of two pads one at the far end alone, and a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
@@ -18,7 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, pad
 
-from puckbench.codecs.pcgcv2.bottleneck import Bottleneck
+from puckbench.codecs.learned.gains import Gained
 
 
 @dataclass(frozen=True)
@@ -180,21 +178,18 @@ class HyperDecoder(nn.Module):
         return Laplacians(self.location(features), self.scale(features).abs())
 
 
-class PCGCv1(nn.Module):
+class PCGCv1(Gained):
     """The four networks, and for each rate a bottleneck of the hyper-latent and gains."""
+
+    shape: Shape
 
     def __init__(self, shape: Shape) -> None:
         super().__init__()
         self.shape = shape
         self.analysis, self.synthesis = Analysis(shape), Synthesis(shape)
         self.hyper_encoder, self.hyper_decoder = HyperEncoder(shape), HyperDecoder(shape)
-        self.bottlenecks = nn.ModuleList(Bottleneck(shape.hyper[1]) for _ in range(shape.rates))
-        self.log_gains = nn.Parameter(torch.zeros(shape.rates, shape.latent))
-
-    def bottleneck(self, rate: int) -> Bottleneck:
-        """The entropy model of a rate's hyper-latent."""
-        return cast(Bottleneck, self.bottlenecks[rate])
+        self.add_rates(shape, shape.hyper[1])
 
     def gain(self, rate: int) -> Tensor:
         """What the latent is multiplied by, (latent, 1, 1, 1); ones where there is one rate."""
-        return self.log_gains[rate].exp()[:, None, None, None]
+        return super().gain(rate)[:, None, None, None]

@@ -1,4 +1,4 @@
-"""Training PCGCv1: its loss and one step, for one rate or for several with one set of weights.
+"""Training PCGCv1: its loss, and one step.
 
 The loss of cubes at a rate is ``alpha * (beta * cross entropy of empty voxels + cross entropy of
 occupied ones) + bits per point of the latent and of the hyper-latent``, each cross entropy the mean
@@ -7,17 +7,19 @@ over its voxels, in nats, as the original has it. While training, rounding is un
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
+from puckbench.codecs.learned.recipe import TrainingByAlpha
+from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv1.laplace import likelihood
 from puckbench.codecs.pcgcv1.model import PCGCv1
-from puckbench.errors import InputError
+from puckbench.codecs.sparse.voxels import Keys, morton_voxels
 
 BETA = 3.0
 
@@ -34,15 +36,6 @@ class Loss(NamedTuple):
     occupied: Tensor
     bpp: Tensor
     hyper_bpp: Tensor
-
-
-def spread_gains(model: PCGCv1, alphas: Sequence[float]) -> None:
-    """Start the gains where fine rates have fine steps: by the square root of alpha."""
-    if len(alphas) != model.shape.rates:
-        raise InputError("the model has another number of rates than the training")
-    with torch.no_grad():
-        for rate, alpha in enumerate(alphas):
-            model.log_gains[rate] = 0.5 * math.log(alpha / max(alphas))
 
 
 def loss_of(
@@ -67,14 +60,33 @@ def _noisy(values: Tensor, noise: torch.Generator) -> Tensor:
     return values + torch.rand(values.shape, generator=noise).to(values.device) - 0.5
 
 
-def step(
-    model: PCGCv1, optimiser: torch.optim.Optimizer, cubes: Tensor, alphas: Sequence[float],
-    noise: torch.Generator,
-) -> Loss:  # fmt: skip
-    """One step on a batch of cubes, at a rate drawn from `noise`."""
-    rate = int(torch.randint(len(alphas), (1,), generator=noise))
-    optimiser.zero_grad(set_to_none=True)
-    loss = loss_of(model, cubes, rate, alphas[rate], noise)
-    loss.total.backward()  # type: ignore[no-untyped-call]
-    optimiser.step()
-    return Loss(*(value.detach() for value in loss))
+def dense(clouds: Sequence[Keys], side: int) -> Tensor:
+    """Cubes of voxels in Morton order as zeros and ones (n, 1, side, side, side)."""
+    cubes = np.zeros((len(clouds), 1, side, side, side), dtype=np.float32)
+    for cube, keys in zip(cubes[:, 0], clouds, strict=True):
+        cube[tuple(morton_voxels(keys).T)] = 1
+    return torch.from_numpy(cubes)
+
+
+class Trainer(AnyTrainer[PCGCv1, Loss]):
+    """PCGCv1 in training, at all its rates in turn."""
+
+    training: TrainingByAlpha
+
+    def __init__(self, model: PCGCv1, training: TrainingByAlpha) -> None:
+        # the layout in which a processor's convolutions are fast, forwards and backwards
+        laid = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
+        super().__init__(laid, training)
+
+    def step(self, clouds: Sequence[Keys]) -> Loss:
+        """One step on a batch of cubes, at the rate whose turn it is."""
+        cubes = dense(clouds, self.training.side).to(self.model.log_gains.device)
+        rate = int(torch.randint(len(self.training.alphas), (1,), generator=self.noise))
+        laid = cubes.to(memory_format=torch.channels_last_3d)
+        loss = loss_of(self.model, laid, rate, self.training.alphas[rate], self.noise)
+        self.descend(loss.total)
+        return Loss(*(value.detach() for value in loss))
+
+    def row(self, loss: Loss) -> dict[str, float]:
+        """The loss and its parts."""
+        return {name: float(value) for name, value in loss._asdict().items()}

@@ -1,39 +1,27 @@
-"""A set of weights: the network, integer tables for each rate, and where they come from."""
+"""PCGCv1's weights: sets of our own, or the authors' archives; laid out for coding."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.pcgcv1.catalogue import NETWORK, alphas_of
+from puckbench.codecs.learned.ratedset import load_rated, save_rated
+from puckbench.codecs.learned.weightsfile import TableSets
+from puckbench.codecs.pcgcv1.catalogue import NETWORK
 from puckbench.codecs.pcgcv1.exact import ExactHyperDecoder
 from puckbench.codecs.pcgcv1.inference import Inference
 from puckbench.codecs.pcgcv1.model import PCGCv1, Shape
 from puckbench.codecs.pcgcv1.originals import load_original
-from puckbench.codecs.pcgcv2.bottleneck import tables
-from puckbench.codecs.pcgcv2.catalogue import SUFFIX
-from puckbench.codecs.weightsfile import (
-    TableSets,
-    digest_of,
-    halved,
-    plain_tables,
-    read_weights,
-    tables_of,
-    write_weights,
-)
 from puckbench.errors import InputError
-from puckbench.files import read_bytes
 
 
 @dataclass(frozen=True)
 class WeightSet:
-    """A network ready for coding.
+    """A network ready for coding, its layers laid out once; the rest as in `RatedSet`.
 
-    alphas: of its rates, the smallest bitrate first. tables: of the hyper-latent, for each rate,
-    for each channel. digest: 8 bytes that name these weights and tables. card: what is known.
+    tables: of the hyper-latent.
     """
 
     shape: Shape
@@ -47,63 +35,18 @@ class WeightSet:
 
 def load_weights(path: Path) -> WeightSet:
     """Read our own set or one of the authors' archives; InputError when it is neither."""
-    return _load_own(path) if path.suffix == SUFFIX else _load_original(path)
-
-
-def _load_original(path: Path) -> WeightSet:
-    model = load_original(path)
-    made = (tables(model.bottleneck(0)),)
-    digest = digest_of(read_bytes(path) + json.dumps(plain_tables(made)).encode())
-    card = {"origin": "authors' weights", "file": path.name}
-    return _ready(path, model, tuple(alphas_of(path)), made, digest, card)
-
-
-def _ready(path: Path, model: PCGCv1, alphas: tuple[float, ...], made: TableSets, digest: bytes,
-           card: Mapping[str, Any]) -> WeightSet:  # fmt: skip
+    found = load_rated(path, NETWORK, lambda sizes: PCGCv1(Shape(**sizes)), load_original)
     try:
-        exact = ExactHyperDecoder(model.hyper_decoder)
+        exact = ExactHyperDecoder(found.model.hyper_decoder)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return WeightSet(model.shape, Inference(model), exact, alphas, made, digest, card)
+    rest = (found.alphas, found.tables, found.digest, found.card)
+    return WeightSet(found.model.shape, Inference(found.model), exact, *rest)
 
 
 def save_weights(
     path: Path, model: PCGCv1, alphas: tuple[float, ...], card: Mapping[str, Any]
 ) -> WeightSet:
-    """Write a network as a set of our own; the tables are made here, from what is written.
-
-    Returns the set as `load_weights` reads it.
-    """
-    rounded = PCGCv1(model.shape)
-    rounded.load_state_dict(halved(model.state_dict()))
-    made = tuple(tables(rounded.bottleneck(rate)) for rate in range(model.shape.rates))
-    header = {
-        "network": NETWORK,
-        "shape": asdict(model.shape),
-        "alphas": list(alphas),
-        "tables": plain_tables(made),
-        "card": dict(card),
-    }
-    write_weights(path, header, rounded.state_dict())
+    """Write a network as a set of our own; returns it as `load_weights` reads it."""
+    save_rated(path, NETWORK, model, alphas, card)
     return load_weights(path)
-
-
-def _shape(sizes: Mapping[str, Any]) -> Shape:
-    shape = Shape(**sizes)
-    return replace(shape, widths=tuple(sizes["widths"]), hyper=tuple(sizes["hyper"]))
-
-
-def _load_own(path: Path) -> WeightSet:
-    found = read_weights(path)
-    try:
-        shape = _shape(found.header["shape"])
-        model = PCGCv1(shape)
-        model.load_state_dict(found.state)
-        made = tables_of(found.header["tables"])
-        alphas = tuple(float(alpha) for alpha in found.header["alphas"])
-        card = found.header["card"]
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path}: damaged weights") from error
-    if not len(made) == len(alphas) == shape.rates:
-        raise InputError(f"{path}: damaged weights (rates)")
-    return _ready(path, model.eval(), alphas, made, found.digest, card)

@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.pcgcv2.bottleneck import Table
-from puckbench.codecs.pcgcv2.coding import decode_latent, encode_latent
+from puckbench.codecs.learned.bottleneck import Table
+from puckbench.codecs.learned.coding import decode_latent, encode_latent
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
 from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, Block, Coded

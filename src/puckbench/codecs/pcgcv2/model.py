@@ -1,9 +1,7 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-Wang, Ding, Li, Ma: "Multiscale Point Cloud Geometry Compression", DCC 2021. With more than one
-rate the latent is multiplied by a gain for each rate and channel before it is rounded, and divided
-by it after (Cui, Wang, Gao et al.: "Asymmetric Gained Deep Image Compression", CVPR 2021), so that
-one set of weights serves a whole rate-distortion curve; each rate has a bottleneck of its own.
+Wang, Ding, Li, Ma: "Multiscale Point Cloud Geometry Compression", DCC 2021. It may have several
+rates: see `gains`.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from puckbench.codecs.pcgcv2.bottleneck import Bottleneck
+from puckbench.codecs.learned.gains import Gained
 from puckbench.codecs.sparse.convolution import Site
 from puckbench.codecs.sparse.layers import Convolution, Down, Pointwise, Up
 from puckbench.codecs.sparse.voxels import Families
@@ -146,21 +144,14 @@ class Decoder(nn.Module):
         return cast(DecoderScale, self.scales[scale])
 
 
-class PCGCv2(nn.Module):
+class PCGCv2(Gained):
     """Encoder, decoder, and for each rate a bottleneck and gains of the latent."""
+
+    shape: Shape
 
     def __init__(self, shape: Shape) -> None:
         super().__init__()
         self.shape = shape
         self.encoder = Encoder(shape)
         self.decoder = Decoder(shape)
-        self.bottlenecks = nn.ModuleList(Bottleneck(shape.latent) for _ in range(shape.rates))
-        self.log_gains = nn.Parameter(torch.zeros(shape.rates, shape.latent))
-
-    def bottleneck(self, rate: int) -> Bottleneck:
-        """The entropy model of a rate."""
-        return cast(Bottleneck, self.bottlenecks[rate])
-
-    def gain(self, rate: int) -> Tensor:
-        """What the latent's channels are multiplied by, (latent); ones where there is one rate."""
-        return self.log_gains[rate].exp()
+        self.add_rates(shape, shape.latent)

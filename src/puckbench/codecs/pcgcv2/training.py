@@ -1,4 +1,4 @@
-"""Training PCGCv2: its loss, one step, and a loop that can be stopped and taken up again.
+"""Training PCGCv2: its loss, and one step.
 
 The loss of a cloud at a rate is ``alpha * sum over 3 scales of the mean binary cross entropy, in
 bits, of its candidate voxels + bits of the latent per point``. While training, rounding is uniform
@@ -8,10 +8,8 @@ noise and the true voxels are kept at each scale beside those that the network c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -19,14 +17,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from puckbench.codecs.learned.examples import batch
+from puckbench.codecs.learned.recipe import TrainingByAlpha
+from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv2.model import SCALES, PCGCv2
 from puckbench.codecs.sparse.convolution import site
 from puckbench.codecs.sparse.crew import Crew
 from puckbench.codecs.sparse.layers import largest
 from puckbench.codecs.sparse.layout import blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import CHILDREN, Keys, Voxels, descended, keys_of_slots, pyramid
-from puckbench.errors import InputError
-from puckbench.files import written_whole
 
 
 class Loss(NamedTuple):
@@ -38,34 +37,6 @@ class Loss(NamedTuple):
     total: Tensor
     entropies: tuple[Tensor, ...]
     bpp: Tensor
-
-
-@dataclass(frozen=True)
-class Training:
-    """What a training run is: rates, steps, step size at the start and at the end, seed."""
-
-    alphas: tuple[float, ...]
-    steps: int
-    rate_first: float = 8e-4
-    rate_last: float = 2e-5
-    seed: int = 1
-
-
-def batch(clouds: Sequence[Keys]) -> Keys:
-    """Clouds of voxels as one set in which none touches another."""
-    bits = max(int(keys[-1]).bit_length() for keys in clouds)
-    cell = 3 * (-(-bits // 3) + 1)  # twice the side, so that there is a gap
-    if cell + (len(clouds) - 1).bit_length() > 60:
-        raise InputError("the training clouds are too large for one batch")
-    return np.concatenate([keys | i << cell for i, keys in enumerate(clouds)])
-
-
-def spread_gains(model: PCGCv2, alphas: Sequence[float]) -> None:
-    """Start the gains where fine rates have fine steps: by the square root of alpha."""
-    highest = max(alphas)
-    with torch.no_grad():
-        for rate, alpha in enumerate(alphas):
-            model.log_gains[rate] = 0.5 * math.log(alpha / highest)
 
 
 def loss_of(
@@ -109,80 +80,27 @@ def _occupied(parents: Voxels, truth: Keys) -> NDArray[np.bool_]:
     return occupied
 
 
-class Trainer:
-    """A model in training: optimiser, schedule, randomness; everything that a resumed run needs."""
+class Trainer(AnyTrainer[PCGCv2, Loss]):
+    """PCGCv2 in training, at all its rates in turn."""
 
-    def __init__(self, model: PCGCv2, training: Training, crew: Crew) -> None:
-        if model.shape.rates != len(training.alphas):
-            raise InputError("the model has another number of rates than the training")
-        self.model = model
-        self.training = training
+    training: TrainingByAlpha
+
+    def __init__(self, model: PCGCv2, training: TrainingByAlpha, crew: Crew) -> None:
+        super().__init__(model, training)
         self.crew = crew
-        self.done = 0
-        self.optimiser = torch.optim.Adam(model.parameters(), lr=training.rate_first)
-        self.noise = torch.Generator().manual_seed(training.seed)
 
     def step(self, clouds: Sequence[Keys]) -> Loss:
         """One step on a batch, at the rate whose turn it is."""
         rate = int(torch.randint(len(self.training.alphas), (1,), generator=self.noise))
-        for group in self.optimiser.param_groups:
-            group["lr"] = self._step_size()
         alpha = self.training.alphas[rate]
-        self.optimiser.zero_grad(set_to_none=True)
         loss = loss_of(self.model, batch(clouds), rate, alpha, self.crew, self.noise)
-        loss.total.backward()  # type: ignore[no-untyped-call]
-        self.optimiser.step()
-        self.done += 1
+        self.descend(loss.total)
         return Loss(
             loss.total.detach(), tuple(e.detach() for e in loss.entropies), loss.bpp.detach()
         )
 
-    def _step_size(self) -> float:
-        """From the first to the last step size along half a cosine."""
-        first, last = self.training.rate_first, self.training.rate_last
-        turn = math.cos(math.pi * self.done / max(self.training.steps, 1))
-        return last + (first - last) * (1 + turn) / 2
-
-    def save(self, path: Path) -> None:
-        """Write everything that a resumed run needs."""
-        state = {
-            "model": self.model.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "noise": self.noise.get_state(),
-            "done": self.done,
-            "training": asdict(self.training),
-        }
-        with written_whole(path) as temporary:
-            torch.save(state, temporary)
-
-    def resume(self, path: Path) -> None:
-        """Go on where a saved run stopped; InputError when it was another training."""
-        state: dict[str, Any] = torch.load(path, weights_only=True)
-        state["training"]["alphas"] = tuple(state["training"]["alphas"])
-        if state["training"] != asdict(self.training):
-            raise InputError(f"{path}: the saved training has other settings")
-        self.model.load_state_dict(state["model"])
-        self.optimiser.load_state_dict(state["optimiser"])
-        self.noise.set_state(state["noise"])
-        self.done = int(state["done"])
-
-
-def train(
-    trainer: Trainer,
-    clouds: Callable[[int], Sequence[Keys]],
-    checkpoint: Path,
-    every: int,
-    report: Callable[[int, Loss], None],
-) -> None:
-    """Train to the end from where `checkpoint` stands, and save there every so many steps.
-
-    clouds: the batch of a step. It must depend on the step's number alone, so that a resumed run
-    sees what an unbroken one would have seen. report: told of each step when it is done.
-    """
-    if checkpoint.exists():
-        trainer.resume(checkpoint)
-    while trainer.done < trainer.training.steps:
-        loss = trainer.step(clouds(trainer.done))
-        report(trainer.done, loss)
-        if trainer.done % every == 0 or trainer.done == trainer.training.steps:
-            trainer.save(checkpoint)
+    def row(self, loss: Loss) -> dict[str, float]:
+        """Loss, bits of a candidate at each stride, bits of the latent per point."""
+        names = ("loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
+        values = (loss.total, *loss.entropies, loss.bpp)
+        return {name: float(value) for name, value in zip(names, values, strict=True)}

@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from puckbench.codecs.pcgcv2.bottleneck import Table
-from puckbench.codecs.pcgcv2.catalogue import MAGIC, START, VERSION, header_of
+from puckbench.codecs.learned.bottleneck import Table
+from puckbench.codecs.learned.catalogue import MAGIC, START, VERSION, header_of
 from puckbench.errors import InputError
 from puckbench.files import read_bytes, write_bytes
 

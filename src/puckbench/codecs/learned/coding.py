@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.pcgcv2.bottleneck import Table
+from puckbench.codecs.learned.bottleneck import Table
 from puckbench.errors import InputError
 
 Integers = NDArray[np.int32]

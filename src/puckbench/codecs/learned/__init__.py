@@ -1,0 +1,1 @@
+"""What learned codecs have in common: weights, entropy models, training, and the codec."""

@@ -1,0 +1,63 @@
+"""The settings of a training of the learned octree coder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from puckbench.cloud import Floats
+from puckbench.codecs.learned.recipe import Training as AnyTraining
+
+if TYPE_CHECKING:
+    from puckbench.codecs.octree_net.examples import Examples
+    from puckbench.codecs.octree_net.training import Trainer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training(AnyTraining):
+    """A training of the learned octree coder.
+
+    side: a power of two. scales: of the grids that cubes are cut on, coarsest and finest. width:
+    of the features. before: convolutions before a level's first group.
+    """
+
+    steps: int = 3000
+    cubes: int = 2
+    side: int = 128
+    rate_first: float = 3e-3
+    scales: tuple[float, float] = (0.1, 1.1)
+    width: int = 32
+    before: int = 1
+
+    @contextmanager
+    def trainer(self) -> Iterator[Trainer]:
+        """A new model with its optimiser."""
+        import torch
+
+        from puckbench.codecs.learned.training import on_device
+        from puckbench.codecs.octree_net.model import OctreeNet, Shape
+        from puckbench.codecs.octree_net.training import Trainer
+        from puckbench.codecs.sparse.crew import crew
+
+        torch.manual_seed(self.seed)
+        model = OctreeNet(Shape(self.width, self.before))
+        with crew() as workers:
+            yield Trainer(on_device(model), self, workers)
+
+    def examples(self, clouds: Sequence[Floats]) -> Examples:
+        """Cubes of clouds (n, 3) on grids of random steps."""
+        from puckbench.codecs.octree_net.examples import Examples
+
+        coarsest, finest = self.scales
+        return Examples(
+            clouds, self.side, self.cubes, seed=self.seed, coarsest=coarsest, finest=finest
+        )
+
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write the model as a set of weights with its card."""
+        from puckbench.codecs.octree_net.weights import save_weights
+
+        save_weights(path, model, card)
