@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs import registry as codecs
+from puckbench.codecs.learned.catalogue import weights_files
+from puckbench.codecs.learned.recipe import open_training
 from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet
@@ -84,6 +86,21 @@ class StudyPlan:
         return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
 
 
+@dataclass(frozen=True)
+class TrainingPlan:
+    """Weights to train: of which codec, on which clouds (data set, cloud), measured on which.
+
+    entry: changes to the codec's entry. settings: of the codec's training.
+    """
+
+    codec: str
+    entry: dict[str, Any]
+    clouds: tuple[tuple[str, str], ...]
+    validate: tuple[tuple[str, str], ...]
+    validate_every: int
+    settings: dict[str, Any]
+
+
 class Plan:
     """Everything that a checked configuration asks for; InputError names what does not exist."""
 
@@ -96,6 +113,10 @@ class Plan:
             name: self._dataset(name, value) for name, value in _items(config, "datasets")
         }
         self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
+        self.weights = {name: _weights(name, value) for name, value in _items(config, "codecs")}
+        self.trainings = {
+            name: self._training(name, value) for name, value in _items(config, "train")
+        }
         self.study = _study(config)
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")
@@ -119,6 +140,28 @@ class Plan:
             for codec, entry in self.codecs.items()
             for rate in entry["rates"]
         )
+
+    def _training(self, name: str, value: Mapping[str, Any]) -> TrainingPlan:
+        where = f"train.{name}"
+        settings = {**value["options"], "seed": value.get("seed", self.config["seed"])}
+        settings |= {"steps": value["steps"]} if "steps" in value else {}
+        entry = self.config["codecs"].get(value["codec"]) or {}
+        try:
+            open_training(value["codec"], entry, settings)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+        clouds, validate = (
+            tuple(cloud for data in value[key] for cloud in self._clouds(f"{where}.{key}", data))
+            for key in ("datasets", "validate")
+        )
+        return TrainingPlan(
+            value["codec"], entry, clouds, validate, value["validate_every"], settings
+        )
+
+    def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
+        if name not in self.datasets:
+            raise InputError(f"{where}: no data set '{name}' (known: {', '.join(self.datasets)})")
+        return [(name, cloud) for cloud in self.datasets[name].clouds]
 
     def _dataset(self, name: str, value: Mapping[str, Any]) -> DataSetPlan:
         scenes = self.scenes.get(value["scenes"])
@@ -145,6 +188,17 @@ def _scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
     except InputError as error:
         raise InputError(f"scenes.{name}: {error}") from error
     return ScenePlan(name, value["loader"], seed, options, scenes, _chosen(name, value, known))
+
+
+def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
+    """Files of a codec's weights; none for a codec without, or where the option is empty."""
+    where = codecs.entry(name, changes)["options"].get("weights")
+    if where is None or not codecs.has_weights(name, changes):
+        return []
+    try:
+        return weights_files(where)
+    except InputError as error:
+        raise InputError(f"codecs.{name}: {error}") from error
 
 
 _CAPTURED_POINTS = 1_500_000

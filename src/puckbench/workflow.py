@@ -11,7 +11,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, TextIO
@@ -19,7 +19,7 @@ from typing import Any, TextIO
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.analysis.registry import RESULTS as RESULT_TABLES
 from puckbench.analysis.registry import table_entry
-from puckbench.codecs.registry import module_of
+from puckbench.codecs.registry import module_of, training_class
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
 from puckbench.datasets.registry import REGISTRY as LOADERS
@@ -28,8 +28,8 @@ from puckbench.figures.entry import STUDY, TRUTH, at
 from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.files import unreadable
-from puckbench.plan import DataSetPlan, Plan, StudyPlan
+from puckbench.files import sha256, unreadable
+from puckbench.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
 from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
@@ -39,6 +39,8 @@ WALL_POINTS = 40_000
 """Points of a surface at a distance that the study's figures of scans are drawn from."""
 _BYTES_PER_POINT = 1_000
 """Generous estimate of a job's memory for each point that it handles."""
+_BYTES_PER_TRAINING_POINT = 50
+"""Of a training, which keeps nothing of a point but its coordinates."""
 
 
 class Workflow:
@@ -116,9 +118,42 @@ class Workflow:
         entry = self.plan.codecs[codec]
         return json.dumps({**entry, "rates": {rate: entry["rates"][rate]}}, sort_keys=True)
 
+    @cache  # noqa: B019 (one workflow lives as long as the process)
     def codec_code(self, command: str, codec: str) -> str:
-        """Fingerprint of a command and of one codec."""
-        return code_version(command, module_of(self.plan.codecs[codec]["class"]))
+        """Fingerprint of a command, of one codec, and of its weights where it has any."""
+        code = code_version(command, module_of(self.plan.codecs[codec]["class"]))
+        return " ".join([code, *map(sha256, self.plan.weights[codec])])
+
+    def training(self, name: str) -> TrainingPlan:
+        """The plan of a training."""
+        return self.plan.trainings[name]
+
+    def cloud_files(self, clouds: Iterable[tuple[str, str]]) -> list[str]:
+        """Prepared clouds of (data set, cloud)."""
+        folder = self.plan.results / "clouds"
+        return [str(folder / dataset / f"{cloud}.ply") for dataset, cloud in clouds]
+
+    def training_arguments(self, name: str) -> str:
+        """Arguments of `puckbench train` for a training, quoted for a shell."""
+        plan = self.training(name)
+        values = {
+            "--codec": plan.codec,
+            "--entry": json.dumps(plan.entry, sort_keys=True),
+            "--options": json.dumps(plan.settings, sort_keys=True),
+            "--validate-every": str(plan.validate_every),
+            "--code": self.training_code(name),
+        }
+        return shlex.join(word for pair in values.items() for word in pair)
+
+    def training_code(self, name: str) -> str:
+        """Fingerprint of what a training learns with: one begun with other code is begun anew."""
+        plan = self.training(name)
+        return code_version(module_of(training_class(plan.codec, plan.entry)))
+
+    def training_memory_mb(self, name: str) -> int:
+        """Estimate of a training's memory in MB: the network's, and that of all clouds at once."""
+        points = sum(self.dataset(dataset).points for dataset, _ in self.training(name).clouds)
+        return 3000 + points * _BYTES_PER_TRAINING_POINT // 1_000_000
 
     def evaluated(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs of the evaluation: the true surface and what the sensor saw of it."""

@@ -41,6 +41,7 @@ wildcard_constraints:
     scenes=one_of(bench.plan.scenes),
     dataset=one_of(bench.plan.datasets),
     codec=one_of(bench.plan.codecs),
+    trained=one_of(bench.plan.trainings),
     model=one_of(bench.plan.study.models if bench.plan.study else ()),
     capture=one_of(bench.plan.study.captures if bench.plan.study else ()),
     cloud=r"[A-Za-z0-9_.-]+",

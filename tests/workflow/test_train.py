@@ -1,0 +1,88 @@
+"""Training in the workflow: from scenes to weights, which its own codecs can then use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from puckbench.files import read_json
+from tests.workflow.conftest import ROOT, Bench
+
+TRAININGS: dict[str, Any] = {
+    "tiny": {
+        "codec": "pcgcv2",
+        "datasets": ["objects"],
+        "validate": ["raw"],
+        "steps": 2,
+        "options": {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1},
+    },
+    "octree": {
+        "codec": "sparse_octree_net",
+        "datasets": ["objects", "raw"],
+        "steps": 2,
+        "options": {"side": 32, "width": 8, "scales": [0.05, 0.1]},
+    },
+}
+
+
+@pytest.fixture
+def training(fresh: Bench) -> Bench:
+    """A folder where nothing has been made, configured for trainings alone."""
+    fresh.configure({"train": TRAININGS, "figures": {}, "sensor_study": None})
+    return fresh
+
+
+def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
+    training.made("train")
+    weights = training.results / "weights"
+    card = read_json(weights / "tiny.json")
+    assert card["data"] == ["chair_01.ply"]
+    assert card["validation"]["data"] == ["copy_room_1.ply"]
+    assert list(card["validation"]["rates"]) == ["r3", "r5"]
+    assert read_json(weights / "octree.json")["data"] == [
+        "objects/chair_01.ply", "raw/copy_room_1.ply",
+    ]  # fmt: skip
+    assert len((weights / "tiny.csv").read_text().splitlines()) == 3
+    assert training.planned("train") == {}
+    changed = {**TRAININGS, "octree": {**TRAININGS["octree"], "steps": 3}}
+    training.configure({"train": changed, "figures": {}, "sensor_study": None})
+    assert training.planned("train") == {"weights": 1, "train": 1}
+    codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r3", "r5"]}
+    training.configure({"codecs": {"pcgcv2": codec}, "figures": {}, "sensor_study": None})
+    row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2" / "r3.json"
+    training.made(str(row.relative_to(training.folder)))
+    assert read_json(row)["weights"].startswith("tiny ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"datasets": ["nowhere"]}, "train.tiny.datasets: no data set 'nowhere' (known: objects"),
+        ({"validate": ["nowhere"]}, "train.tiny.validate: no data set 'nowhere'"),
+        ({"codec": "draco"}, "train.tiny: codec draco: there is nothing to train"),
+        ({"options": {"widths": [3]}}, "train.tiny: training: widths cannot be (3,)"),
+    ],
+)
+def test_a_training_that_cannot_be_ends_in_one_line(
+    fresh: Bench, changes: dict[str, Any], message: str
+) -> None:
+    fresh.configure({"train": {"tiny": {**TRAININGS["tiny"], **changes}}})
+    done = fresh.snakemake("--dry-run", "train")
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+def test_weights_that_are_not_there_end_in_one_line(fresh: Bench) -> None:
+    fresh.configure({"codecs": {"pcgcv2": {"options": {"weights": "nowhere"}}}})
+    done = fresh.snakemake("--dry-run")
+    assert done.returncode == 2
+    assert "codecs.pcgcv2: nowhere: no such folder of weights" in done.stderr
+
+
+def test_the_shipped_weights_are_planned(fresh: Bench) -> None:
+    config = (ROOT / "config" / "train.yaml").read_text(encoding="utf-8")
+    (fresh.folder / "config.yaml").write_text(config)
+    jobs = fresh.planned("train")
+    assert jobs["weights"] == 4
+    assert "encode" not in jobs

@@ -1,0 +1,32 @@
+# Weights of learned codecs, trained on prepared clouds. A training that was killed goes on from its
+# checkpoint; one that other code, settings or clouds began is begun anew.
+rule weights:
+    input:
+        clouds=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).clouds),
+        validate=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).validate),
+    output:
+        weights=f"{RESULTS}/weights/{{trained}}.pcgw",
+        curve=f"{RESULTS}/weights/{{trained}}.csv",
+        card=f"{RESULTS}/weights/{{trained}}.json",
+    params:
+        arguments=lambda wildcards: bench.training_arguments(wildcards.trained),
+        validate=lambda wildcards, input: f"--validate {input.validate}" if input.validate else "",
+        code=code_version("puckbench.cli.train"),
+    threads: 1024  # all that there are: one training at a time
+    resources:
+        mem_mb=lambda wildcards: bench.training_memory_mb(wildcards.trained),
+        runtime=24 * 60,
+    log:
+        f"{RESULTS}/logs/weights/{{trained}}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    shell:
+        "python -m puckbench train {input.clouds} --out {output.weights} {params.validate}"
+        " {params.arguments} > {log} 2>&1"
+
+
+TRAINED = [
+    f"{RESULTS}/weights/{name}.{suffix}"
+    for name in bench.plan.trainings
+    for suffix in ("pcgw", "csv", "json")
+]
