@@ -1,7 +1,7 @@
 # make run    set up .venv, run the default benchmark, write its report
 # make test   set up .venv with the test tools, then run every check
 # make lint   only the static checks         make data      fetch the free real data into data/
-# make setup  only .venv                     make learned   add torch, which learned codecs need
+# make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
 # make clean  remove results and caches, keep .venv and data/
 # CORES=4 runs on more cores; PYTHON=python3.12 names the interpreter that .venv is made with.
@@ -13,7 +13,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 .PHONY: run test lint setup setup-test learned data lock clean
 .NOTPARALLEL:
 
-run: setup
+run: learned
 	$(IN_VENV) snakemake --quiet rules host reason --cores $(CORES)
 	$(IN_VENV) snakemake --report results/report.html
 	@echo

@@ -70,7 +70,7 @@ def main() -> None:
     write_lines("learned.lock", "What learned codecs need on top of requirements.lock.", torch)
     write_lines("cuda.constraints", "Versions for a torch that asks for CUDA; forces none.", cuda)
     about = "The environment of the rules for --software-deployment-method conda."
-    write_lines("puckbench.yaml", about, conda_environment(run))
+    write_lines("puckbench.yaml", about, conda_environment([*run, *torch[1:]]))
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ install_locks() { # names: the packages of envs/<name>.lock, all in one go
     new=
     for name in "$@"; do is_done "$name" "$key" || new="$new $name"; done
     [ -n "$new" ] || return 0
-    say "installing the pinned packages of$new into .venv (1.5 GB at first; takes minutes)"
+    say "installing the pinned packages of$new into .venv (1.5 GB at first, torch more; takes minutes)"
     : >.venv/.installing
     pip_install "$(grep '^setuptools==' envs/requirements.lock)"
     # shellcheck disable=SC2046  # two words per lock
