@@ -23,6 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=whole(1), default=2000, help="default: %(default)s")
     parser.add_argument("--cubes", type=whole(1), default=4, help="of a step; default: %(default)s")
     parser.add_argument("--side", type=whole(8), default=64, help="of a cube, in voxels")
+    parser.add_argument("--thinnest", type=float, default=1.0, help="least share of voxels kept")
     parser.add_argument(
         "--widths", type=whole(4), nargs=4, default=[16, 32, 64, 32], help="of the network"
     )
@@ -59,7 +60,7 @@ def _examples(options: argparse.Namespace) -> Any:
     from puckbench.codecs.pcgcv2.examples import Examples
 
     clouds = [np.rint(read_cloud(path).xyz).astype(np.int64) for path in options.clouds]
-    return Examples(clouds, options.side, options.cubes, seed=options.seed)
+    return Examples(clouds, options.side, options.cubes, thinnest=options.thinnest, seed=options.seed)
 
 
 def _card(options: argparse.Namespace, seconds: float) -> dict[str, Any]:
@@ -70,6 +71,7 @@ def _card(options: argparse.Namespace, seconds: float) -> dict[str, Any]:
         "steps": options.steps,
         "cubes": options.cubes,
         "side": options.side,
+        "thinnest": options.thinnest,
         "seed": options.seed,
         "seconds": round(seconds, 1),
     }
