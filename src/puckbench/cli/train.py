@@ -19,6 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("clouds", type=Path, nargs="+", help="prepared clouds to learn from (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="set of weights to write (.pcgw)")
+    parser.add_argument("--start", type=Path, help="set of weights to start from, of the same shape")
     parser.add_argument("--alphas", type=float, nargs="+", default=[0.25, 0.5, 1, 2, 4, 6, 10])
     parser.add_argument("--steps", type=whole(1), default=2000, help="default: %(default)s")
     parser.add_argument("--cubes", type=whole(1), default=4, help="of a step; default: %(default)s")
@@ -37,13 +38,16 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     from puckbench.codecs.pcgcv2.model import PCGCv2, Shape
     from puckbench.codecs.pcgcv2.training import Trainer, Training, spread_gains, train
-    from puckbench.codecs.pcgcv2.weights import save_weights
+    from puckbench.codecs.pcgcv2.weights import load_weights, save_weights
     from puckbench.codecs.sparse.crew import crew
 
     alphas = tuple(sorted(options.alphas))
     torch.manual_seed(options.seed)
     model = PCGCv2(Shape(widths=tuple(options.widths), rates=len(alphas)))
-    spread_gains(model, alphas)
+    if options.start is None:
+        spread_gains(model, alphas)
+    else:
+        model.load_state_dict(load_weights(options.start).model.state_dict())
     model.to("cuda" if torch.cuda.is_available() else "cpu")
     training = Training(alphas, options.steps, seed=options.seed)
     start, curve = time.perf_counter(), options.out.with_suffix(".csv")
@@ -67,6 +71,7 @@ def _card(options: argparse.Namespace, seconds: float) -> dict[str, Any]:
     """What the exported set says about itself; the time is that of this call alone."""
     return {
         "data": sorted(path.name for path in options.clouds),
+        "start": options.start and options.start.name,
         "alphas": sorted(options.alphas),
         "steps": options.steps,
         "cubes": options.cubes,
