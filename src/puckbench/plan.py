@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs import registry as codecs
-from puckbench.codecs.learned.catalogue import weights_files
+from puckbench.codecs.learned.catalogue import weights_file, weights_files
 from puckbench.codecs.learned.recipe import open_training
 from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
@@ -90,7 +90,8 @@ class StudyPlan:
 class TrainingPlan:
     """Weights to train: of which codec, on which clouds (data set, cloud), measured on which.
 
-    entry: changes to the codec's entry. settings: of the codec's training.
+    entry: changes to the codec's entry. start: file of weights to start from, if any. settings: of
+    the codec's training.
     """
 
     codec: str
@@ -98,6 +99,7 @@ class TrainingPlan:
     clouds: tuple[tuple[str, str], ...]
     validate: tuple[tuple[str, str], ...]
     validate_every: int
+    start: str | None
     settings: dict[str, Any]
 
 
@@ -114,9 +116,9 @@ class Plan:
         }
         self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
         self.weights = {name: _weights(name, value) for name, value in _items(config, "codecs")}
-        self.trainings = {
-            name: self._training(name, value) for name, value in _items(config, "train")
-        }
+        self.trainings: dict[str, TrainingPlan] = {}
+        for name, value in _items(config, "train"):
+            self.trainings[name] = self._training(name, value)
         self.study = _study(config)
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")
@@ -148,6 +150,7 @@ class Plan:
         entry = self.config["codecs"].get(value["codec"]) or {}
         try:
             open_training(value["codec"], entry, settings)
+            start = self._start(value.get("start"))
         except InputError as error:
             raise InputError(f"{where}: {error}") from error
         clouds, validate = (
@@ -155,8 +158,14 @@ class Plan:
             for key in ("datasets", "validate")
         )
         return TrainingPlan(
-            value["codec"], entry, clouds, validate, value["validate_every"], settings
+            value["codec"], entry, clouds, validate, value["validate_every"], start, settings
         )
+
+    def _start(self, start: str | None) -> str | None:
+        """The file of a training before this one, or of weights that are there."""
+        if start in self.trainings:
+            return str(self.results / "weights" / f"{start}.pcgw")
+        return None if start is None else str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
         if name not in self.datasets:

@@ -15,6 +15,7 @@ from puckbench.cloud import PointCloud, write_cloud
 from puckbench.codecs.learned.catalogue import header_of
 from puckbench.codecs.learned.recipe import open_training
 from puckbench.codecs.learned.validation import faults
+from puckbench.codecs.learned.weightsfile import read_weights
 from puckbench.codecs.pcgcv2.model import PCGCv2
 from puckbench.codecs.pcgcv2.recipe import Training
 from puckbench.codecs.pcgcv2.training import Trainer
@@ -83,6 +84,22 @@ def test_other_data_are_another_training_that_a_run_with_its_code_begins_anew(cl
     assert cloud.with_name("set.pcgw").read_bytes() != first
     rows = cloud.with_name("set.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["step", "1", "2"]
+
+
+@pytest.mark.parametrize("codec", SMALL)
+def test_a_training_may_start_from_a_set(codec: str, cloud: Path) -> None:
+    assert _train(cloud, codec, 1) == 0
+    first = cloud.with_name("first.pcgw")
+    cloud.with_name("set.pcgw").rename(first)
+    cloud.with_name("set.pt").unlink()
+    training = open_training(codec, None, SMALL[codec])
+    with training.trainer() as trainer:
+        training.begin(trainer.model, first)
+        training.export(cloud.with_name("again.pcgw"), trainer.model, {})
+    kept = [read_weights(path).state for path in (first, cloud.with_name("again.pcgw"))]
+    assert all(torch.equal(kept[1][name], value) for name, value in kept[0].items())
+    assert _train(cloud, codec, 1, "--start", str(first)) == 0
+    assert read_json(cloud.with_name("set.json"))["start"] == "first"
 
 
 def test_measuring_on_the_way_changes_nothing(

@@ -17,6 +17,13 @@ TRAININGS: dict[str, Any] = {
         "steps": 2,
         "options": {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1},
     },
+    "tiny_again": {
+        "codec": "pcgcv2",
+        "datasets": ["raw"],
+        "steps": 1,
+        "start": "tiny",
+        "options": {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "thinnest": 0.5},
+    },
     "octree": {
         "codec": "sparse_octree_net",
         "datasets": ["objects", "raw"],
@@ -40,6 +47,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     assert card["data"] == ["chair_01.ply"]
     assert card["validation"]["data"] == ["copy_room_1.ply"]
     assert list(card["validation"]["rates"]) == ["r3", "r5"]
+    assert read_json(weights / "tiny_again.json")["start"] == "tiny"
     assert read_json(weights / "octree.json")["data"] == [
         "objects/chair_01.ply", "raw/copy_room_1.ply",
     ]  # fmt: skip
@@ -60,6 +68,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     [
         ({"datasets": ["nowhere"]}, "train.tiny.datasets: no data set 'nowhere' (known: objects"),
         ({"validate": ["nowhere"]}, "train.tiny.validate: no data set 'nowhere'"),
+        ({"start": "octree"}, "train.tiny: octree: no such folder of weights"),
         ({"codec": "draco"}, "train.tiny: codec draco: there is nothing to train"),
         ({"options": {"widths": [3]}}, "train.tiny: training: widths cannot be (3,)"),
     ],

@@ -4,6 +4,7 @@ rule weights:
     input:
         clouds=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).clouds),
         validate=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).validate),
+        start=lambda wildcards: bench.training(wildcards.trained).start or [],
     output:
         weights=f"{RESULTS}/weights/{{trained}}.pcgw",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
@@ -11,6 +12,7 @@ rule weights:
     params:
         arguments=lambda wildcards: bench.training_arguments(wildcards.trained),
         validate=lambda wildcards, input: f"--validate {input.validate}" if input.validate else "",
+        start=lambda wildcards, input: f"--start {input.start}" if input.start else "",
         code=code_version("puckbench.cli.train"),
     threads: 1024  # all that there are: one training at a time
     resources:
@@ -22,6 +24,7 @@ rule weights:
         "../../envs/puckbench.yaml"
     shell:
         "python -m puckbench train {input.clouds} --out {output.weights} {params.validate}"
+        " {params.start}"
         " {params.arguments} > {log} 2>&1"
 
 

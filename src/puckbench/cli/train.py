@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from puckbench.cli.codec_options import with_options
 from puckbench.cli.types import json_object, whole
 from puckbench.cloud import read_cloud
+from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.recipe import Training, open_training
 from puckbench.codecs.registry import entry, open_codec
 from puckbench.files import sha256, write_json
@@ -26,6 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("clouds", type=Path, nargs="+", help="prepared clouds to learn from (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="set of weights to write (.pcgw)")
     parser.add_argument("--codec", default="pcgcv2", help="default: %(default)s")
+    parser.add_argument("--start", help="weights to start from: a shipped set's name, or a file")
     parser.add_argument("--steps", type=whole(1), help="of the training; default: the codec's")
     parser.add_argument("--seed", type=whole(0), help="default: 1")
     parser.add_argument(
@@ -55,6 +57,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     training = _training(options)
     checkpoint = options.out.with_suffix(".pt")
     with training.trainer() as trainer:
+        _begin(trainer, training, options)
         _resume(trainer, checkpoint, options)
         curve = Curve(trainer, options.out.with_suffix(".csv"), options.every)
 
@@ -75,17 +78,26 @@ def _training(options: argparse.Namespace) -> Training:
     return open_training(options.codec, options.entry, {**settings, **options.options})
 
 
+def _begin(trainer: Trainer[Any, Any], training: Training, options: argparse.Namespace) -> None:
+    """Start from weights, if asked to, and note what the training is one of."""
+    trainer.identity = {"data": [sha256(path) for path in options.clouds]}
+    if options.code is not None:
+        trainer.identity["code"] = options.code
+    if options.start is not None:
+        start = weights_file(options.start)
+        training.begin(trainer.model, start)
+        trainer.identity["start"] = sha256(start)
+
+
 def _resume(trainer: Trainer[Any, Any], checkpoint: Path, options: argparse.Namespace) -> None:
     """Go on from the checkpoint; with a fingerprint of the code, remove any other training's."""
     from puckbench.codecs.learned.training import OtherTrainingError
 
-    code = {} if options.code is None else {"code": options.code}
-    trainer.identity = {"data": [sha256(path) for path in options.clouds], **code}
     if checkpoint.exists():
         try:
             trainer.resume(checkpoint)
         except OtherTrainingError:
-            if not code:
+            if options.code is None:
                 raise
             checkpoint.unlink()
 
@@ -98,6 +110,7 @@ def _export(
         "codec": options.codec,
         **asdict(training),
         "data": _names(options.clouds),
+        **({"start": Path(options.start).stem} if options.start else {}),
         "seconds": seconds,
     }
     training.export(options.out, trainer.model, card)

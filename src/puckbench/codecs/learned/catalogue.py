@@ -74,6 +74,14 @@ def weights_files(where: str) -> list[Path]:
     return sorted(file for file in path.iterdir() if file.is_file())
 
 
+def weights_file(where: str) -> Path:
+    """The one file that `weights_files` finds; InputError when there are others or none."""
+    found = weights_files(where)
+    if len(found) != 1:
+        raise InputError(f"{where}: not one file of weights but {len(found)}")
+    return found[0]
+
+
 @dataclass(frozen=True)
 class Network:
     """A network as weights name it.

@@ -22,12 +22,15 @@ class Examples:
     """Batches of cubes, each batch made from its number and the seed alone.
 
     clouds: voxels (n, 3). side: of a cube, in voxels. fewest: voxels of a cube worth learning from.
+    thinnest: the least share of its voxels that a cube keeps; the share is drawn anew for each
+    cube, evenly on a logarithmic axis, so that clouds of other densities are met.
     """
 
     clouds: Sequence[NDArray[Any]]
     side: int = 64
     cubes: int = 4
-    fewest: int = 500
+    fewest: int = 200
+    thinnest: float = 1.0
     seed: int = 1
     kind: ClassVar[str] = "training cubes"
 
@@ -48,6 +51,7 @@ class Examples:
         centre = voxels[rng.integers(len(voxels))]
         least = centre - rng.integers(0, self.side, 3)
         inside = voxels[((voxels >= least) & (voxels < least + self.side)).all(axis=1)] - least
+        inside = inside[rng.random(len(inside)) < self.thinnest ** rng.random()]
         if len(inside) < self.fewest:
             return None
         return np.unique(morton_keys(turned(inside, self.side, rng)))

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 import torch
 from torch import Tensor, nn
 
 from puckbench.codecs.learned.bottleneck import Bottleneck
 from puckbench.errors import InputError
+
+_FASTER = 5.0
 
 
 class RatedShape(Protocol):
@@ -49,6 +51,14 @@ class Gained(nn.Module):
     def gain(self, rate: int) -> Tensor:
         """What the latent's channels are multiplied by, (latent); ones where there is one rate."""
         return self.log_gains[rate].exp()
+
+
+def parameter_groups(model: Gained) -> list[dict[str, Any]]:
+    """Parameters of one rate alone are seldom trained, and take larger steps."""
+    own = [model.log_gains, *model.bottlenecks.parameters()]
+    known = set(map(id, own))
+    shared = [value for value in model.parameters() if id(value) not in known]
+    return [{"params": shared, "faster": 1.0}, {"params": own, "faster": _FASTER}]
 
 
 def spread_gains(model: Gained, alphas: Sequence[float]) -> None:

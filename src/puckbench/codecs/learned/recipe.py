@@ -39,7 +39,7 @@ class Training(ABC):
     steps: int = 2000
     cubes: int = 4
     side: int = 64
-    rate_first: float = 8e-4
+    rate_first: float = 1e-3
     rate_last: float = 2e-5
     seed: int = 1
 
@@ -53,12 +53,22 @@ class Training(ABC):
     def trainer(self) -> AbstractContextManager[Trainer[Any, Any]]:
         """A new model with its optimiser; on CUDA if there, else on the processor."""
 
+    @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> Examples:
-        """What the model learns from: batches of cubes of the voxels of clouds (n, 3)."""
-        from puckbench.codecs.learned.examples import Examples
+        """What the model learns from: batches of cubes of prepared clouds (n, 3)."""
 
-        voxels = [np.rint(cloud).astype(np.int64) for cloud in clouds]
-        return Examples(voxels, self.side, self.cubes, seed=self.seed)
+    def begin(self, model: Any, weights: Path) -> None:
+        """Give a new model the weights of a set; InputError when it has another shape."""
+        from puckbench.codecs.learned.weightsfile import read_weights
+
+        try:
+            model.load_state_dict(self.state(read_weights(weights).state))
+        except RuntimeError as error:
+            raise InputError(f"{weights}: weights of another shape") from error
+
+    def state(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Parameters from the tensors that a set keeps."""
+        return kept
 
     @abstractmethod
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
@@ -74,8 +84,10 @@ class TrainingByAlpha(Training):
     """A training for several rates at once.
 
     alphas: weights of the distortion in the loss. widths: features of the network at its strides,
-    multiples of four.
+    multiples of four. thinnest: least share of its voxels that a cube keeps.
     """
+
+    thinnest: float = 1.0
 
     alphas: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
     widths: tuple[int, ...] = ()
@@ -85,6 +97,13 @@ class TrainingByAlpha(Training):
         if any(width % 4 for width in self.widths):
             raise InputError(f"training: widths {self.widths} are not multiples of four")
         object.__setattr__(self, "alphas", tuple(sorted(set(map(float, self.alphas)))))
+
+    def examples(self, clouds: Sequence[Floats]) -> Examples:
+        """Cubes of the voxels of clouds (n, 3)."""
+        from puckbench.codecs.learned.examples import Examples
+
+        voxels = [np.rint(cloud).astype(np.int64) for cloud in clouds]
+        return Examples(voxels, self.side, self.cubes, thinnest=self.thinnest, seed=self.seed)
 
     def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
         """Those of the entry with one of the alphas; for other alphas a rate of their name."""

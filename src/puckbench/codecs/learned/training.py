@@ -31,20 +31,24 @@ class OtherTrainingError(InputError):
 class Trainer(ABC, Generic[M, L]):
     """A model in training: optimiser, schedule, randomness; everything that a resumed run needs.
 
-    identity: what else a checkpoint must have been made with, such as the data. curve: a row for
-    each step done, for whoever fills it.
+    groups: parameters with how much larger steps than the schedule's they take (`faster`); all with
+    the schedule's if none are given. identity: what else a checkpoint must have been made with,
+    such as the data. curve: a row for each step done, for whoever fills it.
     """
 
     steepest: float | None = None
     """Longest gradient that a step follows; longer ones are shortened."""
 
-    def __init__(self, model: M, training: Training) -> None:
+    def __init__(
+        self, model: M, training: Training, groups: Sequence[Mapping[str, Any]] = ()
+    ) -> None:
         self.model = model
         self.training = training
         self.done = 0
         self.identity: dict[str, Any] = {}
         self.curve: list[dict[str, float]] = []
-        self.optimiser = torch.optim.Adam(model.parameters(), lr=training.rate_first)
+        whole = [{"params": list(model.parameters()), "faster": 1.0}]
+        self.optimiser = torch.optim.Adam([dict(group) for group in groups or whole])
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
@@ -58,7 +62,7 @@ class Trainer(ABC, Generic[M, L]):
     def descend(self, loss: Tensor) -> None:
         """Change the weights along the gradient of a loss."""
         for group in self.optimiser.param_groups:
-            group["lr"] = self._step_size()
+            group["lr"] = self._step_size() * group.get("faster", 1.0)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         if self.steepest is not None:
@@ -96,11 +100,13 @@ class Trainer(ABC, Generic[M, L]):
             saved = _plain(state.get(name, {}))
             if any(saved.get(key, value) != value for key, value in _plain(own).items()):
                 raise OtherTrainingError(f"{path}: the saved training has other settings or data")
-        self.model.load_state_dict(state["model"])
-        self.optimiser.load_state_dict(state["optimiser"])
-        if "noise" in state:
-            self.noise.set_state(state["noise"])
-        self.done = int(state["done"])
+        try:
+            self.model.load_state_dict(state["model"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.noise.set_state(state.get("noise", self.noise.get_state()))
+            self.done = int(state["done"])
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OtherTrainingError(f"{path}: not a checkpoint of this network") from error
         self.curve = state.get("curve", [])
 
 

@@ -23,6 +23,7 @@ class Examples(CutCubes):
 
     side: int = 128
     cubes: int = 2
+    fewest: int = 500
     finest: float = 1.0
     coarsest: float = 0.125
     kind: ClassVar[str] = "octree training cubes"

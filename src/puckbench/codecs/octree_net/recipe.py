@@ -56,6 +56,12 @@ class Training(AnyTraining):
             clouds, self.side, self.cubes, seed=self.seed, coarsest=coarsest, finest=finest
         )
 
+    def state(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Parameters from the whole numbers that a set keeps."""
+        from puckbench.codecs.octree_net.weights import real_state
+
+        return real_state(kept)
+
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""
         from puckbench.codecs.octree_net.weights import save_weights

@@ -52,7 +52,7 @@ def load_weights(path: Path) -> Weights:
     found = read_weights(path)
     try:
         model = OctreeNet(_shape(found.header["shape"]))
-        model.load_state_dict({name: _real(name, v) for name, v in found.state.items()})
+        model.load_state_dict(real_state(found.state))
         card = found.header["card"]
     except (KeyError, TypeError, RuntimeError) as error:
         raise InputError(f"{path}: damaged weights") from error
@@ -61,6 +61,11 @@ def load_weights(path: Path) -> Weights:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return Weights(model.eval().requires_grad_(False), found.digest, card)
+
+
+def real_state(whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Parameters from the whole numbers that a set keeps."""
+    return {name: _real(name, value) for name, value in whole.items()}
 
 
 def _units(name: str) -> int:

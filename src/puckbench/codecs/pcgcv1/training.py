@@ -2,11 +2,13 @@
 
 The loss of cubes at a rate is ``alpha * (beta * cross entropy of empty voxels + cross entropy of
 occupied ones) + bits per point of the latent and of the hyper-latent``, each cross entropy the mean
-over its voxels, in nats, as the original has it. While training, rounding is uniform noise.
+over its voxels, in nats, as the original has it; divided by the square root of alpha so that no
+rate outweighs the others where they share weights. While training, rounding is uniform noise.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,6 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
+from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.recipe import TrainingByAlpha
 from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv1.laplace import likelihood
@@ -52,7 +55,7 @@ def loss_of(
     bpp, hyper_bpp = -masses.log2().sum() / points, -hyper_masses.log2().sum() / points
     logits, full = model.synthesis(noisy / model.gain(rate)), cubes > 0
     empty, occupied = softplus(logits[~full]).mean(), softplus(-logits[full]).mean()
-    total = alpha * (beta * empty + occupied) + bpp + hyper_bpp
+    total = (alpha * (beta * empty + occupied) + bpp + hyper_bpp) / math.sqrt(alpha)
     return Loss(total, empty, occupied, bpp, hyper_bpp)
 
 
@@ -76,7 +79,7 @@ class Trainer(AnyTrainer[PCGCv1, Loss]):
     def __init__(self, model: PCGCv1, training: TrainingByAlpha) -> None:
         # the layout in which a processor's convolutions are fast, forwards and backwards
         laid = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
-        super().__init__(laid, training)
+        super().__init__(laid, training, parameter_groups(model))
 
     def step(self, clouds: Sequence[Keys]) -> Loss:
         """One step on a batch of cubes, at the rate whose turn it is."""

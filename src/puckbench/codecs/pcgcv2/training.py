@@ -1,7 +1,8 @@
 """Training PCGCv2: its loss, and one step.
 
 The loss of a cloud at a rate is ``alpha * sum over 3 scales of the mean binary cross entropy, in
-bits, of its candidate voxels + bits of the latent per point``. While training, rounding is uniform
+bits, of its candidate voxels + bits of the latent per point``, divided by the square root of alpha
+so that no rate outweighs the others where they share weights. While training, rounding is uniform
 noise and the true voxels are kept at each scale beside those that the network chose.
 """
 
@@ -18,6 +19,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from puckbench.codecs.learned.examples import batch
+from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.recipe import TrainingByAlpha
 from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv2.model import SCALES, PCGCv2
@@ -52,7 +54,8 @@ def loss_of(
     bits = -model.bottleneck(rate).likelihood(noisy).log2().sum()
     entropies = _entropies(model, noisy / model.gain(rate), sets, crew)
     bpp = bits / len(keys)
-    return Loss(alpha * torch.stack(entropies).sum() + bpp, tuple(entropies), bpp)
+    total = (alpha * torch.stack(entropies).sum() + bpp) / math.sqrt(alpha)
+    return Loss(total, tuple(entropies), bpp)
 
 
 def _entropies(model: PCGCv2, features: Tensor, sets: list[Voxels], crew: Crew) -> list[Tensor]:
@@ -86,7 +89,7 @@ class Trainer(AnyTrainer[PCGCv2, Loss]):
     training: TrainingByAlpha
 
     def __init__(self, model: PCGCv2, training: TrainingByAlpha, crew: Crew) -> None:
-        super().__init__(model, training)
+        super().__init__(model, training, parameter_groups(model))
         self.crew = crew
 
     def step(self, clouds: Sequence[Keys]) -> Loss:
