@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from puckbench.codecs.learned.examples import Examples
     from puckbench.codecs.learned.training import Trainer
 
+_FEWEST, _SIDE = 200, 64
+"""Voxels of a cube worth learning from, and its side; a surface's voxels grow with the square."""
+
 Rates = Mapping[str, Mapping[str, Any]]
 
 
@@ -103,7 +106,8 @@ class TrainingByAlpha(Training):
         from puckbench.codecs.learned.examples import Examples
 
         voxels = [np.rint(cloud).astype(np.int64) for cloud in clouds]
-        return Examples(voxels, self.side, self.cubes, thinnest=self.thinnest, seed=self.seed)
+        fewest = max(1, _FEWEST * self.side**2 // _SIDE**2)
+        return Examples(voxels, self.side, self.cubes, fewest, self.thinnest, self.seed)
 
     def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
         """Those of the entry with one of the alphas; for other alphas a rate of their name."""
