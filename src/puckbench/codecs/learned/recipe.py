@@ -87,10 +87,9 @@ class TrainingByAlpha(Training):
     multiples of four. thinnest: least share of its voxels that a cube keeps.
     """
 
-    thinnest: float = 1.0
-
     alphas: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
     widths: tuple[int, ...] = ()
+    thinnest: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
