@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.registry import training_class
 from puckbench.errors import InputError
 from puckbench.plugins import load_class
 
 if TYPE_CHECKING:
+    from puckbench.cloud import Floats
     from puckbench.codecs.learned.examples import Examples
     from puckbench.codecs.learned.training import Trainer
 
