@@ -1,6 +1,6 @@
 """Bytes and seconds of the learned octree coder beside gpcc, which decodes to the same points.
 
-python benchmarks/octree_net.py WEIGHTS_DIR cloud.ply [more.ply ...] [--rates r1 r4 r8]
+python benchmarks/octree_net.py WEIGHTS cloud.ply [more.ply ...] [--rates r1 r4 r8]
 """
 
 import argparse
@@ -22,11 +22,11 @@ def timed(call: Callable[[], Any]) -> tuple[Any, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("weights", type=Path)
+    parser.add_argument("weights", help="a shipped set, a file or a folder")
     parser.add_argument("clouds", type=Path, nargs="+")
     parser.add_argument("--rates", nargs="+", default=["r1", "r2", "r4", "r8"])
     options = parser.parse_args()
-    net = open_codec("sparse_octree_net", {"options": {"weights": str(options.weights)}})
+    net = open_codec("sparse_octree_net", {"options": {"weights": options.weights}})
     gpcc = open_codec("gpcc")
     for codec in (net, gpcc):
         codec.load()

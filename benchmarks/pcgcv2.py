@@ -2,12 +2,13 @@
 
     python benchmarks/pcgcv2.py WEIGHTS [--rate r7] [--voxels 10000 100000 830000] [--repeats 3]
 
-WEIGHTS: folder of weights. The clouds are rooms: the walls of a box that stands askew in the grid,
-and a ball in it, as dense as the grid. Seconds are of `encode` and `decode` on arrays in memory
-(rounding, coordinates and entropy coding included), weights loaded and loops compiled before: wall
-clock and the processor's own; the least of the repeats counts, since other work on the machine only
-adds. The bound is the multiplications and additions of the network over the speed of this machine's
-large matrix products, measured alongside. Memory is what a call needs above what was there.
+WEIGHTS: a shipped set, a file or a folder. The clouds are rooms: the walls of a box that stands
+askew in the grid, and a ball in it, as dense as the grid. Seconds are of `encode` and `decode` on
+arrays in memory (rounding, coordinates and entropy coding included), weights loaded and loops
+compiled before: wall clock and the processor's own; the least of the repeats counts, since other
+work on the machine only adds. The bound is the multiplications and additions of the network over
+the speed of this machine's large matrix products, measured alongside. Memory is what a call needs
+above what was there.
 """
 
 from __future__ import annotations

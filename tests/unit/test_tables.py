@@ -44,6 +44,12 @@ def test_the_summary_has_medians_over_clouds() -> None:
     assert found.clouds.tolist() == [3, 1]
 
 
+def test_the_summary_says_which_weights_were_used() -> None:
+    rows = [{**_row(cloud, "r1", 1.0), "weights": "mine 0a1b"} for cloud in ("a", "b")]
+    found = summary(table_of([*rows, {**_row("a", "r1", 1.0), "codec": "plain"}], METRIC_KEYS))
+    assert found.weights.fillna("").tolist() == ["mine 0a1b", ""]
+
+
 def test_the_summary_has_the_spread_over_clouds() -> None:
     rows = [_row(f"c{i}", "r1", float(i)) for i in range(101)]
     found = summary(table_of(rows, METRIC_KEYS)).iloc[0]

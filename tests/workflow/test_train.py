@@ -9,26 +9,21 @@ import pytest
 from puckbench.files import read_json
 from tests.workflow.conftest import ROOT, Bench
 
+SETTINGS = {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "side": 1024}
 TRAININGS: dict[str, Any] = {
     "tiny": {
         "codec": "pcgcv2",
         "datasets": ["objects"],
         "validate": ["raw"],
         "steps": 2,
-        "options": {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1},
+        "options": SETTINGS,
     },
-    "tiny_again": {
+    "again": {
         "codec": "pcgcv2",
-        "datasets": ["raw"],
+        "datasets": ["objects", "raw"],
         "steps": 1,
         "start": "tiny",
-        "options": {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "thinnest": 0.5},
-    },
-    "octree": {
-        "codec": "sparse_octree_net",
-        "datasets": ["objects", "raw"],
-        "steps": 2,
-        "options": {"side": 32, "width": 8, "scales": [0.05, 0.1]},
+        "options": {**SETTINGS, "thinnest": 0.5},
     },
 }
 
@@ -47,13 +42,12 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     assert card["data"] == ["chair_01.ply"]
     assert card["validation"]["data"] == ["copy_room_1.ply"]
     assert list(card["validation"]["rates"]) == ["r3", "r5"]
-    assert read_json(weights / "tiny_again.json")["start"] == "tiny"
-    assert read_json(weights / "octree.json")["data"] == [
-        "objects/chair_01.ply", "raw/copy_room_1.ply",
-    ]  # fmt: skip
+    again = read_json(weights / "again.json")
+    assert again["data"] == ["objects/chair_01.ply", "raw/copy_room_1.ply"]
+    assert again["start"] == "tiny"
     assert len((weights / "tiny.csv").read_text().splitlines()) == 3
     assert training.planned("train") == {}
-    changed = {**TRAININGS, "octree": {**TRAININGS["octree"], "steps": 3}}
+    changed = {**TRAININGS, "again": {**TRAININGS["again"], "steps": 3}}
     training.configure({"train": changed, "figures": {}, "sensor_study": None})
     assert training.planned("train") == {"weights": 1, "train": 1}
     codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r3", "r5"]}
@@ -66,9 +60,9 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"datasets": ["nowhere"]}, "train.tiny.datasets: no data set 'nowhere' (known: objects"),
+        ({"datasets": ["nowhere"]}, "train.tiny.datasets: no data set 'nowhere' (known: clean"),
         ({"validate": ["nowhere"]}, "train.tiny.validate: no data set 'nowhere'"),
-        ({"start": "octree"}, "train.tiny: octree: no such folder of weights"),
+        ({"start": "nowhere"}, "train.tiny: nowhere: no such folder of weights"),
         ({"codec": "draco"}, "train.tiny: codec draco: there is nothing to train"),
         ({"options": {"widths": [3]}}, "train.tiny: training: widths cannot be (3,)"),
     ],

@@ -14,7 +14,7 @@ rule weights:
         validate=lambda wildcards, input: f"--validate {input.validate}" if input.validate else "",
         start=lambda wildcards, input: f"--start {input.start}" if input.start else "",
         code=code_version("puckbench.cli.train"),
-    threads: 1024  # all that there are: one training at a time
+    threads: 64  # or all that there are: one training at a time
     resources:
         mem_mb=lambda wildcards: bench.training_memory_mb(wildcards.trained),
         runtime=24 * 60,
@@ -24,8 +24,7 @@ rule weights:
         "../../envs/puckbench.yaml"
     shell:
         "python -m puckbench train {input.clouds} --out {output.weights} {params.validate}"
-        " {params.start}"
-        " {params.arguments} > {log} 2>&1"
+        " {params.start} {params.arguments} > {log} 2>&1"
 
 
 TRAINED = [

@@ -18,7 +18,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     for name in entries():
         codec = open_codec(name)
         ok, why = codec.available()
-        table[name] = {"available": ok, "why": why, "version": codec.version, "rates": codec.rates}
+        weights = sorted({codec.weights_of(rate) for rate in codec.rates} - {""}) if ok else []
+        table[name] = {
+            "available": ok,
+            "why": why,
+            "version": codec.version,
+            "weights": weights,
+            "rates": codec.rates,
+        }
     return table if options.json else {name: _line(entry) for name, entry in table.items()}
 
 
@@ -28,4 +35,5 @@ def _line(entry: dict[str, Any]) -> str:
         f"{name} " + ", ".join(f"{key} {value}" for key, value in values.items())
         for name, values in entry["rates"].items()
     )
-    return f"{state} ({entry['version']}); {rates}"
+    about = ", ".join([entry["version"], *(f"weights {weights}" for weights in entry["weights"])])
+    return f"{state} ({about}); {rates}"

@@ -24,6 +24,7 @@ START = struct.Struct("<4sBI")
 """Magic "PCGW", version, bytes of the JSON header that follows."""
 MAGIC, VERSION = b"PCGW", 1
 _MOST_HEADER = 2**24
+_ORIGINALS = (".npz", ".pth")
 _UNNAMED = "pcgcv2"
 """The network of sets that name none: the first that there were."""
 
@@ -71,7 +72,7 @@ def weights_files(where: str) -> list[Path]:
     if not path.is_dir():
         known = ", ".join(shipped()) or "none"
         raise InputError(f"{path}: no such folder of weights, nor file, nor shipped set ({known})")
-    return sorted(file for file in path.iterdir() if file.is_file())
+    return sorted(file for file in path.iterdir() if file.suffix in (SUFFIX, *_ORIGINALS))
 
 
 def weights_file(where: str) -> Path:

@@ -68,15 +68,17 @@ class Learned(Codec, Generic[W]):
         if missing:
             return Availability(False, f"{' and '.join(missing)} not installed (make learned)")
         try:
-            self._check()
+            lacking = [name for name, rate in self.rates.items() if self._path(rate) is None]
         except InputError as error:
             return Availability(False, str(error))
-        return Availability(True)
+        there = ", ".join(name for name in self.rates if name not in lacking) or "none"
+        why = f"{self.where} has no weights for {', '.join(lacking)} (rates it has: {there})"
+        return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
         """Name and digest (16 hexadecimal digits) of the file with a rate's weights."""
         path = self._path(self.rates[rate])
-        return f"{path.stem} {sha256(path)[:_DIGITS]}"
+        return f"{path.stem} {sha256(path)[:_DIGITS]}" if path else ""
 
     def load(self) -> None:
         """Load the weights of all rates, and compile what is compiled on first use."""
@@ -101,13 +103,6 @@ class Learned(Codec, Generic[W]):
         except InputError as error:
             raise InputError(f"codec {self.name}: {error}") from error
 
-    def _files(self) -> list[Path]:
-        """The network's files; InputError when there are none."""
-        found = self.network.files(self._where())
-        if not found:
-            raise InputError(f"{self.where} has no weights for {self.network.name}")
-        return found
-
     def _where(self) -> str:
         if self.where is None:
             raise InputError("no weights given (option weights: a folder, a file or a shipped set)")
@@ -115,11 +110,15 @@ class Learned(Codec, Generic[W]):
 
     def _weights(self, parameters: Mapping[str, Any]) -> W:
         """The weights that a rate is coded with."""
-        return self._set(self._path(parameters))
+        path = self._path(parameters)
+        if path is None:
+            rate = ", ".join(f"{name} {value}" for name, value in parameters.items())
+            raise InputError(f"{self.where} has no weights for {rate}")
+        return self._set(path)
 
     def _made_with(self, digest: bytes) -> W:
         """The weights that a stream names, given or shipped."""
-        for path in chain(self._files(), self.network.shipped()):
+        for path in chain(self.network.files(self._where()), self.network.shipped()):
             weights = self._set(path)
             if weights.digest == digest:
                 return weights
@@ -131,12 +130,9 @@ class Learned(Codec, Generic[W]):
             self._sets[path] = self._read(path)
         return self._sets[path]
 
-    def _check(self) -> None:
-        """InputError when a rate has no weights."""
-        self._files()
-
-    def _path(self, parameters: Mapping[str, Any]) -> Path:
-        return self._files()[0]
+    def _path(self, parameters: Mapping[str, Any]) -> Path | None:
+        """The file with a rate's weights, if there is one; the same for all rates."""
+        return next(iter(self.network.files(self._where())), None)
 
     @abstractmethod
     def _read(self, path: Path) -> W: ...
@@ -151,21 +147,8 @@ class Learned(Codec, Generic[W]):
 class LearnedByAlpha(Learned[R]):
     """A codec whose rate is the alpha that its weights were trained with: some for each alpha."""
 
-    def _check(self) -> None:
-        files = self.network.by_alpha(self._where())
-        lacking = [name for name, rate in self.rates.items() if float(rate["alpha"]) not in files]
-        if lacking:
-            there = ", ".join(name for name in self.rates if name not in lacking) or "none"
-            raise InputError(
-                f"{self.where} has no weights for {', '.join(lacking)} (rates it has: {there})"
-            )
-
-    def _path(self, parameters: Mapping[str, Any]) -> Path:
-        alpha = float(parameters["alpha"])
-        path = self.network.by_alpha(self._where()).get(alpha)
-        if path is None:
-            raise InputError(f"{self.where} has no weights for alpha {alpha:g}")
-        return path
+    def _path(self, parameters: Mapping[str, Any]) -> Path | None:
+        return self.network.by_alpha(self._where()).get(float(parameters["alpha"]))
 
     def _numbered(self, parameters: Mapping[str, Any]) -> tuple[R, int]:
         """The weights of a rate, and its number among theirs."""

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.registry import training_class
 from puckbench.errors import InputError
 from puckbench.plugins import load_class
 
 if TYPE_CHECKING:
+    from puckbench.cloud import Floats
     from puckbench.codecs.learned.examples import Examples
     from puckbench.codecs.learned.training import Trainer
 
@@ -90,10 +90,9 @@ class TrainingByAlpha(Training):
     multiples of four. thinnest: least share of its voxels that a cube keeps.
     """
 
-    thinnest: float = 1.0
-
     alphas: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
     widths: tuple[int, ...] = ()
+    thinnest: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

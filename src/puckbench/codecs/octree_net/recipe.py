@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.cloud import Floats
 from puckbench.codecs.learned.recipe import Training as AnyTraining
 
 if TYPE_CHECKING:
+    from puckbench.cloud import Floats
     from puckbench.codecs.octree_net.examples import Examples
     from puckbench.codecs.octree_net.training import Trainer
 
