@@ -9,7 +9,7 @@ from torch.nn.functional import conv3d, conv_transpose3d
 
 from puckbench.codecs.sparse.convolution import Site, convolve, site
 from puckbench.codecs.sparse.crew import Crew, crew
-from puckbench.codecs.sparse.layers import Down, Pointwise, Up, largest
+from puckbench.codecs.sparse.layers import Down, Pointwise, Up, largest, likeliest
 from puckbench.codecs.sparse.layout import Layout, blocks_layout, rows_layout
 from puckbench.codecs.sparse.movers import TorchMover
 from puckbench.codecs.sparse.voxels import Voxels, morton_keys, morton_voxels, pyramid
@@ -148,3 +148,13 @@ def test_the_largest_are_kept_and_of_equal_ones_the_first(count: int) -> None:
     logits = np.array([0.5, 2.0, 0.5, -1.0, 0.5, 3.0, 0.5], dtype=np.float32)
     order = sorted(range(len(logits)), key=lambda row: (-logits[row], row))
     assert largest(logits, count).tolist() == sorted(order[:count])
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 6, 17, 40])
+def test_every_parent_keeps_its_likeliest_child_before_any_keeps_a_second(count: int) -> None:
+    logits = np.random.default_rng(2).normal(size=(5, 8)).round(1).astype(np.float32)
+    first = {(parent, int(np.argmax(row))) for parent, row in enumerate(logits)}
+    slots = [(parent, child) for parent in range(5) for child in range(8)]
+    order = sorted(slots, key=lambda slot: (slot not in first, -logits[slot], slot))
+    expected = sorted(8 * parent + child for parent, child in order[:count])
+    assert likeliest(logits, count).tolist() == expected

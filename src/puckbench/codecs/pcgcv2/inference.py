@@ -13,7 +13,7 @@ from torch import Tensor
 from puckbench.codecs.pcgcv2.model import SCALES, InceptionResidual, PCGCv2
 from puckbench.codecs.sparse.convolution import Products, Site, accumulate, products_of, site
 from puckbench.codecs.sparse.crew import Crew, Scratch
-from puckbench.codecs.sparse.layers import Convolution, Down, Up, largest
+from puckbench.codecs.sparse.layers import Convolution, Down, Up
 from puckbench.codecs.sparse.layout import Layout, blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import (
     CENTRE,
@@ -214,7 +214,7 @@ def synthesise(
     _reserve(model, (len(coarse), *counts[:0:-1]), crew)
     for scale, keep in enumerate(reversed(counts)):
         children, logits = _decoder_scale(model, scale, features, parents, crew)
-        kept = largest(logits.view(-1).numpy(), keep)
+        kept = model.kept(logits.numpy(), keep)
         if scale + 1 < SCALES:
             features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
             parents = descended(parents, kept, crew)

@@ -84,3 +84,19 @@ def largest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
     ties = np.flatnonzero(logits == least)
     chosen[ties[: count - np.count_nonzero(chosen)]] = True
     return np.flatnonzero(chosen)
+
+
+def likeliest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+    """Slots of `count` children by their logits (m, 8), ascending; every parent has one if it can.
+
+    A voxel that is occupied has a child that is. Without this rule the likeliest children may all
+    be of the same few parents, and the others leave holes.
+    """
+    best = logits.argmax(axis=1)
+    rows = np.arange(len(logits))
+    if count <= len(logits):
+        chosen = largest(logits[rows, best], count)
+        return CHILDREN * chosen + best[chosen]
+    ranked = logits.copy()
+    ranked[rows, best] = np.inf
+    return largest(ranked.reshape(-1), count)
