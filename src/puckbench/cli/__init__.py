@@ -27,6 +27,7 @@ COMMANDS = {
     "train": "train a learned codec's weights on clouds",
     "train_octree": "train the learned octree coder's weights on clouds",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "recovery": "compare a stream's geometric primitives with the labels of the scene",
     "wall": "scan a wall and a floor: the points, in the wall's frame",
     "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",
