@@ -34,9 +34,9 @@ class Segmentation:
     primitives: Sequence[Primitive]
 
     @property
-    def kinds(self) -> NDArray[np.str_]:
-        """The kind of each primitive."""
-        return np.array([primitive.kind for primitive in self.primitives], dtype=np.str_)
+    def kinds(self) -> NDArray[np.object_]:
+        """The kind of each primitive, (number of primitives,)."""
+        return np.array([primitive.kind for primitive in self.primitives], dtype=object)
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
@@ -93,9 +93,9 @@ class _Overlaps:
 
     true_sizes: Ints
     right: Ints
-    kinds: NDArray[np.str_]
-    true_kinds: NDArray[np.str_]
-    found_kinds: NDArray[np.str_]
+    kinds: NDArray[np.object_]
+    true_kinds: NDArray[np.object_]
+    found_kinds: NDArray[np.object_]
     matches: list[tuple[int, int]]
 
     @classmethod
