@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
@@ -29,7 +29,7 @@ _SIDES = {
     "truth_": "to the true surface",
 }
 """What stands before a column's name, and what the column is measured to."""
-_OWN = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
+_OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 
 
 def draw_chamfer(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
