@@ -26,6 +26,12 @@ _FIRST = (
     "decode_s",
     "encode_peak_mib",
     "decode_peak_mib",
+    "true",
+    "found",
+    "matched",
+    "precision",
+    "recall",
+    "label_accuracy",
 )
 """Columns that come first, in this order, where a table has them; the others follow by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}

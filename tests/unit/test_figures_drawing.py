@@ -197,7 +197,7 @@ def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     titles = [axes.get_title().replace("\n", " ") for axes in panels]
     assert [title.removeprefix("S3DIS, virtual VLP-16: ") for title in titles] == [
         "to the coded scan",
-        "to the clean scan of the same rays",
+        "to the clean scan",
         "to the true surface",
     ]
     draco = CODEC_LOOKS["draco"].colour

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 _SIDES = {
     "": "to the coded scan",
-    "clean_": "to the clean scan of the same rays",
+    "clean_": "to the clean scan",
     "truth_": "to the true surface",
 }
-"""What stands before a column's name, and what the column is measured to."""
+"""What stands before a column's name, and what the column is measured to; the rays are the same."""
 _OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 
 
