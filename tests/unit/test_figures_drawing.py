@@ -196,9 +196,9 @@ def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     panels = draw("truth_rd", metrics=metrics_table(12), scan_errors=scan_errors_table()).axes
     titles = [axes.get_title().replace("\n", " ") for axes in panels]
     assert [title.removeprefix("S3DIS, virtual VLP-16: ") for title in titles] == [
-        "to the coded scan",
+        "to the scan",
         "to the clean scan",
-        "to the true surface",
+        "to the truth",
     ]
     draco = CODEC_LOOKS["draco"].colour
     scan, clean, truth = (lines(axes)[draco][-1, 1] for axes in panels)

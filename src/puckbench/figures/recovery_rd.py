@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SHARES = (
     Quantity("precision", "precision", "share", (0, 1)),
     Quantity("recall", "recall", "share", (0, 1)),
-    Quantity("label_accuracy", "points with the right label", "share", (0, 1)),
+    Quantity("label_accuracy", "label accuracy", "share", (0, 1)),
 )
 ALL = "all"
 

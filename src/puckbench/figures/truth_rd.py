@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SIDES = {
-    "": "to the coded scan",
+    "": "to the scan",
     "clean_": "to the clean scan",
-    "truth_": "to the true surface",
+    "truth_": "to the truth",
 }
 """What stands before a column's name, and what the column is measured to; the rays are the same."""
 _OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
