@@ -17,8 +17,11 @@ class Primitive:
     """A geometric primitive that a surface lies on (thesis section 7).
 
     kind: "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    parameters: its numbers in world coordinates (metres, radians), by name, for example
-    ``{"normal": [0, 0, 1], "offset": 0.0}`` or ``{"point": [..], "axis": [..], "radius": 0.1}``.
+    parameters: its numbers in world coordinates (metres, radians), by name; directions are unit
+    vectors. A plane has ``normal`` and ``offset`` (normal . p = offset), a cylinder ``point``,
+    ``axis`` and ``radius``, a sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the
+    cone) and ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
+    superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
     """
 
     kind: str

@@ -16,7 +16,7 @@ from puckbench.codecs.learned.catalogue import weights_file, weights_files
 from puckbench.codecs.learned.recipe import open_training
 from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import SceneSet
+from puckbench.datasets.scene import SceneSet, has_primitives
 from puckbench.errors import InputError
 from puckbench.scenes.calibration import CALIBRATIONS
 from puckbench.sensor import load_sensor, open_error_model, open_sweep
@@ -56,6 +56,11 @@ class DataSetPlan:
     def has_truth(self) -> bool:
         """Whether decoded clouds are measured against the true surface as well."""
         return bool(self.settings["truth"] and self.settings["make"] != "cloud")
+
+    @property
+    def is_scanned_from_truth(self) -> bool:
+        """Whether it is a scan of a surface that decoded clouds are measured against."""
+        return self.has_truth and self.settings["make"] == "scan"
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,26 @@ class Plan:
     def clouds(self) -> tuple[tuple[str, str], ...]:
         """Every (data set, cloud), in the order of the table."""
         return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
+
+    @cached_property
+    def scanned(self) -> tuple[tuple[str, str], ...]:
+        """Those (data set, cloud) whose own distance to the truth is measured, in their order."""
+        known = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
+        return tuple(cloud for cloud in self.clouds if cloud[0] in known)
+
+    @cached_property
+    def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Those cells whose primitives are compared with the labels of their scenes."""
+        chosen = self.config["codecs"]
+        coding = {name for name in self.codecs if codecs.codes_surfaces(name, chosen[name])}
+        labelled = {
+            data.name
+            for data in self.datasets.values()
+            if data.settings["recovery"]
+            and data.settings["make"] != "cloud"
+            and has_primitives(self.scenes[data.scenes].scenes)
+        }
+        return tuple(cell for cell in self.cells if cell[0] in labelled and cell[2] in coding)
 
     @cached_property
     def cells(self) -> tuple[tuple[str, str, str, str], ...]:

@@ -13,8 +13,9 @@ from puckbench.files import read_json
 
 METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
+RECOVERY_KEYS = (*METRIC_KEYS, "kind")
 _FIRST = (
-    *METRIC_KEYS,
+    *RECOVERY_KEYS,
     "group",
     "points_in",
     "points_out",
@@ -25,12 +26,18 @@ _FIRST = (
     "decode_s",
     "encode_peak_mib",
     "decode_peak_mib",
+    "true",
+    "found",
+    "matched",
+    "precision",
+    "recall",
+    "label_accuracy",
 )
 """Columns that come first, in this order, where a table has them; the others follow by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
-_COUNTS = {"truth_points_a", "truth_points_b"}
+_COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
 _SUMMARY = (
     "bpp",
     "cd_point",
@@ -39,7 +46,9 @@ _SUMMARY = (
     "hausdorff_sq_plane",
     "d1_psnr",
     "d2_psnr",
+    "truth_cd_point",
     "truth_cd_plane",
+    "clean_cd_plane",
     "encode_s",
     "decode_s",
 )
@@ -73,6 +82,34 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
+
+
+def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Rows of the table of scans' own errors, from result rows of scans measured as if decoded."""
+    kept = (*CLOUD_KEYS, "group", "scale")
+    return [
+        {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
+        for row in metric_rows(files)
+    ]
+
+
+def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Rows of the table of recovered primitives: one per result and kind of primitive.
+
+    A stream without primitives has a row of the kind "all" in which nothing is measured.
+    """
+    rows = []
+    for row in metric_rows(files):
+        kinds = row.pop("kinds") or [{"kind": "all"}]
+        rows += [{**row, **kind} for kind in kinds]
+    return rows
+
+
+ROWS = {
+    "scan_errors": (scan_error_rows, CLOUD_KEYS),
+    "recovery": (recovery_rows, RECOVERY_KEYS),
+}
+"""Tables made of result rows of their own: from files to rows, and the rows' keys."""
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:

@@ -24,7 +24,7 @@ from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
 from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
-from puckbench.figures.entry import STUDY, TRUTH, at
+from puckbench.figures.entry import STUDY, at
 from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
@@ -159,8 +159,21 @@ class Workflow:
         """Further inputs of the evaluation: the true surface and what the sensor saw of it."""
         if not self.dataset(dataset).has_truth:
             return {}
-        visible = self.plan.results / "truth" / dataset / f"{cloud}.ply"
-        return {"truth": self.scene_file(dataset, cloud), "visible": str(visible)}
+        seen = "clean" if self.dataset(dataset).is_scanned_from_truth else "visible"
+        return {"truth": self.scene_file(dataset, cloud), seen: self.true_points(dataset, cloud)}
+
+    def true_points(self, dataset: str, cloud: str) -> str:
+        """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
+        return str(self.plan.results / "truth" / dataset / f"{cloud}.ply")
+
+    def row_tables(self) -> dict[str, list[str]]:
+        """The tables that are made of result rows of their own, with the files of these rows."""
+        parts = {"scan_errors": self.plan.scanned, "recovery": self.plan.recovered}
+        return {
+            name: [str(self.plan.results / name / f"{'/'.join(part)}.json") for part in rows]
+            for name, rows in parts.items()
+            if rows
+        }
 
     def memory_mb(self, dataset: str) -> int:
         """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
@@ -291,6 +304,10 @@ def _cloud_inputs(config: Mapping[str, Any], plan: Plan) -> dict[str, str]:
     known = {name: file for name, file in examples.items() if name in EXAMPLES}
     if plan.datasets:
         known |= {name: _table(plan, name) for name in ("metrics", "clouds")}
+    if plan.scanned:
+        known["scan_errors"] = _table(plan, "scan_errors")
+    if plan.recovered:
+        known["recovery"] = _table(plan, "recovery")
     return known
 
 
@@ -309,10 +326,9 @@ def _study_inputs(plan: Plan) -> dict[str, str]:
 
 def _there(plan: Plan) -> set[str]:
     """What a configuration has of that which figures may need."""
-    there = {TRUTH} if any(item.has_truth for item in plan.datasets.values()) else set()
     if plan.study is None:
-        return there
-    return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+        return set()
+    return {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
 
 
 def _table(plan: Plan, name: str) -> str:

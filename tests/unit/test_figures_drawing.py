@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from figures_lookalike import CD_MEDIANS, clouds_table, metrics_table, room_cloud
+from figures_lookalike import (
+    CD_MEDIANS,
+    clouds_table,
+    metrics_table,
+    recovery_table,
+    room_cloud,
+    scan_errors_table,
+)
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -47,6 +54,8 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     residuals = residual_table(50)
     distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
     tables = {
+        "scan_errors": scan_errors_table(),
+        "recovery": recovery_table(),
         "residuals": residuals,
         "scans": scan_table(50),
         "compared_residuals": residuals,
@@ -184,11 +193,50 @@ def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
 
 
 def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
-    left, right = draw("truth_rd", metrics=metrics_table(12)).axes
-    assert left.get_title() == "S3DIS, virtual VLP-16: to the coded cloud"
+    panels = draw("truth_rd", metrics=metrics_table(12), scan_errors=scan_errors_table()).axes
+    titles = [axes.get_title().replace("\n", " ") for axes in panels]
+    assert [title.removeprefix("S3DIS, virtual VLP-16: ") for title in titles] == [
+        "to the scan",
+        "to the clean scan",
+        "to the truth",
+    ]
     draco = CODEC_LOOKS["draco"].colour
-    assert lines(left)[draco][-1, 1] < 0.03
-    assert lines(right)[draco][-1, 1] > 2.4
+    scan, clean, truth = (lines(axes)[draco][-1, 1] for axes in panels)
+    assert scan < 0.03
+    assert 2.4 < truth < 2.5 < clean
+
+
+def own_errors(axes: Axes) -> list[float]:
+    """Heights of the lines across a panel."""
+    return [float(y[0]) for y in (line.get_ydata() for line in axes.get_lines()) if len(y) == 2]
+
+
+@pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
+def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> None:
+    figure = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table())
+    assert [own_errors(axes) for axes in figure.axes] == [[], [pytest.approx(2.88)], [2.4]]
+    assert figure.legends[0].get_texts()[-1].get_text() == "the scan itself"
+    bpp, values = (figure.axes[0].get_shared_x_axes(), figure.axes[0].get_shared_y_axes())
+    for axes in figure.axes[1:]:
+        assert bpp.joined(figure.axes[0], axes)
+        assert values.joined(figure.axes[0], axes)
+
+
+def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> None:
+    exact = scan_errors_table().assign(truth_cd_plane=1e-20)
+    figure = draw("truth_rd", metrics=metrics_table(3), scan_errors=exact)
+    assert own_errors(figure.axes[2]) == []
+    assert figure.axes[2].get_ylim() == (0.01, 1000)
+
+
+def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> None:
+    panels = draw("recovery_rd", recovery=recovery_table()).axes
+    colour = CODEC_LOOKS["primitives"].colour
+    for axes, shares in zip(
+        panels, ([0.3, 0.5, 0.6], [0.2, 0.4, 0.5], [0.4, 0.6, 0.7]), strict=True
+    ):
+        np.testing.assert_allclose(lines(axes)[colour][:, 1], shares)
+        assert axes.get_ylim() == (0, 1)
 
 
 def test_figure_6_4_shows_quartiles_median_and_mean() -> None:

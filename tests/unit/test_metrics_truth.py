@@ -7,7 +7,7 @@ from puckbench.cloud import PointCloud
 from puckbench.mesh import Mesh
 from puckbench.metrics.closest import closest_surface_points, mesh_in_frame
 from puckbench.metrics.geometry import distortion
-from puckbench.metrics.truth import truth_distortion
+from puckbench.metrics.truth import scan_distortion, truth_distortion
 from puckbench.seeding import generator
 
 FLOOR = Mesh(
@@ -37,6 +37,20 @@ def test_without_a_mesh_the_visible_points_are_the_truth() -> None:
     decoded = generator(1, "decoded").random((50, 3)) * 8
     ordinary = distortion(SEEN, decoded)
     assert truth_distortion(SEEN, None, decoded) == {f"truth_{k}": v for k, v in ordinary.items()}
+
+
+def test_a_scan_at_an_offset_is_as_far_from_the_clean_scan_along_and_across_the_surface() -> None:
+    x, y = np.meshgrid(np.arange(1.0, 8), np.arange(1.0, 8))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    clean = PointCloud(points, np.tile([0.0, 0, 1], (len(points), 1)))
+    values = scan_distortion(clean, FLOOR, points + np.array([0.25, 0, 0.5]))
+    for kind in ("acd_ab", "acd_ba", "cd"):
+        assert values[f"truth_{kind}_plane"] == values[f"clean_{kind}_plane"] == 0.25
+        assert values[f"clean_{kind}_point"] == 0.25**2 + 0.5**2
+    assert values["truth_acd_ba_point"] == 0.25  # between the rays there is surface, and no point
+    assert values["truth_acd_ab_point"] == values["clean_acd_ab_point"]
+    assert values["truth_points_a"] == values["truth_points_b"] == len(points)
+    assert "clean_points_a" not in values
 
 
 def test_without_true_normals_there_is_nothing_to_plane() -> None:

@@ -6,7 +6,16 @@ import pytest
 
 from puckbench.errors import InputError
 from puckbench.tablefiles import write_table
-from puckbench.tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, summary, table_of
+from puckbench.tables import (
+    CLOUD_KEYS,
+    METRIC_KEYS,
+    RECOVERY_KEYS,
+    cloud_row,
+    recovery_rows,
+    scan_error_rows,
+    summary,
+    table_of,
+)
 
 
 def _row(cloud: str, rate: str, bpp: float) -> dict:
@@ -90,3 +99,34 @@ def test_counts_stay_whole_where_some_rows_have_none(tmp_path: Path) -> None:
     rows = [{**_row("a", "r1", 1.0), "truth_points_a": 7}, _row("b", "r1", 2.0)]
     write_table(table_of(rows, METRIC_KEYS), tmp_path / "t.csv", tmp_path / "t.parquet")
     assert (tmp_path / "t.csv").read_text().splitlines()[1].endswith(",7,1")
+
+
+def test_of_a_scan_measured_as_decoded_only_its_distance_to_the_truth_is_kept(
+    tmp_path: Path,
+) -> None:
+    row = {
+        "dataset": "d",
+        "cloud": "a",
+        "cd_plane": 0.0,
+        "truth_cd_plane": 3.0,
+        "clean_d1_rms_m": 1,
+    }
+    (tmp_path / "a.json").write_text(json.dumps(row))
+    (found,) = scan_error_rows([tmp_path / "a.json"])
+    assert found == {"dataset": "d", "cloud": "a", "truth_cd_plane": 3.0, "clean_d1_rms_m": 1}
+
+
+def test_recovered_primitives_have_a_row_for_each_kind_and_one_where_there_are_none(
+    tmp_path: Path,
+) -> None:
+    kinds = [{"kind": "all", "found": 3, "recall": 0.5}, {"kind": "plane", "found": 3}]
+    for rate, found in (("r1", kinds), ("r8", [])):
+        row = {**_row("a", rate, 1.0), "kinds": found}
+        (tmp_path / f"{rate}.json").write_text(json.dumps(row))
+    rows = recovery_rows([tmp_path / "r1.json", tmp_path / "r8.json"])
+    table = table_of(rows, RECOVERY_KEYS)
+    assert table.kind.tolist() == ["all", "plane", "all"]
+    assert table.rate.tolist() == ["r1", "r1", "r8"]
+    assert table.found.tolist()[:2] == [3, 3]
+    assert table.found.isna().tolist() == [False, False, True]
+    assert list(table)[:5] == ["dataset", "cloud", "codec", "rate", "kind"]

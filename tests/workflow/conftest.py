@@ -1,4 +1,4 @@
-"""A tiny benchmark in a folder of its own: an object, a room, two codecs, a sensor study."""
+"""A tiny benchmark in a folder of its own: an object, a room, three codecs, a sensor study."""
 
 from __future__ import annotations
 
@@ -30,6 +30,42 @@ class Raw(Codec):
         return np.frombuffer(stream, "<i2").reshape(-1, 3) * 1.0
 """
 
+BOX_CODEC = """
+import numpy as np
+from puckbench.codecs.codec import Codec
+from puckbench.errors import InputError
+from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
+
+SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+
+class Box(Codec):
+    version = "box 1"
+
+    def _encode(self, points, parameters):
+        corners = np.array([points.min(axis=0), points.max(axis=0)])
+        return corners.tobytes() + (b"points" if "points" in parameters else b"")
+
+    def _decode(self, stream):
+        low, high = np.frombuffer(stream[:48]).reshape(2, 3)
+        return low + np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1) * (high - low)
+
+    def decode_mesh(self, stream):
+        if stream.endswith(b"points"):
+            raise InputError("no surface")
+        vertices = self._decode(stream)
+        quads = np.array(SIDES)
+        triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        normals = np.eye(3)[[0, 0, 1, 1, 2, 2]]
+        planes = tuple(
+            Primitive("plane", {"normal": n.tolist(), "offset": float(n @ vertices[side[0]])})
+            for n, side in zip(normals, SIDES)
+        )
+        objects = tuple(SceneObject(f"side_{k}", "side") for k in range(6))
+        number = np.tile(np.arange(6, dtype=np.int32), 2)
+        return Mesh(vertices, triangles, Labels(number, number, objects, planes))
+"""
+
 CONFIG: dict[str, Any] = {
     "results": "results",
     "seed": 1,
@@ -41,7 +77,7 @@ CONFIG: dict[str, Any] = {
         },
     },
     "datasets": {
-        "objects": {"scenes": "objects", "make": "sample", "points": 2000},
+        "objects": {"scenes": "objects", "make": "sample", "points": 2000, "recovery": False},
         "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
         "clean": {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}},
         "noisy": {
@@ -54,6 +90,11 @@ CONFIG: dict[str, Any] = {
     "codecs": {
         "draco": {"rates": ["r1", "r8"]},
         "raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}},
+        "box": {
+            "class": "box.py:Box",
+            "surfaces": True,
+            "rates": {"r1": {}, "r2": {"points": True}},
+        },
     },
     "sensor_study": {
         "models": {"vlp16": {}, "vlp16_divergence": {}},
@@ -100,6 +141,7 @@ class Bench:
         self.folder = folder
         self.results = folder / "results"
         (folder / "raw_grid.py").write_text(RAW_CODEC)
+        (folder / "box.py").write_text(BOX_CODEC)
         self.configure({})
 
     def configure(self, changes: Mapping[str, Any]) -> None:

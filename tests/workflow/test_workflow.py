@@ -14,7 +14,7 @@ import pytest
 
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.figures.registry import FIGURES
-from tests.workflow.conftest import RAW_CODEC, Bench
+from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
 
 TIMES = ["encode_s", "decode_s", "encode_peak_mib", "decode_peak_mib"]
 
@@ -25,11 +25,12 @@ def restored(finished: Bench) -> Iterator[Bench]:
     yield finished
     finished.configure({})
     (finished.folder / "raw_grid.py").write_text(RAW_CODEC)
+    (finished.folder / "box.py").write_text(BOX_CODEC)
 
 
 def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
     table = pd.read_csv(finished.results / "tables" / "metrics.csv")
-    assert len(table) == 4 * 3  # data sets x (two rates of draco, one of raw_grid)
+    assert len(table) == 4 * 5  # data sets x (two rates of draco, one of raw_grid, two of box)
     assert table.bpp.gt(0).all()
     assert table.cd_plane.notna().all()
     assert table.truth_cd_plane.notna().all()
@@ -53,6 +54,41 @@ def test_noise_separates_the_scan_from_the_truth(finished: Bench) -> None:
     best = table[(table.codec == "draco") & (table.rate == "r8")].set_index("dataset")
     assert best.truth_cd_plane["clean"] < 0.1
     assert best.truth_cd_plane["noisy"] > 10 * best.cd_plane["noisy"]
+
+
+def test_scans_are_measured_against_the_clean_scan_of_the_same_rays(finished: Bench) -> None:
+    table = pd.read_csv(finished.results / "tables" / "metrics.csv").set_index("dataset")
+    assert table.clean_cd_plane[["clean", "noisy"]].notna().all()
+    assert table.clean_cd_plane[["objects", "raw"]].isna().all()
+    for kind in ("point", "plane"):
+        to_rays, to_truth = table[f"clean_acd_ab_{kind}"], table[f"truth_acd_ab_{kind}"]
+        assert to_rays.dropna().equals(to_truth[to_rays.notna()])
+
+
+def test_a_scans_own_error_is_what_a_codec_with_enough_bits_ends_at(finished: Bench) -> None:
+    own = pd.read_csv(finished.results / "tables" / "scan_errors.csv").set_index("dataset")
+    assert list(own.index) == ["clean", "noisy"]
+    assert own.truth_cd_plane["clean"] < 1e-9
+    table = pd.read_csv(finished.results / "tables" / "metrics.csv")
+    best = table[(table.codec == "draco") & (table.rate == "r8")].set_index("dataset")
+    for column in ("truth_cd_plane", "clean_cd_plane", "truth_d2_rms_m"):
+        assert best[column]["noisy"] == pytest.approx(own[column]["noisy"], rel=0.1)
+
+
+def test_primitives_are_held_against_the_labels_of_the_scene(finished: Bench) -> None:
+    table = pd.read_csv(finished.results / "tables" / "recovery.csv")
+    assert set(table.codec) == {"box"}
+    assert list(dict.fromkeys(table.dataset)) == ["raw", "clean", "noisy"]
+    rows = table[(table.dataset == "raw") & (table.kind == "plane")].set_index("rate")
+    assert list(rows.index) == ["r1"]
+    (row,) = rows.itertuples()
+    assert row.found == 6
+    assert row.matched == 1  # the ceiling: before the other sides of the box there is furniture
+    assert row.precision == pytest.approx(1 / 6)
+    assert row.position_m < 0.01
+    streams_of_points = table[table.rate == "r2"]
+    assert len(streams_of_points) == 3
+    assert streams_of_points[["found", "recall"]].isna().all(axis=None)
 
 
 def test_the_sensor_study_makes_its_tables(finished: Bench) -> None:
@@ -116,8 +152,17 @@ def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
     jobs = restored.planned()
     assert jobs.pop("encode") == 4
     assert jobs.pop("evaluate") == 4
-    drawn = {*(f"fig_6_{n}" for n in range(5, 10)), "truth_rd", "spread"}
+    truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
+    drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread"}
     assert set(jobs) == {"metrics_table", "bd_rate", "bd_rate_clouds", *drawn}
+
+
+def test_a_codec_of_surfaces_is_held_against_the_labels_again(restored: Bench) -> None:
+    (restored.folder / "box.py").write_text(BOX_CODEC.replace('"box 1"', '"box 2"'))
+    jobs = restored.planned()
+    assert (jobs["encode"], jobs["evaluate"], jobs["recovery"]) == (8, 8, 6)
+    assert jobs["recovery_table"] == jobs["recovery_rd"] == 1
+    assert not {"scan", "prepare", "scan_error", "scan_errors_table"} & set(jobs)
 
 
 def test_a_comment_in_a_codec_re_runs_nothing(restored: Bench) -> None:
@@ -134,8 +179,9 @@ def test_a_rate_re_runs_its_cells_alone(restored: Bench) -> None:
 def test_a_data_sets_seed_re_makes_what_depends_on_it(restored: Bench) -> None:
     restored.configure({"datasets.noisy.seed": 5})
     jobs = restored.planned()
-    expected = {"scan": 1, "prepare": 1, "encode": 3, "evaluate": 3, "fig_6_3": 1, "fig_6_4": 1}
+    expected = {"scan": 1, "prepare": 1, "encode": 5, "evaluate": 5, "fig_6_3": 1, "fig_6_4": 1}
     assert expected.items() <= jobs.items()
+    assert (jobs["scan_error"], jobs["recovery"]) == (1, 2)
     assert not {"scene", "sample", "fig_6_1", "fig_6_2"} & set(jobs)
 
 

@@ -52,4 +52,5 @@ wildcard_constraints:
 
 def truth_arguments(input):
     """Options of `puckbench evaluate` for data sets whose true surface is known."""
-    return " ".join(f"--{name} {input[name]}" for name in ("truth", "visible") if name in input.keys())
+    names = ("truth", "visible", "clean")
+    return " ".join(f"--{name} {input[name]}" for name in names if name in input.keys())

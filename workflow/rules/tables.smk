@@ -45,6 +45,33 @@ rule clouds_table:
         "../scripts/clouds_table.py"
 
 
+# Where a scan's true surface is known, and where a codec's primitives have labels to be held against.
+for kind, files in bench.row_tables().items():
+
+    rule:
+        name:
+            f"{kind}_table"
+        input:
+            files,
+        output:
+            csv=report(
+                f"{RESULTS}/tables/{kind}.csv", caption=f"../report/{kind}.rst", category="Tables"
+            ),
+            parquet=f"{RESULTS}/tables/{kind}.parquet",
+        params:
+            kind=kind,
+            code=code_version("puckbench.tables", "puckbench.tablefiles"),
+        resources:
+            mem_mb=500,
+            runtime=10,
+        log:
+            f"{RESULTS}/logs/tables/{kind}.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        script:
+            "../scripts/rows_table.py"
+
+
 # Each a rule of its own, as the tables of the sensor study.
 for table, inputs in bench.result_tables().items():
 
@@ -82,6 +109,6 @@ if bench.plan.datasets:
     TABLES += [*rules.metrics_table.output, *rules.clouds_table.output]
 TABLES += [
     f"{RESULTS}/tables/{table}.{suffix}"
-    for table in bench.result_tables()
+    for table in [*bench.row_tables(), *bench.result_tables()]
     for suffix in ("csv", "parquet")
 ]

@@ -26,6 +26,7 @@ COMMANDS = {
     "decode": "decode a stream",
     "train": "train a learned codec on clouds: a set of weights with its model card",
     "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "recovery": "compare a stream's geometric primitives with the labels of the scene",
     "wall": "scan a wall and a floor: the points, in the wall's frame",
     "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",

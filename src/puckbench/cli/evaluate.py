@@ -30,7 +30,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="true surface: mesh or captured room in metres, or cloud in the reference's frame",
     )
     parser.add_argument(
-        "--visible", type=Path, help="true points seen by the sensor, in the reference's frame"
+        "--visible", type=Path, help="points seen of the true surface, in the reference's frame"
+    )
+    parser.add_argument(
+        "--clean", type=Path, help="clean scan of the same rays, instead of --visible"
     )
     parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
     parser.add_argument(
@@ -110,14 +113,15 @@ def _decoded(options: argparse.Namespace) -> tuple[PointCloud, dict[str, Any]]:
 
 
 def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) -> dict[str, float]:
-    if options.truth is None and options.visible is None:
+    if options.truth is None and options.visible is None and options.clean is None:
         return {}
     from puckbench.cli.surfaces import read_truth
     from puckbench.metrics.closest import mesh_in_frame
-    from puckbench.metrics.truth import truth_distortion
+    from puckbench.metrics.truth import scan_distortion, truth_distortion
     from puckbench.metrics.units import in_metres
 
-    visible = None if options.visible is None else read_cloud(options.visible)
+    seen = options.clean or options.visible
+    visible = None if seen is None else read_cloud(seen)
     mesh = None
     if options.truth is not None:
         surface = read_truth(options.truth)
@@ -127,7 +131,8 @@ def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) 
             mesh = mesh_in_frame(surface, *_frame(reference))
     if visible is None:
         visible = _sampled(mesh, len(reference))
-    found = truth_distortion(visible, mesh, decoded)
+    measure = truth_distortion if options.clean is None else scan_distortion
+    found = measure(visible, mesh, decoded)
     return {**found, **in_metres(found, reference.about.get("scale", 1.0))}
 
 

@@ -85,7 +85,11 @@ class Codec(ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Triangles in the coordinates of the input cloud, where a codec codes surfaces.
 
-        InputError as for `decode`, and for a codec that has no surfaces.
+        The labels say which geometric primitive (kind and parameters as in `puckbench.mesh`, in
+        those coordinates too) each triangle lies on, and, as object, which piece of surface it
+        belongs to: a wall is one object however many primitives it was coded in.
+
+        InputError as for `decode`, for a codec that has no surfaces, and for a stream without one.
         """
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 

@@ -29,7 +29,8 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
     `changes` may hold ``options`` (added to the shipped ones), ``rates`` (a list of names to keep,
     or a table of new ones) and, for a codec of one's own, ``class`` (``module:Class`` or
-    ``path/to/file.py:Class``). InputError for an unknown codec or rate.
+    ``path/to/file.py:Class``); `codes_surfaces` reads one more. InputError for an unknown codec or
+    rate.
     """
     changes = changes or {}
     base = entries().get(name)
@@ -41,6 +42,12 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
         "options": {**base.get("options", {}), **changes.get("options", {})},
         "rates": _rates(name, base.get("rates", {}), changes.get("rates")),
     }
+
+
+def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
+    """Whether a codec's `decode_mesh` gives labelled primitives: ``surfaces`` in its entry."""
+    shipped = entries().get(name, {}).get("surfaces", False)
+    return bool((changes or {}).get("surfaces", shipped))
 
 
 def _rates(name: str, shipped: Entry, wanted: Any) -> dict[str, Any]:

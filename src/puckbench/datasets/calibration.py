@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from puckbench.datasets.embedded import ABOUT, chosen
 from puckbench.datasets.scene import Scene
@@ -16,6 +17,8 @@ class Calibration:
 
     scenes: names to keep (wall_floor_1m, ...); all by default.
     """
+
+    primitives: ClassVar[bool] = True
 
     scenes: tuple[str, ...] | None = None
 

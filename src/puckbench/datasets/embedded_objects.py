@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from puckbench.datasets.embedded import ABOUT, check_detail, chosen
 from puckbench.datasets.scene import Scene
@@ -19,6 +19,8 @@ class EmbeddedObjects:
     first; all by default. members: how many of each class. detail: factor on the tessellation of
     curved parts. Scenes are called chair_03; their longest side is 1.
     """
+
+    primitives: ClassVar[bool] = True
 
     seed: int = 0
     classes: tuple[str, ...] | int | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from puckbench.datasets.embedded import ABOUT, check_detail, chosen
 from puckbench.datasets.scene import Scene
@@ -23,6 +23,8 @@ class EmbeddedRooms:
     by default. detail: factor on the tessellation of curved parts. furniture: a folder of Sweet
     Home 3D's catalogues whose chairs, tables, sofas and bookcases replace the generated ones.
     """
+
+    primitives: ClassVar[bool] = True
 
     seed: int = 0
     rooms: tuple[str, ...] | int | None = None

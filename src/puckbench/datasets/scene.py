@@ -39,7 +39,11 @@ class Scene:
 
 
 class SceneSet(Protocol):
-    """One class per data set, constructed with keyword options from the configuration."""
+    """One class per data set, constructed with keyword options from the configuration.
+
+    A set whose meshes have the geometric primitive of each triangle in their labels says so by a
+    class variable ``primitives = True``; see `has_primitives`.
+    """
 
     def names(self) -> list[str]:
         """Names of the scenes, sorted; InputError tells what is missing and where it should lie."""
@@ -49,6 +53,11 @@ class SceneSet(Protocol):
 
     def load(self, name: str) -> Scene:
         """The scene; InputError when it is unknown or its files are damaged."""
+
+
+def has_primitives(scenes: SceneSet) -> bool:
+    """Whether the meshes of a set are labelled with the geometric primitives they are made of."""
+    return bool(getattr(scenes, "primitives", False))
 
 
 def safe_name(text: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from puckbench.figures.entry import TRUTH, FigureEntry
+from puckbench.figures.entry import FigureEntry
 
 _HERE = "puckbench.figures"
 _CLOUDS, _RATES, _CURVES = "Clouds", "Results per rate", "Rate-distortion"
@@ -78,10 +78,27 @@ FIGURES: dict[str, FigureEntry] = {
         _RATES,
     ),
     "truth_rd": FigureEntry(
-        f"{_HERE}.truth_rd:draw_truth_curves",
-        ("metrics",),
-        "Distortion to the coded cloud and to the true surface against bits per point",
+        f"{_HERE}.truth_rd:draw_chamfer",
+        ("metrics", "scan_errors"),
+        "Distortion to the scan and to the truth (point-to-plane) against bits per point",
         _CURVES,
-        needs=(TRUTH,),
+    ),
+    "truth_rd_point": FigureEntry(
+        f"{_HERE}.truth_rd:draw_chamfer_point",
+        ("metrics", "scan_errors"),
+        "Distortion to the scan and to the truth (point-to-point) against bits per point",
+        _CURVES,
+    ),
+    "truth_rd_hausdorff": FigureEntry(
+        f"{_HERE}.truth_rd:draw_hausdorff",
+        ("metrics", "scan_errors"),
+        "Hausdorff distance to the scan and to the truth (point-to-plane, squared)",
+        _CURVES,
+    ),
+    "recovery_rd": FigureEntry(
+        f"{_HERE}.recovery_rd:draw_recovery",
+        ("recovery",),
+        "Recovery of the scenes' geometric primitives against bits per point",
+        _CURVES,
     ),
 }

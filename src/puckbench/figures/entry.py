@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-TRUTH = "truth"
-"""Needed of a configuration: a data set whose true surface is known."""
-
 STUDY = "sensor_study"
 """Needed of a configuration: the measurements of chapter 5."""
 
@@ -26,7 +23,7 @@ class FigureEntry:
     The function takes every input as a keyword argument of that name (a table of
     `registry.TABLES` as a pandas DataFrame, an example of `registry.EXAMPLES` as a PointCloud) and
     ``style``, and returns a matplotlib Figure. needs: what a configuration must have besides for
-    the figure to be drawn: `TRUTH`, `STUDY`, scans `at` a distance, or the name of an error model.
+    the figure to be drawn: `STUDY`, scans `at` a distance, or the name of an error model.
     """
 
     function: str

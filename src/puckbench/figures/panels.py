@@ -16,6 +16,7 @@ from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Sharing = Literal["all", "row"]
 
@@ -111,14 +112,17 @@ def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
-def add_legend(figure: Figure, codecs: Sequence[str], style: FigureStyle) -> None:
-    """One legend above all panels, in as many rows as the width asks for."""
+def add_legend(
+    figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Line2D] = ()
+) -> None:
+    """One legend above all panels, in as many rows as the width asks for; `others` stand last."""
     from matplotlib.lines import Line2D
 
     looks = [style.look(codec) for codec in codecs]
     handles = [
         Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in looks
     ]
-    widest_in = max(len(k.title) for k in looks) * 0.58 * style.font_size / 72 + 0.5
+    handles += others
+    widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     fit = max(1, int(figure.get_size_inches()[0] / widest_in))
-    figure.legend(handles=handles, loc="outside upper center", ncols=min(fit, len(looks)))
+    figure.legend(handles=handles, loc="outside upper center", ncols=min(fit, len(handles)))

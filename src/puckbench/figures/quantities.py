@@ -37,9 +37,7 @@ class Quantity:
 
 BPP = Quantity("bpp", "Bits per point", "bpp", (0.01, 100))
 CD_PLANE = Quantity("cd_plane", "CD, point-to-plane", "grid units²", (0.01, 1000))
+CD_POINT = Quantity("cd_point", "CD, point-to-point", "grid units²", (0.01, 1000))
 HD_PLANE = Quantity("hausdorff_sq_plane", "HD², point-to-plane", "grid units²", (0.1, 1e4))
 ENCODE_TIME = Quantity("encode_s", "Encoding time", "s", (0.1, 100))
 DECODE_TIME = Quantity("decode_s", "Decoding time", "s", (0.1, 100))
-TRUTH_CD_PLANE = Quantity(
-    "truth_cd_plane", "CD to truth, point-to-plane", "grid units²", (0.01, 1000)
-)

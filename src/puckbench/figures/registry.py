@@ -12,6 +12,8 @@ from puckbench.figures.entry import FigureEntry
 TABLES = (
     "metrics",
     "clouds",
+    "scan_errors",
+    "recovery",
     "residuals",
     "scans",
     "compared_residuals",

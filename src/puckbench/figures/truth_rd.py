@@ -1,10 +1,13 @@
-"""Distortion to the coded cloud and to the true surface, side by side, against bits per point."""
+"""Distortion to the scan, to its clean twin and to the true surface, side by side, against bpp."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
+from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
+    Lines,
     binned_curves,
     check_curves,
     codecs_of,
@@ -12,36 +15,95 @@ from puckbench.figures.curves import (
     shared_limits,
 )
 from puckbench.figures.panels import add_legend, panel_grid, set_title
-from puckbench.figures.quantities import BPP, CD_PLANE, TRUTH_CD_PLANE
+from puckbench.figures.quantities import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SIDES = ((CD_PLANE, "to the coded cloud"), (TRUTH_CD_PLANE, "to the true surface"))
+_SIDES = {
+    "": "to the scan",
+    "clean_": "to the clean scan",
+    "truth_": "to the truth",
+}
+"""What stands before a column's name, and what the column is measured to; the rays are the same."""
+_OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 
 
-def draw_truth_curves(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """One row per data set with truth: CD to what the codec was given, and CD to the truth.
+def draw_chamfer(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Chamfer distance, point-to-plane, as Figure 6.6 has it."""
+    return draw_sides(metrics, scan_errors, CD_PLANE, style)
 
-    All panels share their axes, so that left and right compare by eye: a codec that keeps the
-    scan's noise falls on the left and levels off on the right, at that noise.
+
+def draw_chamfer_point(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
+) -> Figure:
+    """Chamfer distance, point-to-point."""
+    return draw_sides(metrics, scan_errors, CD_POINT, style)
+
+
+def draw_hausdorff(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Hausdorff distance, point-to-plane, squared, as Figure 6.7 has it."""
+    return draw_sides(metrics, scan_errors, HD_PLANE, style)
+
+
+def draw_sides(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, quantity: Quantity, style: FigureStyle
+) -> Figure:
+    """One row per scanned data set, one column per reference, the same axes in all panels.
+
+    So the columns compare by eye: a codec that keeps the scan's noise falls on the left and levels
+    off beside, at the dashed line: the scan's own error, the median over the data set's clouds. A
+    line below the axes (a scan without errors) is left out.
     """
-    for quantity, _ in _SIDES:
-        check_curves(metrics, quantity)
-    known = metrics.dropna(subset=[TRUTH_CD_PLANE.column])
-    sides = [binned_curves(known, quantity, style) for quantity, _ in _SIDES]
-    every = [lines for side in sides for lines in side.values()]
-    x_limits, y_limits = (shared_limits(every, q, style) for q in (BPP, CD_PLANE))
-    figure, panels = panel_grid(len(every), 2, 2.1, style)
-    for axes, index in zip(panels, range(len(every)), strict=True):
-        dataset = list(sides[0])[index // 2]
-        draw_curves(axes, sides[index % 2][dataset], x_limits, y_limits, style)
-        set_title(axes, f"{style.title(dataset)}: {_SIDES[index % 2][1]}", 2, style)
-    for axes in panels[::2]:
-        axes.set_ylabel(CD_PLANE.label)
-    for axes in panels[-2:]:
-        axes.set_xlabel(BPP.label)
-    add_legend(figure, codecs_of(every, style), style)
+    sides = [replace(quantity, column=f"{prefix}{quantity.column}") for prefix in _SIDES]
+    for side in sides:
+        check_curves(metrics, side)
+    known = metrics.dropna(subset=[side.column for side in sides[1:]])
+    curves = [binned_curves(known, side, style) for side in sides]
+    every = [lines for side in curves for lines in side.values()]
+    limits = [shared_limits(every, q, style) for q in (BPP, quantity)]
+    own = _own_errors(scan_errors, sides[1:])
+    figure, panels = panel_grid(len(every), len(sides), 1.95, style)
+    for index, axes in enumerate(panels):
+        dataset, column = list(curves[0])[index // len(sides)], index % len(sides)
+        draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
+        _draw_own(axes, own.get((dataset, sides[column].column)), limits[1][0])
+        set_title(axes, f"{style.title(dataset)}: {list(_SIDES.values())[column]}", 3, style)
+    _label(panels, quantity, len(sides))
+    _add_legend(figure, every, style)
     return figure
+
+
+def _own_errors(scan_errors: pd.DataFrame, sides: list[Quantity]) -> dict[tuple[str, str], float]:
+    """Medians of the scans' own errors by data set and column."""
+    columns = tuple(side.column for side in sides)
+    require_rows(scan_errors, ("dataset", *columns), "scan errors")
+    require_numbers(scan_errors, columns, "scan errors")
+    medians = scan_errors.groupby("dataset")[list(columns)].median()
+    return {
+        (str(dataset), column): float(row[column])
+        for dataset, row in medians.iterrows()
+        for column in columns
+    }
+
+
+def _draw_own(axes: Axes, value: float | None, floor: float) -> None:
+    if value is not None and value >= floor:
+        axes.axhline(value, zorder=2, **_OWN)
+
+
+def _label(panels: list[Axes], quantity: Quantity, columns: int) -> None:
+    for axes in panels[::columns]:
+        axes.set_ylabel(quantity.short_label)
+    for axes in panels[-columns:]:
+        axes.set_xlabel(BPP.label)
+
+
+def _add_legend(figure: Figure, every: list[Lines], style: FigureStyle) -> None:
+    from matplotlib.lines import Line2D
+
+    own = Line2D([], [], label="the scan itself", **_OWN)
+    add_legend(figure, codecs_of(every, style), style, (own,))

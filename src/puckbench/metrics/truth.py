@@ -31,9 +31,29 @@ def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) ->
     ``truth_points_b``. Raises InputError as `distortion` does.
     """
     errors = squared_errors(visible, decoded)
-    if mesh is not None:
-        errors = _to_mesh(errors, mesh)
-    return {f"truth_{key}": value for key, value in summary(errors).items()}
+    return _to_truth(errors, mesh)
+
+
+def scan_distortion(clean: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
+    """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
+
+    clean: (n, 3) where the rays of the scan truly met the surface, with the true normals; also
+    what was visible of it. Beside the keys of `truth_distortion` those of `distortion` with
+    ``clean_`` before them, of which ``clean_acd_ab_point`` and ``clean_acd_ab_plane`` are the
+    truth's own: what differs is whether decoded points are measured to the surface or to points.
+    """
+    errors = squared_errors(clean, decoded)
+    to_points = {f"clean_{key}": value for key, value in summary(errors).items()}
+    counted = ("clean_points_a", "clean_points_b")
+    return {
+        **{key: value for key, value in to_points.items() if key not in counted},
+        **_to_truth(errors, mesh),
+    }
+
+
+def _to_truth(errors: SquaredErrors, mesh: Mesh | None) -> dict[str, float]:
+    measured = errors if mesh is None else _to_mesh(errors, mesh)
+    return {f"truth_{key}": value for key, value in summary(measured).items()}
 
 
 def _to_mesh(errors: SquaredErrors, mesh: Mesh) -> SquaredErrors:

@@ -1,0 +1,133 @@
+"""Geometric primitives compared: points' distances to one, and how far two of a kind differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.mesh import Primitive
+
+Parameters = dict[str, Any]
+
+_PLACES = ("point", "centre", "apex")
+_LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
+
+
+def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
+    """A primitive of a scaled frame in metres, as ``metres = scaled / scale + offset`` of points.
+
+    scale: units per metre. offset: (3,) metres.
+    """
+    moved = dict(primitive.parameters)
+    for name in _LENGTHS:
+        if name in moved:
+            moved[name] = (np.asarray(moved[name]) / scale).tolist()
+    for name in _PLACES:
+        if name in moved:
+            moved[name] = (np.asarray(moved[name]) / scale + offset).tolist()
+    if "normal" in moved:
+        moved["offset"] = float(moved["offset"] / scale + np.dot(moved["normal"], offset))
+    return Primitive(primitive.kind, moved)
+
+
+def distances(primitive: Primitive, points: Floats) -> Floats:
+    """Distances (n,) of `points` (n, 3) to a plane, cylinder, sphere or cone without bounds."""
+    return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
+
+
+def differences(true: Primitive, found: Primitive, centre: Floats) -> dict[str, float]:
+    """How far two primitives of one kind differ, as far as the kind has such a quantity.
+
+    ``angle_deg`` between normals or axes. ``position_m``: of the found plane from `centre` (3,), a
+    point on the true one; of two cylinders' axes, there; of spheres' centres; of cones' apexes.
+    ``radius_m`` and ``half_angle_deg``: absolute differences.
+    """
+    return _DIFFERENCES[true.kind](true.parameters, found.parameters, centre)
+
+
+def _to_plane(plane: Parameters, points: Floats) -> Floats:
+    return np.asarray(points @ np.asarray(plane["normal"]) - plane["offset"])
+
+
+def _to_sphere(sphere: Parameters, points: Floats) -> Floats:
+    away = np.linalg.norm(points - np.asarray(sphere["centre"]), axis=1)
+    return np.asarray(away - sphere["radius"])
+
+
+def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
+    _, across = _along_and_across(cylinder["point"], cylinder["axis"], points)
+    return np.asarray(across - cylinder["radius"])
+
+
+def _to_cone(cone: Parameters, points: Floats) -> Floats:
+    """To the nappe along the axis; beyond the apex, to the apex."""
+    along, across = _along_and_across(cone["apex"], cone["axis"], points)
+    cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
+    past = along * cosine + across * sine < 0
+    return np.asarray(np.where(past, np.hypot(along, across), across * cosine - along * sine))
+
+
+def _along_and_across(place: Any, axis: Any, points: Floats) -> tuple[Floats, Floats]:
+    """Coordinates of points along an axis and their distances from it."""
+    offset = points - np.asarray(place)
+    along = offset @ np.asarray(axis)
+    return along, np.linalg.norm(offset - along[:, None] * np.asarray(axis), axis=1)
+
+
+def _angle_deg(one: Any, other: Any) -> float:
+    """Angle between two unit vectors of any sign; exact where it is small."""
+    across = float(np.linalg.norm(np.cross(one, other)))
+    return float(np.degrees(np.arctan2(across, abs(float(np.dot(one, other))))))
+
+
+def _apart(one: Any, other: Any) -> float:
+    return float(np.linalg.norm(np.asarray(one) - np.asarray(other)))
+
+
+def _of_planes(true: Parameters, found: Parameters, centre: Floats) -> dict[str, float]:
+    off = float(np.dot(found["normal"], centre)) - found["offset"]
+    return {"angle_deg": _angle_deg(true["normal"], found["normal"]), "position_m": abs(off)}
+
+
+def _of_spheres(true: Parameters, found: Parameters, _: Floats) -> dict[str, float]:
+    radius = abs(true["radius"] - found["radius"])
+    return {"position_m": _apart(true["centre"], found["centre"]), "radius_m": radius}
+
+
+def _of_cylinders(true: Parameters, found: Parameters, centre: Floats) -> dict[str, float]:
+    axis = np.asarray(true["axis"])
+    middle = np.asarray(true["point"]) + ((centre - true["point"]) @ axis) * axis
+    _, across = _along_and_across(found["point"], found["axis"], middle[None])
+    return {
+        "angle_deg": _angle_deg(true["axis"], found["axis"]),
+        "position_m": float(across[0]),
+        "radius_m": abs(true["radius"] - found["radius"]),
+    }
+
+
+def _of_cones(true: Parameters, found: Parameters, _: Floats) -> dict[str, float]:
+    half_angle = abs(true["half_angle"] - found["half_angle"])
+    return {
+        "angle_deg": _angle_deg(true["axis"], found["axis"]),
+        "position_m": _apart(true["apex"], found["apex"]),
+        "half_angle_deg": float(np.degrees(half_angle)),
+    }
+
+
+_DISTANCES: dict[str, Callable[[Parameters, Floats], Floats]] = {
+    "plane": _to_plane,
+    "cylinder": _to_cylinder,
+    "sphere": _to_sphere,
+    "cone": _to_cone,
+}
+_DIFFERENCES: dict[str, Callable[[Parameters, Parameters, Floats], dict[str, float]]] = {
+    "plane": _of_planes,
+    "cylinder": _of_cylinders,
+    "sphere": _of_spheres,
+    "cone": _of_cones,
+}
+COMPARABLE = tuple(_DIFFERENCES)
+"""Kinds whose parameters are compared; the others are matched by their points alone."""
