@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from figures_lookalike import CD_MEDIANS, clouds_table, metrics_table, room_cloud
+from figures_lookalike import (
+    CD_MEDIANS,
+    clouds_table,
+    gpcc_scales_table,
+    metrics_table,
+    room_cloud,
+    thesis_medians_table,
+)
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -47,6 +54,8 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     residuals = residual_table(50)
     distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
     tables = {
+        "thesis_medians": thesis_medians_table(),
+        "gpcc_scales": gpcc_scales_table(),
         "residuals": residuals,
         "scans": scan_table(50),
         "compared_residuals": residuals,
@@ -189,6 +198,39 @@ def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     draco = CODEC_LOOKS["draco"].colour
     assert lines(left)[draco][-1, 1] < 0.03
     assert lines(right)[draco][-1, 1] > 2.4
+
+
+def test_the_thesis_s_medians_lie_behind_ours() -> None:
+    table = thesis_medians_table()
+    panel = draw("beside_thesis", thesis_medians=table).axes[3]
+    rows = table[(table["dataset"] == "s3dis_noisy") & (table["codec"] == "draco")]
+    cd = rows[rows["quantity"] == "cd_plane"]
+    drawn = [line for line in panel.get_lines() if line.get_color() == "#0072B2"]
+    wide, ours = sorted(drawn, key=lambda line: -line.get_linewidth())
+    np.testing.assert_allclose(np.asarray(wide.get_ydata()), cd["thesis"])
+    np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
+
+
+def test_scales_that_are_no_power_of_two_are_hollow() -> None:
+    table = gpcc_scales_table()
+    for axes in draw("gpcc_grid", gpcc_scales=table).axes:
+        white = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white"]
+        drawn = {float(x) for line in white for x in np.asarray(line.get_xdata())}
+        assert drawn == {0.375, 0.625, 0.75, 0.875}
+
+
+@pytest.mark.parametrize(("name", "last"), [("gpcc_rounding", 3.0), ("gpcc_contexts", 1.1)])
+def test_what_the_settings_as_run_cost_is_a_ratio_per_scale(name: str, last: float) -> None:
+    axes = draw(name, gpcc_scales=gpcc_scales_table()).axes[0]
+    first = axes.get_lines()[0]
+    assert np.asarray(first.get_xdata())[-1] == 1.0
+    assert np.asarray(first.get_ydata())[-1] == pytest.approx(last)
+
+
+def test_without_the_settings_as_run_there_is_no_ratio_to_draw() -> None:
+    table = gpcc_scales_table()
+    with pytest.raises(InputError, match="no scale that both G-PCC codecs have"):
+        draw("gpcc_rounding", gpcc_scales=table[table["codec"] == "gpcc"])
 
 
 def test_figure_6_4_shows_quartiles_median_and_mean() -> None:

@@ -23,16 +23,20 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+_KEYS = ("dataset", "cloud")
 
-def draw_elongation(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
+
+def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """A point for each cloud and codec, at the middle one of the codec's rates.
 
     The elongation is the thesis's: shortest over longest side of the box along the axes.
     """
     numbers = ("elongation", CD_PLANE.column)
-    require_rows(metrics, ("dataset", "codec", "rate", *numbers), "metrics")
-    require_numbers(metrics, numbers, "metrics")
-    rows = _middle_rates(metrics)
+    require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")
+    require_rows(clouds, (*_KEYS, numbers[0]), "clouds")
+    known = metrics[[*_KEYS, "codec", "rate", numbers[1]]]
+    rows = _middle_rates(known).merge(clouds[[*_KEYS, numbers[0]]], on=list(_KEYS))
+    require_numbers(rows, numbers, "metrics and clouds")
     datasets = style.ordered_datasets(rows["dataset"])
     columns = panels_abreast(len(datasets))
     figure, panels = panel_grid(len(datasets), columns, 2.1, style)

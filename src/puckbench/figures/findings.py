@@ -37,7 +37,7 @@ FIGURES: dict[str, FigureEntry] = {
     ),
     "elongation": FigureEntry(
         f"{_HERE}.elongation:draw_elongation",
-        ("metrics",),
+        ("metrics", "clouds"),
         "Chamfer distance against the elongation of the cloud",
         _FINDINGS,
     ),

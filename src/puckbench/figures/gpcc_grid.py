@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
@@ -64,7 +65,7 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits of TMC13's defaults over those of the common test conditions' tools, likewise."""
-    label = "Bits without contexts of neighbours\nbeyond the parent over bits with them"
+    label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)
 
 
@@ -102,21 +103,22 @@ def _draw(
     colour: str,
     marker: str,
     line: str,
-    label: str = "",
+    label: str = "_none",
 ) -> None:
     """A line over the scales, its markers hollow where the scale is no power of two."""
     order = np.argsort(rows["scale"].to_numpy())
     scale, y = rows["scale"].to_numpy()[order], values.to_numpy(dtype=float)[order]
     solid = rows["dyadic"].to_numpy(dtype=bool)[order]
-    named = {"label": label} if label else {}
-    axes.plot(scale, y, color=colour, linestyle=line, marker=marker, markevery=_at(solid), **named)
+    axes.plot(
+        scale, y, color=colour, linestyle=line, marker=marker, markevery=_at(solid), label=label
+    )
     axes.plot(
         scale[~solid], y[~solid], linestyle="", marker=marker, color=colour,
         markerfacecolor="white", zorder=3,
     )  # fmt: skip
 
 
-def _at(chosen: Floats | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[int]:
+def _at(chosen: NDArray[np.bool_]) -> list[int]:
     return [int(place) for place in np.flatnonzero(chosen)]
 
 

@@ -13,10 +13,10 @@ from puckbench.analysis.claims.roles import (
     CLASSICAL,
     DRACO,
     LEARNED,
-    OBJECTS,
-    ROOMS,
     SCANS,
 )
+from puckbench.analysis.published_rates import OBJECTS, ROOMS
+from puckbench.cloud import Floats
 
 LEAST_ROOMS = 16
 VISIBLE = 0.5
@@ -121,7 +121,7 @@ def _clouds(table: pd.DataFrame | None, dataset: str) -> bool:
 def _correlation(rows: pd.DataFrame) -> float:
     """Median over the rates of Spearman's correlation of elongation and CD; 0 for no spread."""
     each = [
-        part[["elongation", "cd_plane"]].rank().corr().iloc[0, 1]
+        float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")
     ]
     known = [value for value in each if not np.isnan(value)]
@@ -142,5 +142,5 @@ def _coinciding(evidence: Evidence, dataset: str) -> float:
     return float((1 - table["points_b"] / table["points_out"]).median())
 
 
-def _ends(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
+def _ends(values: Floats) -> str:
     return f"{values[0]:.3g} to {values[-1]:.3g}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from puckbench.cloud import Floats
+from puckbench.figures.binning import ordered_rates
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 LEAST_RATES = 3
@@ -44,10 +44,10 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds, by data set, role of the codec, and number of the rate.
+        """Medians over clouds, by data set, role of the codec, and rate.
 
-        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` and those of `MEASURED`,
-        missing ones as nan.
+        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (its place) and
+        those of `MEASURED`, missing ones as nan.
         """
         columns = ["dataset", "codec", "rate", *MEASURED]
         if self.metrics is None:
@@ -58,7 +58,8 @@ class Evidence:
         )
         rows = rows[rows["dataset"].isin(self.datasets)].dropna(subset=["codec"])
         medians = rows.groupby(["dataset", "codec", "rate"], sort=False).median().reset_index()
-        return medians.assign(number=[_number(rate) for rate in medians["rate"]])
+        places = {rate: place for place, rate in enumerate(ordered_rates(set(medians["rate"])))}
+        return medians.assign(number=medians["rate"].map(places))
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
         """Medians of a column from the first to the last rate, (n,); those without one left out."""
@@ -86,8 +87,3 @@ class Evidence:
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         rows = rows[["bpp", column]].dropna()
         return rows[(rows > 0).all(axis=1)].sort_values("bpp")
-
-
-def _number(rate: str) -> tuple[int, ...]:
-    """r2 before r10."""
-    return tuple(map(int, re.findall(r"\d+", str(rate))))

@@ -14,11 +14,11 @@ from puckbench.analysis.claims.roles import (
     GPCC,
     GPCC_AS_RUN,
     LEARNED,
-    OBJECTS,
     PCGCV1,
     PCGCV2,
     SCANS,
 )
+from puckbench.analysis.published_rates import OBJECTS
 from puckbench.cloud import Floats
 
 TITLES = {
