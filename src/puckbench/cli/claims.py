@@ -22,7 +22,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     given = options.results
     path = given if given.suffix else given / "tables" / "claims.csv"
-    table = read_table(path).fillna("")
+    table = read_table(path).astype(object)
+    table = table.where(table.notna(), "")
     if missing := [name for name in ("number", "claim", "verdict", "here") if name not in table]:
         raise InputError(f"{path}: not a table of claims (no column {missing[0]!r})")
     rows = [

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _KEYS = ("dataset", "cloud")
+_CD = CD_PLANE.within(1e-1, 1e2)
 
 
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
@@ -41,7 +42,7 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     columns = panels_abreast(len(datasets))
     figure, panels = panel_grid(len(datasets), columns, 2.1, style)
     values = rows[CD_PLANE.column].to_numpy(dtype=float)
-    limits = log_limits(values, style.axis_range(CD_PLANE.column, CD_PLANE.limits))
+    limits = log_limits(values, style.axis_range(_CD.column, _CD.limits))
     for axes, dataset in zip(panels, datasets, strict=True):
         set_log(axes, "y", limits, minor=False)
         axes.set_xlim(0, 1)
