@@ -57,7 +57,7 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
     for codec in (*CLASSICAL, *LEARNED):
         curves = _curves(evidence, codec, "cd_plane")
         if not curves:
-            parts.append(needs(WANTED[codec]))
+            parts.append(_lacking(evidence, codec))
             continue
         whole = [curve[0] / curve[-1] for curve in curves]
         upper = [curve[(len(curve) - 1) // 2] / curve[-1] for curve in curves]
@@ -127,7 +127,7 @@ def time_grows(evidence: Evidence) -> list[Part]:
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
         growth = _growth(evidence, codec)
         if not growth:
-            parts.append(needs(WANTED[codec]))
+            parts.append(_lacking(evidence, codec))
             continue
         most[codec] = float(np.median(growth))
         says = "hardly grows" if codec == PCGCV2 else "grows"
@@ -155,7 +155,7 @@ def alike_on_all_data(evidence: Evidence) -> list[Part]:
     for codec in (*CLASSICAL, *LEARNED):
         curves = _curves(evidence, codec, "cd_plane")
         if len(curves) < 2:
-            parts.append(needs(WANTED[codec]))
+            parts.append(_lacking(evidence, codec))
             continue
         least = min(map(len, curves))
         table = np.array([curve[:least] for curve in curves])
@@ -163,6 +163,12 @@ def alike_on_all_data(evidence: Evidence) -> list[Part]:
         found = f"CD differs {_times(apart)} at one rate, median {np.median(apart):.2g}"
         parts.append(Part(f"{TITLES[codec]} alike", bool(np.median(apart) < TWICE), found))
     return parts
+
+
+def _lacking(evidence: Evidence, codec: str) -> Part:
+    """What a codec's part needs: the codec itself, or more of its results."""
+    there = codec in evidence.codecs
+    return needs(f"more rates or data sets of {TITLES[codec]}" if there else WANTED[codec])
 
 
 def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
