@@ -16,15 +16,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TextIO
 
+from puckbench.analysis.claims.roles import GPCC, GPCC_AS_RUN, codec_roles, verdict_options
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.analysis.registry import RESULTS as RESULT_TABLES
-from puckbench.analysis.registry import table_entry
+from puckbench.analysis.registry import VERDICTS, table_entry
 from puckbench.codecs.registry import module_of, training_class
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
 from puckbench.datasets.registry import REGISTRY as LOADERS
 from puckbench.errors import InputError
-from puckbench.figures.entry import STUDY, at
+from puckbench.figures.entry import BOTH_GPCC, STUDY, at
 from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
@@ -231,15 +232,23 @@ class Workflow:
 
     def result_tables(self) -> dict[str, dict[str, str]]:
         """The tables of the benchmark: those of rate deltas want a codec beside the anchor."""
-        if not self.plan.datasets or len(self.plan.codecs) < 2:
-            return {}
+        rates = RESULT_TABLES if self.plan.datasets and len(self.plan.codecs) > 1 else {}
+        verdicts = {name: VERDICTS[name] for name in verdict_options(self.plan)}
+        there = {"metrics", "clouds"} if self.plan.datasets else set()
+        there |= set(self.study_tables())
         return {
-            name: {needed: _table(self.plan, needed) for needed in entry.inputs}
-            for name, entry in RESULT_TABLES.items()
+            name: {
+                needed: _table(self.plan, needed)
+                for needed in (*entry.inputs, *entry.optional)
+                if needed in there
+            }
+            for name, entry in (rates | verdicts).items()
         }
 
     def table_options(self, table: str) -> str:
         """Options of `puckbench table` for a table of the benchmark, as JSON."""
+        if table in VERDICTS:
+            return json.dumps(verdict_options(self.plan)[table], sort_keys=True)
         chosen = self.config["bd_rate"]
         options = {"anchor": self.anchor, "qualities": chosen["metrics"]}
         if table == "bd_rate":
@@ -303,7 +312,8 @@ def _cloud_inputs(config: Mapping[str, Any], plan: Plan) -> dict[str, str]:
     }
     known = {name: file for name, file in examples.items() if name in EXAMPLES}
     if plan.datasets:
-        known |= {name: _table(plan, name) for name in ("metrics", "clouds")}
+        verdicts = verdict_options(plan).keys() - {"claims"}
+        known |= {name: _table(plan, name) for name in ("metrics", "clouds", *verdicts)}
     if plan.scanned:
         known["scan_errors"] = _table(plan, "scan_errors")
     if plan.recovered:
@@ -326,9 +336,10 @@ def _study_inputs(plan: Plan) -> dict[str, str]:
 
 def _there(plan: Plan) -> set[str]:
     """What a configuration has of that which figures may need."""
+    there = {BOTH_GPCC} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else set()
     if plan.study is None:
-        return set()
-    return {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+        return there
+    return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
 
 
 def _table(plan: Plan, name: str) -> str:

@@ -135,10 +135,53 @@ def clouds_table(clouds: int = 40) -> pd.DataFrame:
         "s3dis_noisy": (1_040_000, 170_000),
     }
     rows = [
-        {"dataset": dataset, "cloud": f"c{i}", "points": max(80_000, int(rng.normal(*spread)))}
+        {"dataset": dataset, "cloud": f"cloud_{i}", "points": max(80_000, int(rng.normal(*spread)))}
         for dataset, spread in spreads.items()
         for i in range(clouds)
     ]
+    table = pd.DataFrame(rows)
+    return table.assign(elongation=np.linspace(0.1, 0.9, len(table)))
+
+
+def thesis_medians_table() -> pd.DataFrame:
+    """The thesis's medians, and a run's that are twice as high."""
+    rows = [
+        {
+            "dataset": dataset,
+            "codec": codec,
+            "rate": f"r{number}",
+            "quantity": quantity,
+            "thesis": factor * cd,
+            "here": 2 * factor * cd,
+        }
+        for (dataset, codec), medians in CD_MEDIANS.items()
+        for quantity, factor in (("cd_plane", 1), ("hausdorff_sq_plane", 8))
+        for number, cd in enumerate(medians, 1)
+    ]
+    return pd.DataFrame(rows)
+
+
+def gpcc_scales_table() -> pd.DataFrame:
+    """G-PCC at eighths of the grid, as run with three times the error and 1.1 the bits at 1."""
+    rows = []
+    for dataset in DATASETS:
+        for codec, error, bits in (("gpcc", 1.0, 1.0), ("gpcc_arena", 3.0, 1.1)):
+            for eighths in range(1, 9):
+                scale = eighths / 8
+                ratios = {f"bits_{share}": bits for share in ("q25", "median", "q75")}
+                ratios |= {f"distortion_{share}": error for share in ("q25", "median", "q75")}
+                rows.append(
+                    {
+                        "dataset": dataset,
+                        "codec": codec,
+                        "role": "gpcc" if codec == "gpcc" else "gpcc_as_run",
+                        "scale": scale,
+                        "dyadic": eighths in (1, 2, 4, 8),
+                        "bpp": 2 * bits * scale,
+                        "cd_point": 0.25 * error / scale**2,
+                        **ratios,
+                    }
+                )
     return pd.DataFrame(rows)
 
 

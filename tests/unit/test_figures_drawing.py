@@ -10,10 +10,12 @@ import pytest
 from figures_lookalike import (
     CD_MEDIANS,
     clouds_table,
+    gpcc_scales_table,
     metrics_table,
     recovery_table,
     room_cloud,
     scan_errors_table,
+    thesis_medians_table,
 )
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -56,6 +58,8 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     tables = {
         "scan_errors": scan_errors_table(),
         "recovery": recovery_table(),
+        "thesis_medians": thesis_medians_table(),
+        "gpcc_scales": gpcc_scales_table(),
         "residuals": residuals,
         "scans": scan_table(50),
         "compared_residuals": residuals,
@@ -237,6 +241,39 @@ def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> Non
     ):
         np.testing.assert_allclose(lines(axes)[colour][:, 1], shares)
         assert axes.get_ylim() == (0, 1)
+
+
+def test_the_thesis_s_medians_lie_behind_ours() -> None:
+    table = thesis_medians_table()
+    panel = draw("beside_thesis", thesis_medians=table).axes[3]
+    rows = table[(table["dataset"] == "s3dis_noisy") & (table["codec"] == "draco")]
+    cd = rows[rows["quantity"] == "cd_plane"]
+    drawn = [line for line in panel.get_lines() if line.get_color() == "#0072B2"]
+    wide, ours = sorted(drawn, key=lambda line: -line.get_linewidth())
+    np.testing.assert_allclose(np.asarray(wide.get_ydata()), cd["thesis"])
+    np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
+
+
+def test_scales_that_are_no_power_of_two_are_hollow() -> None:
+    table = gpcc_scales_table()
+    for axes in draw("gpcc_grid", gpcc_scales=table).axes:
+        white = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white"]
+        drawn = {float(x) for line in white for x in np.asarray(line.get_xdata())}
+        assert drawn == {0.375, 0.625, 0.75, 0.875}
+
+
+@pytest.mark.parametrize(("name", "last"), [("gpcc_rounding", 3.0), ("gpcc_contexts", 1.1)])
+def test_what_the_settings_as_run_cost_is_a_ratio_per_scale(name: str, last: float) -> None:
+    axes = draw(name, gpcc_scales=gpcc_scales_table()).axes[0]
+    first = axes.get_lines()[0]
+    assert np.asarray(first.get_xdata())[-1] == 1.0
+    assert np.asarray(first.get_ydata())[-1] == pytest.approx(last)
+
+
+def test_without_the_settings_as_run_there_is_no_ratio_to_draw() -> None:
+    table = gpcc_scales_table()
+    with pytest.raises(InputError, match="no scale that both G-PCC codecs have"):
+        draw("gpcc_rounding", gpcc_scales=table[table["codec"] == "gpcc"])
 
 
 def test_figure_6_4_shows_quartiles_median_and_mean() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 SOURCE = str(Path(workflow.basedir).parent / "src")
 sys.path.insert(0, SOURCE)
 
+from puckbench.analysis.registry import table_entry
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY

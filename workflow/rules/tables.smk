@@ -84,7 +84,7 @@ for table, inputs in bench.result_tables().items():
             csv=report(
                 f"{RESULTS}/tables/{table}.csv",
                 caption=f"../report/{table}.rst",
-                category="Tables",
+                category=table_entry(table).category,
             ),
             parquet=f"{RESULTS}/tables/{table}.parquet",
         params:

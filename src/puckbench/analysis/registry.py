@@ -20,11 +20,14 @@ class TableEntry:
     The function takes every input as a DataFrame under its name, further options of its own as
     keywords, and returns a DataFrame. Inputs are "residuals", the residual tables of all models in
     one; "scans", their points likewise; "compared", real walls and error models on the same rays,
-    where there are captures; "metrics", all results of the benchmark.
+    where there are captures; "metrics", all results of the benchmark; or the name of another table.
+    optional: inputs that are given where a run has them. category: where the report lists it.
     """
 
     function: str
     inputs: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    category: str = "Tables"
 
     def load(self) -> Callable[..., Any]:
         """The function itself, imported now."""
@@ -57,10 +60,27 @@ RESULTS: dict[str, TableEntry] = {
 }
 """Tables of the benchmark (chapter 6) beyond those of `puckbench.tables`."""
 
+VERDICTS: dict[str, TableEntry] = {
+    "thesis_medians": TableEntry(f"{_HERE}.thesis_medians:thesis_medians", ("metrics",)),
+    "gpcc_scales": TableEntry(f"{_HERE}.gpcc_scales:gpcc_scales", ("metrics",)),
+    "claims": TableEntry(
+        f"{_HERE}.claims.table:claims",
+        optional=(
+            "metrics",
+            "clouds",
+            "residual_statistics",
+            "thesis_numbers",
+            "incidence_effect",
+        ),
+        category="Claims",
+    ),
+}
+"""Tables that hold results against the thesis, or codecs against their settings."""
+
 
 def table_entry(name: str) -> TableEntry:
     """The entry of the table called `name`; InputError when there is none."""
-    known = REGISTRY | RESULTS
+    known = REGISTRY | RESULTS | VERDICTS
     if name not in known:
         raise InputError(f"unknown table {name!r}; there are {', '.join(known)}")
     return known[name]

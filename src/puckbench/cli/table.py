@@ -8,7 +8,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from puckbench.analysis.registry import REGISTRY, RESULTS, table_entry
+from puckbench.analysis.registry import REGISTRY, RESULTS, VERDICTS, table_entry
 from puckbench.cli.types import json_object
 from puckbench.errors import InputError
 
@@ -18,7 +18,7 @@ _DIGITS = 6
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("table", help=f"one of {', '.join(REGISTRY | RESULTS)}")
+    parser.add_argument("table", help=f"one of {', '.join(REGISTRY | RESULTS | VERDICTS)}")
     parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet)")
     parser.add_argument(
         "--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}'
@@ -35,7 +35,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     entry = table_entry(options.table)
     if missing := [name for name in entry.inputs if name not in options.inputs]:
         raise InputError(f"table {options.table}: needs the input {missing[0]!r}")
-    inputs = {name: read_table(Path(options.inputs[name])) for name in entry.inputs}
+    given = [*entry.inputs, *(name for name in entry.optional if name in options.inputs)]
+    inputs = {name: read_table(Path(options.inputs[name])) for name in given}
     table = _made(options.table, entry.load(), inputs, options.options)
     for name in table.select_dtypes("floating"):
         table[name] = [float(f"{value:.{_DIGITS}g}") for value in table[name]]

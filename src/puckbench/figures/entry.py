@@ -11,6 +11,10 @@ STUDY = "sensor_study"
 """Needed of a configuration: the measurements of chapter 5."""
 
 
+BOTH_GPCC = "gpcc"
+"""Needed of a configuration: G-PCC with coordinates rounded and with coordinates truncated."""
+
+
 def at(distance_m: float) -> str:
     """Needed of a configuration: scans of its sensor study from this distance."""
     return f"{distance_m:g} m"

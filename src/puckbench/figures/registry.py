@@ -6,7 +6,7 @@ Listing imports neither matplotlib nor pandas, so that the workflow can plan wit
 from __future__ import annotations
 
 from puckbench.errors import InputError
-from puckbench.figures import chapter5, chapter6
+from puckbench.figures import chapter5, chapter6, findings
 from puckbench.figures.entry import FigureEntry
 
 TABLES = (
@@ -18,11 +18,13 @@ TABLES = (
     "scans",
     "compared_residuals",
     "model_distances",
+    "thesis_medians",
+    "gpcc_scales",
 )
 EXAMPLES = ("example_object", "example_raw", "example_clean", "example_noisy")
 """Inputs that are prepared clouds (PLY files): one object, and one room in three forms."""
 
-FIGURES: dict[str, FigureEntry] = {**chapter5.FIGURES, **chapter6.FIGURES}
+FIGURES: dict[str, FigureEntry] = {**chapter5.FIGURES, **chapter6.FIGURES, **findings.FIGURES}
 
 
 def figure_entry(name: str) -> FigureEntry:

@@ -1,0 +1,73 @@
+"""The thesis's medians per rate beside those of a run (its Figure 6.5, and ours)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.figures.binning import ordered_rates
+from puckbench.figures.checks import require_numbers, require_rows
+from puckbench.figures.panels import (
+    add_legend,
+    draw_line,
+    log_limits,
+    panel_grid,
+    set_log,
+    set_title,
+)
+from puckbench.figures.quantities import CD_PLANE, HD_PLANE
+from puckbench.figures.style import FigureStyle
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ROWS = (CD_PLANE.within(1e-2, 1e3), HD_PLANE.within(1e-1, 1e4))
+_WIDE, _FAINT = 4.5, 0.35
+"""Width in points and opacity of the thesis's lines, which lie behind ours."""
+
+
+def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
+    """One row per distance, one column per data set: ours as lines with markers, the thesis's wide.
+
+    The wide line has the codec's colour; the thesis's one G-PCC lies behind each of ours.
+    """
+    columns = ("thesis", "here")
+    require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")
+    require_numbers(thesis_medians, columns, "medians")
+    datasets = style.ordered_datasets(thesis_medians["dataset"])
+    abreast = len(datasets)
+    figure, panels = panel_grid(len(_ROWS) * abreast, abreast, 1.9, style, sharey="row")
+    rates = ordered_rates(set(thesis_medians["rate"]))
+    for index, axes in enumerate(panels):
+        quantity, dataset = _ROWS[index // abreast], datasets[index % abreast]
+        rows = thesis_medians[thesis_medians["quantity"] == quantity.column]
+        values = rows[list(columns)].to_numpy(dtype=float).ravel()
+        limits = log_limits(values, style.axis_range(quantity.column, quantity.limits))
+        set_log(axes, "y", limits, minor=False)
+        _draw_panel(axes, rows[rows["dataset"] == dataset], rates, limits[0], style)
+        if index < abreast:
+            set_title(axes, style.title(dataset), abreast, style)
+        if index % abreast == 0:
+            axes.set_ylabel(quantity.short_label)
+    figure.supxlabel("Compression rate (wide lines: the thesis)", fontsize=style.font_size)
+    add_legend(figure, style.ordered_codecs(thesis_medians["codec"]), style)
+    return figure
+
+
+def _draw_panel(
+    axes: Axes, rows: pd.DataFrame, rates: list[str], floor: float, style: FigureStyle
+) -> None:
+    """Both lines of each codec of a data set."""
+    for codec in style.ordered_codecs(rows["codec"]):
+        own = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
+        thesis, here = own["thesis"].to_numpy(dtype=float), own["here"].to_numpy(dtype=float)
+        at = np.arange(len(rates), dtype=float)
+        colour = style.look(codec).colour
+        axes.plot(at, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
+        known = np.isfinite(here)
+        draw_line(axes, at[known], here[known], style.look(codec), floor)
+    axes.set_xlim(-0.4, len(rates) - 0.6)
+    axes.set_xticks(range(len(rates)), rates)

@@ -1,0 +1,67 @@
+"""Distortion against the elongation of the cloud, one panel per data set (thesis 6.1.6)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.figures.binning import ordered_rates
+from puckbench.figures.checks import require_numbers, require_rows
+from puckbench.figures.panels import (
+    add_legend,
+    log_limits,
+    panel_grid,
+    panels_abreast,
+    set_log,
+    set_title,
+)
+from puckbench.figures.quantities import CD_PLANE
+from puckbench.figures.style import FigureStyle
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_KEYS = ("dataset", "cloud")
+_CD = CD_PLANE.within(1e-1, 1e2)
+
+
+def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
+    """A point for each cloud and codec, at the middle one of the codec's rates.
+
+    The elongation is the thesis's: shortest over longest side of the box along the axes.
+    """
+    numbers = ("elongation", CD_PLANE.column)
+    require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")
+    require_rows(clouds, (*_KEYS, numbers[0]), "clouds")
+    known = metrics[[*_KEYS, "codec", "rate", numbers[1]]]
+    rows = _middle_rates(known).merge(clouds[[*_KEYS, numbers[0]]], on=list(_KEYS))
+    require_numbers(rows, numbers, "metrics and clouds")
+    datasets = style.ordered_datasets(rows["dataset"])
+    columns = panels_abreast(len(datasets))
+    figure, panels = panel_grid(len(datasets), columns, 2.1, style)
+    values = rows[CD_PLANE.column].to_numpy(dtype=float)
+    limits = log_limits(values, style.axis_range(_CD.column, _CD.limits))
+    for axes, dataset in zip(panels, datasets, strict=True):
+        set_log(axes, "y", limits, minor=False)
+        axes.set_xlim(0, 1)
+        set_title(axes, style.title(dataset), columns, style)
+        for codec in style.ordered_codecs(rows["codec"]):
+            own = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
+            look = style.look(codec)
+            x, y = (own[name].to_numpy(dtype=float) for name in numbers)
+            axes.plot(x, np.maximum(y, limits[0]), look.marker, color=look.colour, alpha=0.6)
+    for axes in panels[::columns]:
+        axes.set_ylabel(CD_PLANE.short_label)
+    for axes in panels[-columns:]:
+        axes.set_xlabel("Elongation, shortest over longest side")
+    add_legend(figure, style.ordered_codecs(rows["codec"]), style)
+    return figure
+
+
+def _middle_rates(metrics: pd.DataFrame) -> pd.DataFrame:
+    """The rows of each codec's middle rate."""
+    rates = {codec: ordered_rates(set(part["rate"])) for codec, part in metrics.groupby("codec")}
+    middle = {codec: names[(len(names) - 1) // 2] for codec, names in rates.items()}
+    return metrics[metrics["rate"] == metrics["codec"].map(middle)]
