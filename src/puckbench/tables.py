@@ -22,7 +22,11 @@ _FIRST = (
     "bytes",
     "bpp",
     "encode_s",
+    "encode_s_min",
+    "encode_s_max",
     "decode_s",
+    "decode_s_min",
+    "decode_s_max",
     "encode_peak_mib",
     "decode_peak_mib",
 )

@@ -19,6 +19,7 @@ from typing import Any, TextIO
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.analysis.registry import RESULTS as RESULT_TABLES
 from puckbench.analysis.registry import table_entry
+from puckbench.codecs.circumstances import thread_environment
 from puckbench.codecs.registry import module_of
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
@@ -47,6 +48,7 @@ class Workflow:
     def __init__(self, config: Mapping[str, Any], schema: Path) -> None:
         self.config = checked(config, read_schema(schema))
         self.plan = Plan(self.config)
+        self.results = str(self.plan.results)
         self.figures = figures(self.config, self.plan)
         for name in self.figures:
             self._check_style(name)
@@ -60,7 +62,7 @@ class Workflow:
     def scene_file(self, dataset: str, cloud: str, suffix: str = "ply") -> str:
         """The scene that a cloud is made from."""
         scenes = self.dataset(dataset).scenes
-        return str(self.plan.results / "scenes" / scenes / f"{cloud}.{suffix}")
+        return f"{self.results}/scenes/{scenes}/{cloud}.{suffix}"
 
     def source(self, dataset: str, cloud: str) -> str:
         """What a cloud is prepared from: a sample, a scan, or the scene's own cloud."""
@@ -124,12 +126,59 @@ class Workflow:
         """Further inputs of the evaluation: the true surface and what the sensor saw of it."""
         if not self.dataset(dataset).has_truth:
             return {}
-        visible = self.plan.results / "truth" / dataset / f"{cloud}.ply"
-        return {"truth": self.scene_file(dataset, cloud), "visible": str(visible)}
+        visible = f"{self.results}/truth/{dataset}/{cloud}.ply"
+        return {"truth": self.scene_file(dataset, cloud), "visible": visible}
+
+    @cache  # noqa: B019
+    def encode_arguments(self, codec: str, rate: str) -> str:
+        """Arguments of `puckbench encode` for a codec and rate, quoted for a shell."""
+        words = ["--codec", codec, "--rate", rate, "--entry", self.codec_entry(codec, rate)]
+        return shlex.join([*words, *self._timing_arguments()])
+
+    def evaluate_arguments(self, dataset: str, cloud: str, codec: str, rate: str) -> str:
+        """Arguments of `puckbench evaluate` for a cell, quoted for a shell."""
+        truth = self.evaluated(dataset, cloud)
+        files = [f"--{name} {file}" for name, file in truth.items()]
+        return " ".join([self._measured_arguments(dataset, codec, rate), *files])
+
+    @cache  # noqa: B019
+    def _measured_arguments(self, dataset: str, codec: str, rate: str) -> str:
+        settings = self.dataset(dataset).settings
+        peak, views = str(settings["size"] - 1), str(settings["views"])
+        words = ["--dataset", dataset, "--codec", codec, "--entry", self.codec_entry(codec, rate)]
+        words += ["--peak", peak, "--views", views, *self._timing_arguments()]
+        return shlex.join(words)
+
+    def _timing_arguments(self) -> list[str]:
+        timing = self.config["timing"]
+        alone = ["--alone"] if timing["exclusive"] else []
+        return ["--repeats", str(timing["repeats"]), *alone]
+
+    @property
+    def timed(self) -> str:
+        """What goes before the command of a timed job: the threads that libraries may use."""
+        return thread_environment(self.config["timing"]["threads"])
+
+    def timed_cores(self, cores: int | None) -> int:
+        """Cores that a timed job takes of those of the run: all where it is to run alone.
+
+        cores: of the run; None where a cluster's nodes, not this machine, run the jobs.
+        """
+        timing = self.config["timing"]
+        threads = int(timing["threads"])
+        return max(threads, cores or 0) if timing["exclusive"] else threads
 
     def memory_mb(self, dataset: str) -> int:
         """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
+
+    @property
+    def cell_memory_mb(self) -> int:
+        """The same of a job for one cloud, codec and rate, whatever the cloud.
+
+        One number for all, since a function for each of very many jobs would cost planning more.
+        """
+        return max(map(self.memory_mb, self.plan.datasets), default=0)
 
     @property
     def study(self) -> StudyPlan:
@@ -183,15 +232,18 @@ class Workflow:
 
     def result_tables(self) -> dict[str, dict[str, str]]:
         """The tables of the benchmark: those of rate deltas want a codec beside the anchor."""
-        if not self.plan.datasets or len(self.plan.codecs) < 2:
+        if not self.plan.datasets:
             return {}
         return {
             name: {needed: _table(self.plan, needed) for needed in entry.inputs}
             for name, entry in RESULT_TABLES.items()
+            if len(self.plan.codecs) > 1 or not _of_rate_deltas(name)
         }
 
     def table_options(self, table: str) -> str:
         """Options of `puckbench table` for a table of the benchmark, as JSON."""
+        if not _of_rate_deltas(table):
+            return "{}"
         chosen = self.config["bd_rate"]
         options = {"anchor": self.anchor, "qualities": chosen["metrics"]}
         if table == "bd_rate":
@@ -278,6 +330,10 @@ def _there(plan: Plan) -> set[str]:
     if plan.study is None:
         return there
     return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+
+
+def _of_rate_deltas(table: str) -> bool:
+    return table.startswith("bd_rate")
 
 
 def _table(plan: Plan, name: str) -> str:

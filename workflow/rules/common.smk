@@ -47,8 +47,3 @@ wildcard_constraints:
     scene=r"[A-Za-z0-9_.-]+",
     rate=r"[A-Za-z0-9_]+",
     figure=r"[a-z0-9_]+",
-
-
-def truth_arguments(input):
-    """Options of `puckbench evaluate` for data sets whose true surface is known."""
-    return " ".join(f"--{name} {input[name]}" for name in ("truth", "visible") if name in input.keys())
