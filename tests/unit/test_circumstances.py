@@ -23,8 +23,8 @@ def test_the_environment_of_a_timed_job_gives_every_library_its_threads() -> Non
         "import json, numba, torch; from puckbench.codecs.circumstances import allowed_threads;"
         "print(json.dumps([numba.get_num_threads(), torch.get_num_threads(), allowed_threads()]))"
     )
-    command = f"{thread_environment(1)} {sys.executable} -c '{program}'"
-    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+    command = [*thread_environment(1).split(), sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [1, 1, 1]
 
 
