@@ -2,10 +2,11 @@
 CELL = "{dataset}/{cloud}/{codec}/{rate}"
 
 
+# What is made together is followed by one of its files: there are tens of thousands of these jobs,
+# and planning pays for each input of each.
 rule encode:
     input:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:
         stream=f"{RESULTS}/coded/{CELL}.bin",
         record=f"{RESULTS}/coded/{CELL}.bin.json",

@@ -3,9 +3,7 @@ rule evaluate:
     input:
         unpack(lambda wildcards: bench.evaluated(wildcards.dataset, wildcards.cloud)),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.bin.json",
     output:
         f"{RESULTS}/metrics/{CELL}.json",
     params:

@@ -92,7 +92,8 @@ def _line(group: list[Estimate]) -> str:
     if not known:
         return f"{jobs} jobs, not measured"
     hours, covered = sum(one.hours for one in known), sum(one.kind.jobs for one in known)
-    notes = [f"from {sum(one.measured for one in known)} jobs"]
+    rested = {(one.kind.rule, one.kind.codec, one.kind.rate): one.measured for one in known}
+    notes = [f"from {sum(rested.values())} jobs"]
     reach = max(one.reach for one in known)
     if reach > 1:
         notes.append(f"extrapolated to {reach:.1f} times their points")
