@@ -55,8 +55,12 @@ class Stage:
     def there(self) -> Mapping[str, float]:
         """Planned files that exist, and when they were written (seconds)."""
         cut = len(str(self.folder)) + 1
-        found = ((path[cut : -len(self.suffix)], time) for path, time in _files(self.folder))
-        return {name: time for name, time in found if name in self.planned}
+        found = {
+            path[cut : -len(self.suffix)]: time
+            for path, time in _files(self.folder)
+            if path.endswith(self.suffix)
+        }
+        return {name: time for name, time in found.items() if name in self.planned}
 
     @property
     def whole(self) -> bool:
