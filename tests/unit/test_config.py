@@ -53,7 +53,7 @@ def test_the_users_configuration_is_not_changed() -> None:
         ),
         (("results",), "my results", "results: 'my results' does not match"),
         (("codecs",), {"x": {"rates": {"r 1": {}}}}, r"codecs\.x\.rates: 'r 1' does not match"),
-        (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: repeats"),
+        (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: exclusive, repeats"),
         (("figures",), {"examples": {"object": "x"}}, r"figures\.examples\.object: 'x' does not"),
     ],
 )
