@@ -15,16 +15,50 @@ Config = dict[str, Any]
 def checked(config: Mapping[str, Any], schema: Mapping[str, Any]) -> Config:
     """The configuration with the schema's defaults; InputError names the key and what is allowed.
 
-    Only the schema is checked here; names of loaders, codecs and rates are checked by `plan`.
+    Where it asks for stand-ins, they have taken their places. Only the schema is checked here;
+    names of loaders, codecs and rates are checked by `plan`.
     """
     from jsonschema import Draft202012Validator
 
-    filled: Config = copy.deepcopy(dict(config))
+    filled: Config = with_stand_ins(config)
+    if filled.get("timing") == "exclusive":
+        filled["timing"] = {"exclusive": True}
     _fill_defaults(filled, schema, schema)
     errors = sorted(Draft202012Validator(schema).iter_errors(filled), key=lambda e: len(e.path))
     if errors:
         raise InputError(_one_line(errors[0]))
     return filled
+
+
+def with_stand_ins(config: Mapping[str, Any]) -> Config:
+    """A copy in which generated data stand in for those on disk, where `stand_in` is true.
+
+    A scene set's `stand_in` is used in its place; a data set's, and that of the figures, changes
+    the keys that it names. Results go to a folder of their own.
+    """
+    changed: Config = copy.deepcopy(dict(config))
+    wanted = changed.get("stand_in")
+    if wanted in ("true", "false"):  # as Snakemake's --config hands it over
+        wanted = changed["stand_in"] = wanted == "true"
+    if wanted is not True:
+        return changed
+    changed["results"] = f"{changed.get('results', 'results')}_stand_in"
+    for scenes in _mappings(changed.get("scenes")):
+        stand_in = scenes.get("stand_in")
+        if isinstance(stand_in, dict):
+            scenes.clear()
+            scenes.update(stand_in)
+    for entry in (*_mappings(changed.get("datasets")), *_mappings([changed.get("figures")])):
+        stand_in = entry.get("stand_in")
+        if isinstance(stand_in, dict):
+            entry.update(entry.pop("stand_in"))
+    return changed
+
+
+def _mappings(values: Any) -> list[Config]:
+    """Those of the values (of a mapping, or of a list) that are mappings themselves."""
+    found = values.values() if isinstance(values, dict) else values or ()
+    return [value for value in found if isinstance(value, dict)]
 
 
 def read_schema(path: Path) -> Config:

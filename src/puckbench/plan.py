@@ -114,7 +114,7 @@ class Plan:
     def __init__(self, config: Config) -> None:
         self.config = config
         self.scenes = {
-            name: _scenes(name, value, config) for name, value in _items(config, "scenes")
+            name: open_scenes(name, value, config) for name, value in _items(config, "scenes")
         }
         self.datasets = {
             name: self._dataset(name, value) for name, value in _items(config, "datasets")
@@ -213,7 +213,8 @@ def _items(config: Config, key: str) -> list[tuple[str, Any]]:
     return list(config[key].items())
 
 
-def _scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
+def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
+    """A scene set of the configuration, opened; InputError says what is missing and where."""
     options = {**value["options"]}
     seed = value.get("seed", config["seed"])
     try:

@@ -20,6 +20,7 @@ from puckbench.analysis.claims.roles import GPCC, GPCC_AS_RUN, codec_roles, verd
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.analysis.registry import RESULTS as RESULT_TABLES
 from puckbench.analysis.registry import VERDICTS, table_entry
+from puckbench.codecs.circumstances import thread_environment
 from puckbench.codecs.registry import module_of, training_class
 from puckbench.codeversion import code_version
 from puckbench.config import checked, read_schema
@@ -50,6 +51,7 @@ class Workflow:
     def __init__(self, config: Mapping[str, Any], schema: Path) -> None:
         self.config = checked(config, read_schema(schema))
         self.plan = Plan(self.config)
+        self.results = str(self.plan.results)
         self.figures = figures(self.config, self.plan)
         for name in self.figures:
             self._check_style(name)
@@ -63,7 +65,7 @@ class Workflow:
     def scene_file(self, dataset: str, cloud: str, suffix: str = "ply") -> str:
         """The scene that a cloud is made from."""
         scenes = self.dataset(dataset).scenes
-        return str(self.plan.results / "scenes" / scenes / f"{cloud}.{suffix}")
+        return f"{self.results}/scenes/{scenes}/{cloud}.{suffix}"
 
     def source(self, dataset: str, cloud: str) -> str:
         """What a cloud is prepared from: a sample, a scan, or the scene's own cloud."""
@@ -165,7 +167,7 @@ class Workflow:
 
     def true_points(self, dataset: str, cloud: str) -> str:
         """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
-        return str(self.plan.results / "truth" / dataset / f"{cloud}.ply")
+        return f"{self.results}/truth/{dataset}/{cloud}.ply"
 
     def row_tables(self) -> dict[str, list[str]]:
         """The tables that are made of result rows of their own, with the files of these rows."""
@@ -176,9 +178,56 @@ class Workflow:
             if rows
         }
 
+    @cache  # noqa: B019
+    def encode_arguments(self, codec: str, rate: str) -> str:
+        """Arguments of `puckbench encode` for a codec and rate, quoted for a shell."""
+        words = ["--codec", codec, "--rate", rate, "--entry", self.codec_entry(codec, rate)]
+        return shlex.join([*words, *self._timing_arguments()])
+
+    def evaluate_arguments(self, dataset: str, cloud: str, codec: str, rate: str) -> str:
+        """Arguments of `puckbench evaluate` for a cell, quoted for a shell."""
+        truth = self.evaluated(dataset, cloud)
+        files = [f"--{name} {file}" for name, file in truth.items()]
+        return " ".join([self._measured_arguments(dataset, codec, rate), *files])
+
+    @cache  # noqa: B019
+    def _measured_arguments(self, dataset: str, codec: str, rate: str) -> str:
+        settings = self.dataset(dataset).settings
+        peak, views = str(settings["size"] - 1), str(settings["views"])
+        words = ["--dataset", dataset, "--codec", codec, "--entry", self.codec_entry(codec, rate)]
+        words += ["--peak", peak, "--views", views, *self._timing_arguments()]
+        return shlex.join(words)
+
+    def _timing_arguments(self) -> list[str]:
+        timing = self.config["timing"]
+        alone = ["--alone"] if timing["exclusive"] else []
+        return ["--repeats", str(timing["repeats"]), *alone]
+
+    @property
+    def timed(self) -> str:
+        """What goes before the command of a timed job: the threads that libraries may use."""
+        return thread_environment(self.config["timing"]["threads"])
+
+    def timed_cores(self, cores: int | None) -> int:
+        """Cores that a timed job takes of those of the run: all where it is to run alone.
+
+        cores: of the run; None where a cluster's nodes, not this machine, run the jobs.
+        """
+        timing = self.config["timing"]
+        threads = int(timing["threads"])
+        return max(threads, cores or 0) if timing["exclusive"] else threads
+
     def memory_mb(self, dataset: str) -> int:
         """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
+
+    @property
+    def cell_memory_mb(self) -> int:
+        """The same of a job for one cloud, codec and rate, whatever the cloud.
+
+        One number for all, since a function for each of very many jobs would cost planning more.
+        """
+        return max(map(self.memory_mb, self.plan.datasets), default=0)
 
     @property
     def study(self) -> StudyPlan:
@@ -232,7 +281,11 @@ class Workflow:
 
     def result_tables(self) -> dict[str, dict[str, str]]:
         """The tables of the benchmark: those of rate deltas want a codec beside the anchor."""
-        rates = RESULT_TABLES if self.plan.datasets and len(self.plan.codecs) > 1 else {}
+        rates = {
+            name: table
+            for name, table in RESULT_TABLES.items()
+            if self.plan.datasets and (len(self.plan.codecs) > 1 or not _of_rate_deltas(name))
+        }
         verdicts = {name: VERDICTS[name] for name in verdict_options(self.plan)}
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables())
@@ -249,6 +302,8 @@ class Workflow:
         """Options of `puckbench table` for a table of the benchmark, as JSON."""
         if table in VERDICTS:
             return json.dumps(verdict_options(self.plan)[table], sort_keys=True)
+        if not _of_rate_deltas(table):
+            return "{}"
         chosen = self.config["bd_rate"]
         options = {"anchor": self.anchor, "qualities": chosen["metrics"]}
         if table == "bd_rate":
@@ -340,6 +395,10 @@ def _there(plan: Plan) -> set[str]:
     if plan.study is None:
         return there
     return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+
+
+def _of_rate_deltas(table: str) -> bool:
+    return table.startswith("bd_rate")
 
 
 def _table(plan: Plan, name: str) -> str:

@@ -53,7 +53,7 @@ def test_the_users_configuration_is_not_changed() -> None:
         ),
         (("results",), "my results", "results: 'my results' does not match"),
         (("codecs",), {"x": {"rates": {"r 1": {}}}}, r"codecs\.x\.rates: 'r 1' does not match"),
-        (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: repeats"),
+        (("timing",), {"repeat": 2}, "timing: unknown key 'repeat' .known: exclusive, repeats"),
         (("figures",), {"examples": {"object": "x"}}, r"figures\.examples\.object: 'x' does not"),
     ],
 )
@@ -87,3 +87,61 @@ def test_every_key_is_documented() -> None:
         for key in part.get("properties", {})
     }
     assert {key for key in keys if f"`{key}`" not in text} == set()
+
+
+def _thesis() -> dict:
+    return {
+        "results": "results/t",
+        "stand_in": True,
+        "scenes": {
+            "a": {
+                "loader": "s3dis",
+                "options": {"path": "nowhere"},
+                "stand_in": {"loader": "embedded_areas", "options": {"rooms": 1}},
+            },
+            "b": {"loader": "embedded_rooms"},
+        },
+        "datasets": {
+            "d": {"scenes": "a", "make": "cloud", "size": 512, "stand_in": {"make": "sample"}}
+        },
+        "figures": {
+            "examples": {"raw": "d/x"},
+            "stand_in": {"examples": {"raw": "d/y"}},
+        },
+    }
+
+
+def test_generated_data_stand_in_where_they_are_asked_for() -> None:
+    config = checked(_thesis(), SCHEMA)
+    assert config["scenes"]["a"] == {"loader": "embedded_areas", "options": {"rooms": 1}}
+    assert config["scenes"]["b"]["loader"] == "embedded_rooms"
+    assert (config["datasets"]["d"]["make"], config["datasets"]["d"]["size"]) == ("sample", 512)
+    assert config["figures"]["examples"] == {"raw": "d/y"}
+    assert config["results"] == "results/t_stand_in"
+
+
+@pytest.mark.parametrize("off", [False, "false"])
+def test_without_the_switch_the_data_are_those_on_disk(off: object) -> None:
+    config = checked(_thesis() | {"stand_in": off}, SCHEMA)
+    assert config["scenes"]["a"]["loader"] == "s3dis"
+    assert config["datasets"]["d"]["make"] == "cloud"
+    assert config["figures"]["examples"] == {"raw": "d/x"}
+    assert config["results"] == "results/t"
+
+
+def test_the_switch_may_come_as_text_from_snakemakes_command_line() -> None:
+    assert checked(_thesis() | {"stand_in": "true"}, SCHEMA)["stand_in"] is True
+    with pytest.raises(InputError, match="stand_in: 'yes' is not of type 'boolean'"):
+        checked(_thesis() | {"stand_in": "yes"}, SCHEMA)
+
+
+def test_a_fault_in_a_stand_in_is_named() -> None:
+    config = _thesis()
+    config["scenes"]["a"]["stand_in"] = {"loadr": "embedded_areas", "loader": "x"}
+    with pytest.raises(InputError, match=r"scenes\.a.*loadr"):
+        checked(config | {"stand_in": False}, SCHEMA)
+
+
+def test_exclusive_timing_has_a_short_form() -> None:
+    timing = checked(_config() | {"timing": "exclusive"}, SCHEMA)["timing"]
+    assert timing == {"exclusive": True, "repeats": 3, "threads": 1}

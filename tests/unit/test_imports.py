@@ -14,8 +14,8 @@ LAYERS = [
     {"meshfiles", "scenes", "render"},
     {"datasets", "sensor", "metrics"},
     {"prepare", "codecs"},
-    {"analysis", "tables", "tablefiles", "figures", "plan"},
-    {"workflow", "cli", "__main__"},
+    {"analysis", "tables", "tablefiles", "figures", "plan", "jobtimes"},
+    {"workflow", "cli", "__main__", "reproduce"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

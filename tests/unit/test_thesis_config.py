@@ -74,3 +74,20 @@ def test_all_objects_of_capod_are_coded_at_all_rates(data: Path) -> None:
     assert plan.clouds == (("capod", "m037"),)
     assert len(plan.cells) == sum(len(codec["rates"]) for codec in plan.codecs.values())
     assert set(plan.codecs) == {"draco", "gpcc", "gpcc_arena"}
+
+
+def test_the_thesis_is_planned_at_full_size_without_its_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bench = Workflow({**read("thesis.yaml"), "stand_in": True}, SCHEMA)
+    counts = {name: len(entry.clouds) for name, entry in bench.plan.datasets.items()}
+    assert counts == {"capod": 180, "s3dis": 272, "scans_clean": 272, "scans_noisy": 272}
+    points = {name: entry.points for name, entry in bench.plan.datasets.items()}
+    assert points["capod"] == 500_000
+    assert points["scans_clean"] == points["scans_noisy"] == 1_152_000
+    assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.figures)
+    assert not any(
+        plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
+    )
+    assert bench.results == "results/thesis_stand_in"

@@ -16,7 +16,11 @@ from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.figures.registry import FIGURES
 from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
 
-TIMES = ["encode_s", "decode_s", "encode_peak_mib", "decode_peak_mib"]
+TIMES = [
+    f"{call}_{what}"
+    for call in ("encode", "decode")
+    for what in ("s", "s_min", "s_max", "peak_mib")
+]
 
 
 @pytest.fixture
@@ -170,7 +174,7 @@ def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
     assert jobs.pop("evaluate") == 4
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
-    tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians"}
+    tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians", "machines"}
     assert set(jobs) == {"metrics_table", *tables, *drawn}
 
 

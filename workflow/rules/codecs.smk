@@ -2,28 +2,28 @@
 CELL = "{dataset}/{cloud}/{codec}/{rate}"
 
 
+# What is made together is followed by one of its files: there are tens of thousands of these jobs,
+# and planning pays for each input of each.
 rule encode:
     input:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:
         stream=f"{RESULTS}/coded/{CELL}.bin",
         record=f"{RESULTS}/coded/{CELL}.bin.json",
     params:
-        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
-        repeats=bench.config["timing"]["repeats"],
+        arguments=lambda wildcards: bench.encode_arguments(wildcards.codec, wildcards.rate),
         code=lambda wildcards: bench.codec_code("puckbench.cli.encode", wildcards.codec),
+    threads: bench.timed_cores(workflow.cores)
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=bench.cell_memory_mb,
         runtime=30,
     log:
         f"{RESULTS}/logs/coded/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench encode {input.cloud} {output.stream} --codec {wildcards.codec}"
-        " --rate {wildcards.rate} --entry {params.entry:q} --repeats {params.repeats}"
-        " > {log} 2>&1"
+        bench.timed + " python -m puckbench encode {input.cloud} {output.stream}"
+        " {params.arguments} > {log} 2>&1"
 
 
 rule decode:

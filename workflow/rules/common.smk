@@ -1,4 +1,5 @@
 # The checked configuration, the plan of what it asks for, and helpers of the rules.
+import gc
 import json
 import os
 import sys
@@ -14,6 +15,8 @@ from puckbench.figures.registry import FIGURES as REGISTRY
 from puckbench.workflow import Workflow, hold_results, run_jobs_with
 
 run_jobs_with(SOURCE)
+# Planning makes millions of objects that stay; Python need not look through them again and again.
+gc.set_threshold(100_000, 50, 100)
 
 
 def or_stop(step, *arguments):

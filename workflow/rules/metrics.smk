@@ -3,29 +3,25 @@ rule evaluate:
     input:
         unpack(lambda wildcards: bench.evaluated(wildcards.dataset, wildcards.cloud)),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.bin.json",
     output:
         f"{RESULTS}/metrics/{CELL}.json",
     params:
-        truth=lambda wildcards, input: truth_arguments(input),
-        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
-        peak=lambda wildcards: bench.dataset(wildcards.dataset).settings["size"] - 1,
-        views=lambda wildcards: bench.dataset(wildcards.dataset).settings["views"],
-        repeats=bench.config["timing"]["repeats"],
+        arguments=lambda wildcards: bench.evaluate_arguments(
+            wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.rate
+        ),
         code=lambda wildcards: bench.codec_code("puckbench.cli.evaluate", wildcards.codec),
+    threads: bench.timed_cores(workflow.cores)
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=bench.cell_memory_mb,
         runtime=30,
     log:
         f"{RESULTS}/logs/metrics/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench evaluate {input.cloud} {input.stream} {params.truth}"
-        " --dataset {wildcards.dataset} --codec {wildcards.codec} --entry {params.entry:q}"
-        " --repeats {params.repeats} --peak {params.peak} --views {params.views} --row {output} > {log} 2>&1"
+        bench.timed + " python -m puckbench evaluate {input.cloud} {input.stream} --row {output}"
+        " {params.arguments} > {log} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.

@@ -57,6 +57,7 @@ REGISTRY: dict[str, TableEntry] = {
 RESULTS: dict[str, TableEntry] = {
     "bd_rate": TableEntry(f"{_HERE}.bd_tables:bd_rate", ("metrics",)),
     "bd_rate_clouds": TableEntry(f"{_HERE}.bd_tables:bd_rate_clouds", ("metrics",)),
+    "machines": TableEntry(f"{_HERE}.machines:machines", ("metrics",)),
 }
 """Tables of the benchmark (chapter 6) beyond those of `puckbench.tables`."""
 

@@ -31,6 +31,7 @@ COMMANDS = {
     "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",
     "claims": "what a run says of the claims of the thesis",
+    "reproduce": "list the thesis's figures and tables: made, or how to make them",
     "codecs": "list the codecs, their rates and whether they can run here",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",

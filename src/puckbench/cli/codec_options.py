@@ -13,7 +13,7 @@ from puckbench.errors import InputError
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
-    """Declare --codec, --weights, --entry and --repeats."""
+    """Declare --codec, --weights, --entry, --repeats and --alone."""
     parser.add_argument("--codec", required=required, help="see `puckbench codecs`")
     parser.add_argument(
         "--weights", help="a learned codec's: a shipped set, a file or a folder of weights"
@@ -22,6 +22,9 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
         "--entry", type=json_object, default={}, help="changes to the codec's entry, as in a config"
     )
     parser.add_argument("--repeats", type=int, default=1, help="timed calls; the median counts")
+    parser.add_argument(
+        "--alone", action="store_true", help="say in the record that nothing else ran meanwhile"
+    )
 
 
 def chosen_codec(options: argparse.Namespace, name: str) -> Codec:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments
 from puckbench.cloud import Floats, PointCloud, write_cloud
+from puckbench.codecs.circumstances import circumstances
 from puckbench.codecs.measure import measured
 from puckbench.codecs.registry import codec_of
 from puckbench.errors import InputError
@@ -70,7 +71,7 @@ def decode_file(path: Path, options: argparse.Namespace) -> Decoded:
         "codec": name,
         "bytes": len(stream),
         "points_out": len(timed.result),
-        "decode_s": timed.seconds,
-        "decode_peak_mib": timed.peak_mib,
+        **timed.costs("decode"),
+        **circumstances(options.alone),
     }
     return Decoded(timed.result, record)

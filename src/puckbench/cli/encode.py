@@ -8,6 +8,7 @@ from typing import Any
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_options
 from puckbench.cloud import read_cloud
+from puckbench.codecs.circumstances import circumstances, cpu_model
 from puckbench.codecs.measure import measured
 from puckbench.files import write_bytes, write_json
 
@@ -39,8 +40,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "points_in": len(points),
         "bytes": len(coded.result),
         "bpp": 8 * len(coded.result) / len(points),
-        "encode_s": coded.seconds,
-        "encode_peak_mib": coded.peak_mib,
+        "repeats": options.repeats,
+        **coded.costs("encode"),
+        **circumstances(options.alone),
+        "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
     }
     write_json(record_file(options.out), record)
     write_bytes(options.out, coded.result)

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Measured(NamedTuple, Generic[T]):
-    """Result of a call, median seconds of its repetitions, peak memory in MiB.
+    """Result of a call, seconds of its repetitions (median, least, most), peak memory in MiB.
 
     peak_mib: the most resident memory during a call above what was resident before it; nan-free:
     0.0 when the call needed no more than was already there.
@@ -27,6 +27,17 @@ class Measured(NamedTuple, Generic[T]):
     result: T
     seconds: float
     peak_mib: float
+    least_s: float
+    most_s: float
+
+    def costs(self, what: str) -> dict[str, float]:
+        """Columns of a result row for ``what`` ("encode"): median, spread, and memory."""
+        return {
+            f"{what}_s": self.seconds,
+            f"{what}_s_min": self.least_s,
+            f"{what}_s_max": self.most_s,
+            f"{what}_peak_mib": self.peak_mib,
+        }
 
 
 def measured(
@@ -46,7 +57,7 @@ def measured(
         cost = outside() or here
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
-    return Measured(result, statistics.median(seconds), max(peaks))
+    return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
 
 
 def _reset_peak() -> float:

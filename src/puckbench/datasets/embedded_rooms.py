@@ -53,7 +53,7 @@ class EmbeddedRooms:
             ROOMS[name].kind,
             mesh=mesh,
             origin=origin(name, self.seed),
-            box=room_box(name),
+            box=room_box(name, self.seed),
             about=about,
         )
 

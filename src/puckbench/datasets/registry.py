@@ -14,6 +14,7 @@ REGISTRY = {
     "calibration": "puckbench.datasets.calibration:Calibration",
     "capod": "puckbench.datasets.capod:Capod",
     "captured_rooms": "puckbench.datasets.captured_rooms:CapturedRooms",
+    "embedded_areas": "puckbench.datasets.embedded_areas:EmbeddedAreas",
     "embedded_objects": "puckbench.datasets.embedded_objects:EmbeddedObjects",
     "embedded_rooms": "puckbench.datasets.embedded_rooms:EmbeddedRooms",
     "front3d": "puckbench.datasets.front3d:Front3D",

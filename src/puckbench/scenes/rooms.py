@@ -8,6 +8,7 @@ from puckbench.cloud import Floats
 from puckbench.errors import InputError
 from puckbench.mesh import Mesh
 from puckbench.scenes.builder import Furniture, build
+from puckbench.scenes.building import building_room, room_types
 from puckbench.scenes.placing import Maker, Room, lamp_grid
 from puckbench.scenes.room_table import ROOMS, RoomSpec
 from puckbench.scenes.workshop import Workshop
@@ -21,11 +22,12 @@ def make_room(
 ) -> Mesh:
     """The labelled mesh of a room.
 
+    name: a room of the table, or one of the generated building (`building.room_types`).
     detail: factor on the tessellation of curved parts. furniture: by semantic class ("chair"),
     meshes (metres, z up, front to -y) that take the place of the generated pieces of that class.
     Raises InputError for an unknown name.
     """
-    spec = _spec(name)
+    spec = room_spec(name, seed)
     shop = Workshop(generator(seed, "room", name), detail)
     outline = np.array(spec.outline)
     room = Room(shop, outline, spec.height, spec.openings, spec.origin, furniture or {})
@@ -36,19 +38,22 @@ def make_room(
 
 def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
     """Where a sensor may stand in a room: 1.3 m up, moved by up to 5 cm by the seed."""
-    spec = _spec(name)
+    spec = room_spec(name, seed)
     x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
     return (float(x), float(y), SENSOR_HEIGHT)
 
 
-def room_box(name: str) -> Floats:
+def room_box(name: str, seed: int = 0) -> Floats:
     """The room's box (2, 3) between its walls, floor and ceiling, without recesses."""
-    spec = _spec(name)
+    spec = room_spec(name, seed)
     outline = np.array(spec.outline)
     return np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), spec.height]])
 
 
-def _spec(name: str) -> RoomSpec:
+def room_spec(name: str, seed: int = 0) -> RoomSpec:
+    """The shape of a room; those of the building depend on the seed. InputError: unknown name."""
+    if name in room_types():
+        return building_room(name, seed)
     if name not in ROOMS:
         raise InputError(f"room {name!r}: unknown; there are {', '.join(ROOMS)}")
     return ROOMS[name]

@@ -1,0 +1,105 @@
+"""`puckbench reproduce`: the thesis's figures and tables, what is made, how to make the rest."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from puckbench.cli.types import whole
+from puckbench.errors import InputError
+from puckbench.jobtimes import Estimate, estimated, read_job_times
+from puckbench.reproduce import Reproduction
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--config", type=Path, default=Path("config/thesis.yaml"))
+    parser.add_argument("--stand-in", action="store_true", help="with the generated data")
+    parser.add_argument("--cores", type=whole(1), default=2, help="of the commands printed")
+    parser.add_argument("--snakefile", type=Path, default=Path("workflow/Snakefile"))
+    parser.add_argument(
+        "--exact", action="store_true", help="ask Snakemake, which sees changed code (minutes)"
+    )
+    parser.add_argument(
+        "--estimate",
+        type=Path,
+        metavar="RUN",
+        help="core-hours of the whole configuration, from the jobs of the run made in this folder",
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """The checklist; or with --estimate what a whole run would take."""
+    changes = {"stand_in": True} if options.stand_in else {}
+    asked = Reproduction(options.config, options.snakefile, changes, options.cores)
+    if options.estimate:
+        found = estimated(asked.job_kinds(), read_job_times(options.estimate))
+        return _estimate(found)
+    left = _left(asked) if options.exact and not asked.absent else None
+    items = asked.items(left)
+    if options.json:
+        rows = [vars(item) for item in items]
+        done = {} if asked.absent else asked.progress()
+        return {"items": rows, "absent": asked.absent, "made": done, "left": left}
+    answer = {item.title: item.line() for item in items}
+    if asked.absent:
+        faults = {f"data of {name}": fault for name, fault in asked.absent.items()}
+        return answer | faults | {"without them": "puckbench reproduce --stand-in"}
+    made = {name: f"{there} of {of}" for name, (there, of) in asked.progress().items()}
+    return answer | made | {f"left: {rule}": count for rule, count in (left or {}).items()}
+
+
+def _left(asked: Reproduction) -> dict[str, int]:
+    """Jobs by rule that Snakemake would run; InputError with its last line when it fails."""
+    words = [sys.executable, "-m", *asked.command("--dry-run", "--quiet", "rules")]
+    words += ["--snakefile", str(asked.snakefile)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise InputError(f"snakemake --dry-run failed: {last}")
+    counts = re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+    return {rule: int(count) for rule, count in counts if rule not in ("all", "total")}
+
+
+def _estimate(found: list[Estimate]) -> dict[str, Any]:
+    """Core-hours by rule and codec, and what they rest on."""
+    groups: dict[str, list[Estimate]] = defaultdict(list)
+    for one in found:
+        groups[_group(one)].append(one)
+    answer: dict[str, Any] = {name: _line(group) for name, group in groups.items()}
+    known = [one for one in found if one.seconds is not None]
+    answer["total"] = f"{sum(one.hours for one in known):.1f} core-hours"
+    jobs, of = (sum(one.kind.jobs for one in some) for some in (known, found))
+    answer["covers"] = f"{jobs} of {of} jobs; the others were not measured and are not in the total"
+    return answer
+
+
+def _group(one: Estimate) -> str:
+    kind = one.kind
+    if kind.codec:
+        return f"{kind.rule} {kind.codec}"
+    return kind.rule if kind.points or kind.jobs > 1 else "tables and figures"
+
+
+def _line(group: list[Estimate]) -> str:
+    jobs = sum(one.kind.jobs for one in group)
+    known = [one for one in group if one.seconds is not None]
+    if not known:
+        return f"{jobs} jobs, not measured"
+    hours, covered = sum(one.hours for one in known), sum(one.kind.jobs for one in known)
+    rested = {(one.kind.rule, one.kind.codec, one.kind.rate): one.measured for one in known}
+    notes = [f"from {sum(rested.values())} jobs"]
+    reach = max(one.reach for one in known)
+    if reach > 1:
+        notes.append(f"extrapolated to {reach:.1f} times their points")
+    if covered < jobs:
+        notes.append(f"{jobs - covered} jobs not measured")
+    if not all(one.exact for one in known):
+        notes.append("some rates from the codec's others")
+    each = 3600 * hours / covered
+    return f"{hours:.2f} core-hours: {jobs} jobs of {each:.1f} s ({'; '.join(notes)})"

@@ -1,0 +1,76 @@
+"""Under what circumstances a call is timed: processor, threads, versions of the libraries."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+"""What tells OpenMP (PyTorch, pykdtree), the linear algebra of numpy, and numba their threads."""
+
+LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pykdtree")
+"""Packages that codecs and metrics run in; those that are not installed are left out."""
+
+
+def thread_environment(threads: int) -> str:
+    """The words of a shell command that give the program after them so many threads."""
+    return " ".join(["env", *(f"{name}={threads}" for name in THREAD_VARIABLES)])
+
+
+def circumstances(alone: bool) -> dict[str, Any]:
+    """Columns of a result row: ``cpu``, ``threads``, ``timed_alone`` and ``libraries``.
+
+    alone: whether no other job of the run ran meanwhile, which only the caller knows.
+    """
+    return {
+        "cpu": cpu_model(),
+        "threads": allowed_threads(),
+        "timed_alone": alone,
+        "libraries": libraries(),
+    }
+
+
+def allowed_threads() -> int:
+    """Threads that libraries may use: the environment's number, else the cores of the process."""
+    said = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return int(said) if said.isdigit() else _cores()
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@cache
+def cpu_model() -> str:
+    """The processor's own name for itself, or the architecture where it tells none."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (named or [platform.processor() or platform.machine()])[0]
+
+
+@cache
+def libraries() -> str:
+    """Python's and the packages' versions in one line, "python 3.11.7; numpy 2.1.3; ..."."""
+    versions = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "; ".join(f"{name} {version}" for name, version in versions.items())

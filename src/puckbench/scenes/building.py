@@ -1,0 +1,109 @@
+"""A generated building: as many rooms of each type as S3DIS has in its areas, each another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache, partial
+from typing import Any
+
+from puckbench.scenes.placing import Put
+from puckbench.scenes.room_table import ROOMS, RoomSpec
+from puckbench.seeding import generator
+
+AREAS: dict[str, dict[str, int]] = {
+    "Area_1": {
+        "WC": 1, "conferenceRoom": 2, "copyRoom": 1, "hallway": 8, "office": 31, "pantry": 1,
+    },
+    "Area_2": {
+        "WC": 2, "auditorium": 2, "conferenceRoom": 1, "hallway": 12, "office": 14, "storage": 9,
+    },
+    "Area_3": {
+        "WC": 2, "conferenceRoom": 1, "hallway": 6, "lounge": 2, "office": 10, "storage": 2,
+    },
+    "Area_4": {
+        "WC": 4, "conferenceRoom": 3, "hallway": 14, "lobby": 2, "office": 22, "storage": 4,
+    },
+    "Area_5": {
+        "WC": 2, "conferenceRoom": 3, "hallway": 15, "lobby": 1, "office": 42, "pantry": 1,
+        "storage": 4,
+    },
+    "Area_6": {
+        "conferenceRoom": 1, "copyRoom": 1, "hallway": 6, "lounge": 1, "office": 37,
+        "openspace": 1, "pantry": 1,
+    },
+}  # fmt: skip
+"""Rooms of each type in the areas of S3DIS v1.2: 44, 40, 23, 49, 68 and 48, 272 in all."""
+
+TYPES = {
+    "WC": ("pantry_1", "copy_room_1"),  # small rooms with fittings along the walls
+    "auditorium": ("auditorium_1",),
+    "conferenceRoom": ("conference_room_1", "meeting_room_1"),
+    "copyRoom": ("copy_room_1",),
+    "hallway": ("hallway_1", "hallway_2", "hallway_3"),
+    "lobby": ("lounge_1", "gallery_1"),
+    "lounge": ("lounge_1",),
+    "office": ("office_1", "office_2", "office_3", "office_4"),
+    "openspace": ("office_3",),
+    "pantry": ("pantry_1",),
+    "storage": ("storage_1", "storage_2"),
+}
+"""Rooms of the table that stand for each type of S3DIS; one of them is drawn."""
+
+MOST_STRETCH = 1.35
+_RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
+
+
+@cache
+def room_types() -> dict[str, str]:
+    """Name of every room of the building (Area_1_office_1), and its type."""
+    return {
+        f"{area}_{kind}_{number}": kind
+        for area, counts in AREAS.items()
+        for kind, count in counts.items()
+        for number in range(1, count + 1)
+    }
+
+
+def building_room(name: str, seed: int) -> RoomSpec:
+    """The shape of a room of the building: one of its type's, stretched at random.
+
+    name: one of `room_types`. The furnishing is drawn anew for each name by `rooms.make_room`.
+    """
+    kind = room_types()[name]
+    rng = generator(seed, "building", name)
+    base = str(rng.choice(TYPES[kind]))
+    x, y = (1.0, 1.0) if base in _RIGID else rng.uniform(1.0, MOST_STRETCH, 2).tolist()
+    return replace(stretched(ROOMS[base], x, y), kind=kind)
+
+
+def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
+    """The room with its floor plan longer by factors of 1 and more; its things keep their sizes.
+
+    Only ducts, beams and pipes grow with it, which run along the room.
+    """
+    return replace(
+        spec,
+        outline=tuple((x * a, y * b) for a, b in spec.outline),
+        origin=(x * spec.origin[0], y * spec.origin[1]),
+        furnishing=tuple(_moved(order, x, y) for order in spec.furnishing),
+    )
+
+
+def _moved(order: Put, x: float, y: float) -> Put:
+    if order.at is None or order.where in ("wall", "mounted"):  # places are shares of a wall
+        return order
+    place = (x * order.at[0], y * order.at[1], *order.at[2:])
+    return replace(order, at=place, maker=_grown(order, x, y))
+
+
+def _grown(order: Put, x: float, y: float) -> Any:
+    """The order's maker; a beam or duct along x longer, a pipe through points farther apart."""
+    maker = order.maker
+    if not isinstance(maker, partial) or order.where == "floor":
+        return maker
+    given = dict(maker.keywords)
+    if "length" in given:
+        given["length"] *= x
+    if "points" in given:
+        given["points"] = tuple((x * a, y * b, c) for a, b, c in given["points"])
+    return partial(maker.func, *maker.args, **given)
