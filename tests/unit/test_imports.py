@@ -14,7 +14,7 @@ LAYERS = [
     {"meshfiles", "scenes", "render"},
     {"datasets", "sensor", "metrics"},
     {"prepare", "codecs"},
-    {"analysis", "tables", "tablefiles", "figures", "plan"},
+    {"analysis", "tables", "tablefiles", "figures", "plan", "report"},
     {"workflow", "cli", "__main__"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

@@ -30,6 +30,7 @@ COMMANDS = {
     "wall": "scan a wall and a floor: the points, in the wall's frame",
     "table": "make a table of the sensor study",
     "figure": "draw a figure from the tables of results",
+    "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs, their rates and whether they can run here",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",
