@@ -1,4 +1,4 @@
-"""A headless Chromium driven by its DevTools protocol over two pipes: nothing but the program itself.
+"""A headless Chromium, driven over two pipes by its DevTools protocol.
 
 The program is `chromium` of Debian, or the one that the variable CHROMIUM names.
 """
@@ -111,6 +111,15 @@ class Page:
         at = {"x": left + width / 2, "y": top + height / 2, "button": "left", "clickCount": 1}
         self._send("Input.dispatchMouseEvent", type="mousePressed", **at)
         self._send("Input.dispatchMouseEvent", type="mouseReleased", **at)
+
+    def choose(self, label: str, value: str) -> None:
+        """Choose a value of the list that is labelled so."""
+        self.run(
+            "(() => { const named = [...document.querySelectorAll('label')]"
+            f".find((l) => l.firstChild.textContent === {json.dumps(label)});"
+            "const select = named.querySelector('select');"
+            f"select.value = {json.dumps(value)}; select.dispatchEvent(new Event('change')); }})()"
+        )
 
     def drag(self, selector: str, across: float, down: float) -> None:
         """Drag from the middle of an element."""

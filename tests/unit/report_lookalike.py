@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from figures_lookalike import clouds_table, metrics_table, room_cloud
 from PIL import Image
 
 from puckbench.analysis.bd_tables import bd_rate
@@ -13,7 +14,6 @@ from puckbench.cloud import PointCloud, write_cloud
 from puckbench.report.contents import Contents, Example
 from puckbench.tablefiles import write_table
 from puckbench.tables import summary
-from tests.unit.figures_lookalike import clouds_table, metrics_table, room_cloud
 
 STEPS = {"draco": {"r1": 32.0, "r8": 1.0}, "gpcc": {"r1": 16.0, "r8": 2.0}}
 """Codec -> rate -> the grid that its decoded points lie on."""
@@ -80,7 +80,7 @@ def _example(folder: Path, kind: str, dataset: str, noise_m: float, points: int)
         codec: {rate: _decoded(folder, original, dataset, codec, rate) for rate in rates}
         for codec, rates in STEPS.items()
     }
-    return Example(kind, dataset, "room", str(file), decoded)
+    return Example(kind, dataset, "cloud_0", str(file), decoded)
 
 
 def _decoded(folder: Path, original: PointCloud, dataset: str, codec: str, rate: str) -> str:

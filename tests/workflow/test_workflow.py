@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -75,12 +77,12 @@ def test_nothing_is_left_to_do_afterwards(finished: Bench) -> None:
 
 def test_a_figures_style_draws_that_figure_alone(restored: Bench) -> None:
     restored.configure({"figures.options": {"fig_6_6": {"font_size": 9}}})
-    assert restored.planned() == {"fig_6_6": 1}
+    assert restored.planned() == {"fig_6_6": 1, "report_page": 1}
 
 
 def test_a_style_of_chapter_5_draws_that_figure_alone(restored: Bench) -> None:
     restored.configure({"figures.options": {"fig_5_18": {"font_size": 9}}})
-    assert restored.planned() == {"fig_5_18": 1}
+    assert restored.planned() == {"fig_5_18": 1, "report_page": 1}
 
 
 def test_one_error_model_is_measured_again_alone(restored: Bench) -> None:
@@ -116,7 +118,8 @@ def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
     jobs = restored.planned()
     assert jobs.pop("encode") == 4
     assert jobs.pop("evaluate") == 4
-    drawn = {*(f"fig_6_{n}" for n in range(5, 10)), "truth_rd", "spread"}
+    assert jobs.pop("decode") == 4
+    drawn = {*(f"fig_6_{n}" for n in range(5, 10)), "truth_rd", "spread", "report_page"}
     assert set(jobs) == {"metrics_table", "bd_rate", "bd_rate_clouds", *drawn}
 
 
@@ -159,7 +162,19 @@ def test_single_targets_by_path(fresh: Bench) -> None:
     }
 
 
-def test_the_report_is_one_file(finished: Bench) -> None:
+def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) -> None:
+    text = (finished.results / "report.html").read_text(encoding="utf-8")
+    parts = re.findall(r'<script type="application/json" id="data-(\w+)">(.*?)</script>', text)
+    data = {name: json.loads(part) for name, part in parts}
+    assert len(data["curves"]["cells"]) == 4 * 3
+    decoded = [len(example["decoded"]) for example in data["clouds"]["examples"]]
+    assert decoded == [3, 3, 3, 3]  # two rates of draco, one of raw_grid
+    assert text.count('id="figure-') == len(FIGURES) - 1
+    for table in ("summary", "bd_rate", "thesis_numbers", "table_4_1"):
+        assert f'id="table-{table}"' in text
+
+
+def test_snakemakes_own_report_is_one_file(finished: Bench) -> None:
     finished.made("--report", "report.html")
     report = (finished.folder / "report.html").read_text(encoding="utf-8")
     for text in ("Medians per compression rate", "fig_6_5", "metrics.csv", "Tables", "fig_5_18"):

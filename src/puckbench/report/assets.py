@@ -1,4 +1,4 @@
-"""The page's own style and scripts: plain files beside this module, put into the page as they are."""
+"""The page's own style and scripts: plain files, which the page holds as they are."""
 
 from __future__ import annotations
 

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 
 TITLES = {
     "claims": "The thesis's claims, one by one",
+    "thesis_medians": "The thesis's medians beside this run's",
     "summary": "Medians per data set, codec and rate",
     "bd_rate": "Bjontegaard deltas per data set",
     "bd_rate_clouds": "Bjontegaard deltas per cloud",
+    "gpcc_scales": "G-PCC by scale",
     "clouds": "The clouds",
+    "machines": "Machines and versions",
     "residual_statistics": "Statistics of plane residuals",
     "residual_incidence": "Plane residuals by incidence",
     "incidence_effect": "The effect of incidence",

@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.report.quantities import Measured, in_order
+from puckbench.report.quantities import Measured, in_order, is_known
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,9 +52,14 @@ def codec_look(codec: str, style: FigureStyle) -> dict[str, str]:
 
 
 def _shown(metrics: pd.DataFrame) -> list[Measured]:
-    """The columns of numbers that say what a codec did, with a value anywhere."""
+    """The columns of numbers that say what a codec did, with a value anywhere.
+
+    A column without words of its own is shown where it differs between codecs or rates.
+    """
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
-    return in_order([str(name) for name in numbers if name not in _KEYS])
+    names = [str(name) for name in numbers]
+    different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
+    return in_order([name for name in names if is_known(name) or different[name]])
 
 
 def _described(item: Measured) -> dict[str, str]:
@@ -73,7 +78,9 @@ def _cells(
 
 def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
     values = rows[columns].astype(float).quantile(_SHARES)
-    known = {name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()}
+    known = {
+        name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()
+    }
     return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": known}
 
 

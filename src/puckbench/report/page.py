@@ -23,9 +23,10 @@ _DISTORTION = (
     "them with the arrow keys."
 )
 _CLOUDS = (
-    "One view of three clouds: drag to turn, two fingers or the wheel to come nearer, Shift and drag "
-    "to move; or the arrow keys, + and −. On the right each decoded point has the colour of its "
-    "distance to the nearest point of the original. Ceilings and what stands in front can be cut away."
+    "One view of three clouds: drag to turn, two fingers or (after a click) the wheel to come "
+    "nearer, Shift and drag to move; or the arrow keys, + and −. On the right each decoded point "
+    "has the colour of its distance to the nearest point of the original. Ceilings and what stands "
+    "in front can be cut away."
 )
 
 
@@ -40,7 +41,10 @@ class Section:
 
 @dataclass(frozen=True)
 class FigureShown:
-    """A figure with its caption; `link` leads to the file to print from. chapter: "5", "6" or ""."""
+    """A figure with its caption; `link` leads to the file to print from.
+
+    chapter: that of the thesis, "5" or "6", or "".
+    """
 
     name: str
     title: str

@@ -44,15 +44,15 @@ _PLAIN = {
     "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
     "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
 }
-NOT_MEASURED = frozenset(
-    ["points_in", "points_a", "points_b", "truth_points_a", "truth_points_b", "scale", "diameter"]
-    + ["elongation"]
-)
+_COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
+NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
 
 _DISTANCES = {"point": "point to point", "plane": "point to plane"}
 _MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
 _WAYS = {"ab": "original to decoded", "ba": "decoded to original"}
+_TIMES = {"encode": "Encoding time", "decode": "Decoding time"}
+_ENDS = {"min": "least", "max": "most"}
 _Found = re.Match[str]
 _PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
     (r"cd_(point|plane)", lambda m: (f"Chamfer distance, {_DISTANCES[m[1]]}", SQUARED)),
@@ -60,7 +60,14 @@ _PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
         r"acd_(ab|ba)_(point|plane)",
         lambda m: (f"Chamfer distance one way, {_WAYS[m[1]]}, {_DISTANCES[m[2]]}", SQUARED),
     ),
-    (r"cd_psnr_(point|plane)", lambda m: (f"PSNR of the Chamfer distance, {_DISTANCES[m[1]]}", "dB")),
+    (
+        r"cd_psnr_(point|plane)",
+        lambda m: (f"PSNR of the Chamfer distance, {_DISTANCES[m[1]]}", "dB"),
+    ),
+    (
+        r"(encode|decode)_s_(min|max)",
+        lambda m: (f"{_TIMES[m[1]]}, {_ENDS[m[2]]} of the repetitions", "s"),
+    ),
     (r"(d1|d2)_mse", lambda m: (f"Mean squared error {_MPEG[m[1]]}", SQUARED)),
     (r"(d1|d2)_psnr", lambda m: (f"PSNR {_MPEG[m[1]]}", "dB")),
     (r"(d1|d2)_rms_m", lambda m: (f"Root mean square error {_MPEG[m[1]]}", "m")),
@@ -82,11 +89,16 @@ def measured(column: str) -> Measured:
     for pattern, words in _PATTERNS:
         if found := re.fullmatch(pattern, bare):
             text, unit = words(found)
-            return Measured(column, text, unit, group)
+            return Measured(column, text, unit, _COST if unit == "s" else group)
     return Measured(column, column, "", _OTHER)
 
 
+def is_known(column: str) -> bool:
+    """Whether there are words for a column."""
+    return measured(column).group != _OTHER
+
+
 def in_order(columns: list[str]) -> list[Measured]:
-    """The columns by group, each group in the order of the table; those not measured left out."""
+    """What the columns measure, by group, in the order of the table; `NOT_MEASURED` left out."""
     found = [measured(name) for name in columns if name not in NOT_MEASURED]
     return sorted(found, key=lambda item: GROUPS.index(item.group))
