@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from PIL import Image
 
 from puckbench.cloud import PointCloud
@@ -32,6 +33,7 @@ from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.planned import spread_out
 from puckbench.report.quantities import measured
 from puckbench.report.tables import MOST_ROWS, table_html, text_of
+from puckbench.workflow import Workflow
 
 
 def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
@@ -93,7 +95,7 @@ def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud
 @pytest.mark.parametrize(
     ("column", "label"),
     [
-        ("truth_cd_plane", "Chamfer distance, point to plane (grid units²)"),
+        ("truth_cd_plane", "Chamfer distance, point to plane, to the true surface (grid units²)"),
         ("hausdorff_point_m", "Hausdorff distance, point to point (m)"),
         ("encode_s_max", "Encoding time, most of the repetitions (s)"),
         ("d2_psnr", "PSNR D2, point to plane (dB)"),
@@ -191,3 +193,17 @@ def test_scripts_and_style_name_no_address_to_fetch() -> None:
         assert "@import" not in text
         assert "url(" not in text
         assert "fetch(" not in text
+
+
+def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() -> None:
+    root = Path(__file__).parents[2]
+    config = yaml.safe_load((root / "config" / "config.yaml").read_text())
+    bench = Workflow(config, root / "workflow" / "schemas" / "config.schema.yaml")
+    contents = bench.report(root / "workflow" / "report")
+    assert set(contents.figures) == set(bench.figures)
+    assert {"summary", "clouds", "bd_rate", "thesis_numbers"} <= set(contents.tables)
+    assert [example.kind for example in contents.examples] == list(config["figures"]["examples"])
+    for example in contents.examples:
+        assert list(example.decoded) == list(config["codecs"])
+        assert {len(rates) for rates in example.decoded.values()} == {3}
+    assert contents.examples[0].original == "results/clouds/objects/airplane_01.ply"

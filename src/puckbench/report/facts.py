@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.report.markup import Markup, joined, tag
 from puckbench.report.tables import text_of
@@ -101,7 +102,7 @@ def _versions(metrics: pd.DataFrame | None, codec: str) -> str:
 def _rates(metrics: pd.DataFrame | None, codec: str) -> str:
     if metrics is None:
         return ""
-    return ", ".join(_distinct(metrics.loc[metrics["codec"] == codec, "rate"]))
+    return ", ".join(ordered_rates(set(metrics.loc[metrics["codec"] == codec, "rate"])))
 
 
 def _changes(entry: Mapping[str, Any] | None) -> Markup:

@@ -89,6 +89,7 @@ def measured(column: str) -> Measured:
     for pattern, words in _PATTERNS:
         if found := re.fullmatch(pattern, bare):
             text, unit = words(found)
+            text += "" if bare == column else ", to the true surface"
             return Measured(column, text, unit, _COST if unit == "s" else group)
     return Measured(column, column, "", _OTHER)
 

@@ -59,10 +59,12 @@ def text_of(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, int | np.integer):
         return str(value)
-    if not isinstance(value, float | np.floating):
-        return "" if value is None or value is _missing() else str(value)
-    if np.isnan(value):
-        return ""
+    if isinstance(value, float | np.floating):
+        return "" if np.isnan(value) else _number_text(float(value))
+    return "" if value is None or value is _missing() else str(value)
+
+
+def _number_text(value: float) -> str:
     return f"{value:.0f}" if 1e4 <= abs(value) < 1e12 else f"{value:.4g}"
 
 

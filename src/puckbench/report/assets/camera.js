@@ -4,13 +4,14 @@
 const FOCAL = 2.2; // of a view whose height is 2
 const START = { azimuth: -60, elevation: 32 };
 
-/** Where the camera stands around a cloud of this box; lengths in the cloud's unit. */
-function startingCamera(low, extent) {
+/** Where the camera stands around the lower share of a cloud's box; lengths in the cloud's unit. */
+function startingCamera(low, whole, share) {
+  const extent = [whole[0], whole[1], whole[2] * share];
   const radius = 0.5 * Math.hypot(...extent) || 1;
   return {
     ...START,
     radius,
-    away: 2.1 * radius,
+    away: 2.0 * radius,
     target: low.map((value, axis) => value + extent[axis] / 2),
   };
 }

@@ -270,7 +270,7 @@ function labelsOf(panel, title) {
 }
 
 function labelOf({ words, unit }) {
-  return unit ? `${words} (${unit})` : words;
+  return unit ? `${words} (${unit.replaceAll(" ", "\u00a0")})` : words; // a unit stays on one line
 }
 
 /** Lines of at most so many characters, broken between words. */

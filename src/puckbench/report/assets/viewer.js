@@ -11,7 +11,7 @@ function setUpViewer(data, host) {
 class Viewer {
   constructor(data, host) {
     [this.data, this.host] = [data, host];
-    this.state = { size: 0.25, height: 1, front: 0 };
+    this.state = { size: 0.4, height: 1, front: 0 };
     this.panes = ["Original", "Decoded", "Error"].map((name) => this.pane(name));
     this.bars = { height: element("div", { class: "colourbar" }), error: element("div", { class: "colourbar" }) };
     this.controls = element("div", { class: "controls" });
@@ -41,8 +41,8 @@ class Viewer {
 
   reset() {
     const { low, extent } = this.example.original;
-    this.camera = startingCamera(low, extent);
-    Object.assign(this.state, this.example.opened ? { height: NOT_ABOVE, front: 0.3 } : { height: 1, front: 0 });
+    Object.assign(this.state, this.example.opened ? { height: NOT_ABOVE, front: 0.25 } : { height: 1, front: 0 });
+    this.camera = startingCamera(low, extent, this.state.height);
   }
 
   /** The decoded cloud of a codec at a rate; else of the codec in the middle, else the first one. */
@@ -190,6 +190,6 @@ function countText({ points, total }) {
 /** A length: metres as m, cm, mm or µm, whichever is short. */
 function lengthText(value, unit) {
   if (unit !== "m") return `${Number(value.toPrecision(2))} ${unit}`;
-  const [factor, name] = [[1, "m"], [1e2, "cm"], [1e3, "mm"], [1e6, "µm"]].find(([f]) => value * f >= 1) ?? [1e6, "µm"];
+  const [factor, name] = [[1, "m"], [1e2, "cm"], [1e3, "mm"], [1e6, "µm"]].find(([f]) => value * f >= 0.995) ?? [1e6, "µm"];
   return value ? `${Number((value * factor).toPrecision(2))} ${name}` : "0";
 }
