@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -200,9 +201,12 @@ def test_without_webgl_the_clouds_are_drawn_all_the_same(opened: Opened, tmp_pat
 
 
 def test_the_command_writes_a_page_of_what_there_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    contents: tuple[Contents, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "page.html"
+    given = json.dumps({"metrics": contents[0].metrics})
+    assert main(["report", str(page), "--contents", given]) == 0
+    assert 'id="data-curves"' in page.read_text(encoding="utf-8")
     assert main(["report", str(page), "--contents", '{"title": "Mine"}']) == 0
     assert "<title>Mine</title>" in page.read_text(encoding="utf-8")
     capsys.readouterr()

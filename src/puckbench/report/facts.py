@@ -74,13 +74,14 @@ def codecs_html(
 ) -> Markup:
     """A row for each codec: its version, rates and options, and its weights where it has any."""
     heads = ("Codec", "Version and weights", "Rates", "Changed in the configuration")
-    names = list(configuration["codecs"]) if metrics is None else metrics["codec"].unique()
+    entries = configuration.get("codecs", {})
+    names = list(entries) if metrics is None else metrics["codec"].unique()
     rows = [
         (
             _titled(style.look(name).title, name),
             _versions(metrics, name),
             _rates(metrics, name),
-            _changes(configuration["codecs"].get(name)),
+            _changes(entries.get(name)),
         )
         for name in style.ordered_codecs(names)
     ]
