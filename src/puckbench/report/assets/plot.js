@@ -28,7 +28,7 @@ class Plot {
     const folded = element("details", {}, element("summary", {}, "The numbers of this plot"), this.numbers);
     this.frame = element("div", { class: "frame" }, this.svg, this.tip);
     host.append(this.controls(), this.frame, folded);
-    new ResizeObserver(() => this.draw()).observe(this.frame);
+    new ResizeObserver(() => this.width !== this.frame.clientWidth && this.draw()).observe(this.frame);
     this.draw();
   }
 
@@ -84,7 +84,8 @@ class Plot {
 
   draw() {
     this.hide();
-    const width = Math.max(300, Math.round(this.frame.clientWidth));
+    this.width = this.frame.clientWidth;
+    const width = Math.max(300, this.width);
     const names = this.data.datasets.filter(({ name }) => !this.state.dataset || name === this.state.dataset);
     const columns = names.length > 1 && width >= 640 ? 2 : 1;
     const panel = { width: width / columns, height: Math.round(columns > 1 ? 300 : Math.min(440, 0.62 * width + 90)) };

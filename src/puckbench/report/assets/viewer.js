@@ -98,7 +98,7 @@ class Viewer {
     const examples = data.examples.map(({ title }, n) => [String(n), title]);
     const present = data.codecs.filter(({ name }) => this.example.decoded.some((item) => item.codec === name));
     const rates = this.example.decoded.filter((item) => item.codec === decoded?.codec);
-    const focused = [...this.controls.querySelectorAll("select")].indexOf(document.activeElement);
+    const focused = [...this.controls.querySelectorAll("select, button")].indexOf(document.activeElement);
     const set = (name) => (value) => {
       state[name] = value;
       this.redraw();
@@ -113,7 +113,7 @@ class Viewer {
       slider("Cut away in front", state.front, set("front")),
       element("button", { type: "button", onclick: () => { this.reset(); this.load(); } }, "Start again"),
     );
-    this.controls.querySelectorAll("select")[focused]?.focus();
+    this.controls.querySelectorAll("select, button")[focused]?.focus();
   }
 
   drawBars() {
