@@ -15,7 +15,6 @@ IN_VENV := PATH="$(BIN):$$PATH"
 
 run: learned
 	$(IN_VENV) snakemake --quiet rules host reason --cores $(CORES)
-	$(IN_VENV) snakemake --report results/report.html
 	@echo
 	@echo "Figures: results/figures/   Tables: results/tables/ (metrics.csv holds every number)"
 	@echo "Report:  results/report.html, one file for any browser"

@@ -78,6 +78,22 @@ require_libraries() {
     [ -z "$missing" ] || stop "$why even now: $missing"
 }
 
+# ---- the browser in which a test opens the report
+
+has_browser() {
+    for candidate in ${CHROMIUM:-chromium chromium-browser google-chrome google-chrome-stable chrome}; do
+        ! command -v "$candidate" >/dev/null || return 0
+    done
+    return 1
+}
+require_browser() {
+    ! has_browser || return 0
+    why="the test of the report needs Chromium or Chrome (CHROMIUM=... names one outside PATH)"
+    command -v apt-get >/dev/null || stop "$why"
+    need_packages "$why" chromium
+    has_browser || stop "$why even now"
+}
+
 # ---- the virtual environment
 
 version() { "$1" -c 'import sys; print(sys.version_info[:2])' 2>/dev/null; }
@@ -139,6 +155,7 @@ for group in "$@"; do
 done
 if is_whole && is_wanted; then python=.venv/bin/python; else choose_python; fi
 require_libraries
+case " $* " in *" test "*) require_browser ;; esac
 [ "$python" = .venv/bin/python ] || make_venv
 install_locks requirements "$@"
 install_puckbench

@@ -32,6 +32,9 @@ from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.files import sha256, unreadable
 from puckbench.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
+from puckbench.report.assets import assets_version
+from puckbench.report.contents import Contents
+from puckbench.report.planned import planned_contents
 from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
@@ -327,14 +330,16 @@ class Workflow:
     def figure_style(self, figure: str) -> str:
         """Style of one figure, as JSON: the configured style, then the figure's own options."""
         chosen = self.config["figures"]
+        return self._style(chosen["style"], chosen["options"].get(figure, {}))
+
+    def _style(self, *changes: Mapping[str, Any]) -> str:
         titles = {
             name: plan.settings["title"]
             for name, plan in self.plan.datasets.items()
             if "title" in plan.settings
         }
         base = {"datasets": list(self.plan.datasets), "dataset_titles": titles}
-        layers = [base, chosen["style"], chosen["options"].get(figure, {})]
-        return json.dumps(layers, sort_keys=True)
+        return json.dumps([base, *changes], sort_keys=True)
 
     def _check_style(self, figure: str) -> None:
         try:
@@ -346,6 +351,18 @@ class Workflow:
         """Fingerprint of a figure's own module and of what draws all figures."""
         entry = FIGURES[figure]
         return f"{code_version('puckbench.cli.figure', entry.function.split(':')[0])} {entry}"
+
+    def report(self, captions: Path) -> Contents:
+        """What the report page shows; captions: the folder with those of figures and tables."""
+        tables = [*self.result_tables(), *self.study_tables()]
+        layers = json.loads(self._style(self.config["figures"]["style"]))
+        return planned_contents(self.plan, self.figures, tables, captions, layers)
+
+    def report_code(self, captions: Path) -> str:
+        """Fingerprint of what makes the report page: modules, style and scripts, captions."""
+        texts = b"".join(file.read_bytes() for file in sorted(captions.glob("*.rst")))
+        digest = hashlib.sha256(texts).hexdigest()[:16]
+        return f"{code_version('puckbench.cli.report')} {assets_version()} {digest}"
 
 
 def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:

@@ -14,7 +14,7 @@ LAYERS = [
     {"meshfiles", "scenes", "render"},
     {"datasets", "sensor", "metrics"},
     {"prepare", "codecs"},
-    {"analysis", "tables", "tablefiles", "figures", "plan", "jobtimes"},
+    {"analysis", "tables", "tablefiles", "figures", "plan", "jobtimes", "report"},
     {"workflow", "cli", "__main__", "reproduce"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

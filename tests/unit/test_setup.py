@@ -128,10 +128,12 @@ def bare_system(folder: Path, **programs: str) -> Path:
     return folder
 
 
-def set_up(path: Path, root: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def set_up(
+    path: Path, root: Path, *groups: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
     shutil.copytree(ENVS, root / "envs")
     return subprocess.run(
-        [root / "envs" / "setup.sh"],
+        [root / "envs" / "setup.sh", *groups],
         env={"PATH": str(path), **environment},
         capture_output=True,
         text=True,
@@ -185,3 +187,21 @@ def test_missing_libraries_stop_an_ordinary_user_before_anything_is_installed(
     path = bare_system(bin_folder, python3=python, **programs)
     assert_says(set_up(path, tmp_path), *words)
     assert not (tmp_path / ".venv").exists()
+
+
+@pytest.mark.parametrize("programs", [{}, {"apt-get": "echo called >&2"}], ids=["no apt", "apt"])
+def test_a_missing_browser_is_named_before_the_tests_tools_are_installed(
+    tmp_path: Path, bin_folder: Path, programs: dict[str, str]
+) -> None:
+    path = bare_system(bin_folder, python3="exit 0", **programs)
+    words = ["Chromium", "CHROMIUM="]
+    words += ["sudo apt-get install --yes chromium"] if programs else []
+    assert_says(set_up(path, tmp_path, "test"), *words)
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_a_browser_that_the_variable_names_is_enough(tmp_path: Path, bin_folder: Path) -> None:
+    path = bare_system(bin_folder, python3="exit 0", mine="exit 0", rm="echo stopped >&2; exit 2")
+    done = set_up(path, tmp_path, "test", CHROMIUM="mine")
+    assert "Chromium" not in done.stderr
+    assert "stopped" in done.stderr

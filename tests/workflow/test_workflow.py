@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -131,12 +133,12 @@ def test_nothing_is_left_to_do_afterwards(finished: Bench) -> None:
 
 def test_a_figures_style_draws_that_figure_alone(restored: Bench) -> None:
     restored.configure({"figures.options": {"fig_6_6": {"font_size": 9}}})
-    assert restored.planned() == {"fig_6_6": 1}
+    assert restored.planned() == {"fig_6_6": 1, "report_page": 1}
 
 
 def test_a_style_of_chapter_5_draws_that_figure_alone(restored: Bench) -> None:
     restored.configure({"figures.options": {"fig_5_18": {"font_size": 9}}})
-    assert restored.planned() == {"fig_5_18": 1}
+    assert restored.planned() == {"fig_5_18": 1, "report_page": 1}
 
 
 def test_one_error_model_is_measured_again_alone(restored: Bench) -> None:
@@ -172,8 +174,10 @@ def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
     jobs = restored.planned()
     assert jobs.pop("encode") == 4
     assert jobs.pop("evaluate") == 4
+    assert jobs.pop("decode") == 4
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
+    drawn.add("report_page")
     tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians", "machines"}
     assert set(jobs) == {"metrics_table", *tables, *drawn}
 
@@ -226,7 +230,19 @@ def test_single_targets_by_path(fresh: Bench) -> None:
     }
 
 
-def test_the_report_is_one_file(finished: Bench) -> None:
+def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) -> None:
+    text = (finished.results / "report.html").read_text(encoding="utf-8")
+    parts = re.findall(r'<script type="application/json" id="data-(\w+)">(.*?)</script>', text)
+    data = {name: json.loads(part) for name, part in parts}
+    assert len(data["curves"]["cells"]) == 4 * 3
+    decoded = [len(example["decoded"]) for example in data["clouds"]["examples"]]
+    assert decoded == [3, 3, 3, 3]  # two rates of draco, one of raw_grid
+    assert text.count('id="figure-') == len(FIGURES) - 1
+    for table in ("summary", "bd_rate", "thesis_numbers", "table_4_1"):
+        assert f'id="table-{table}"' in text
+
+
+def test_snakemakes_own_report_is_one_file(finished: Bench) -> None:
     finished.made("--report", "report.html")
     report = (finished.folder / "report.html").read_text(encoding="utf-8")
     for text in ("Medians per compression rate", "fig_6_5", "metrics.csv", "Tables", "fig_5_18"):

@@ -32,6 +32,7 @@ COMMANDS = {
     "figure": "draw a figure from the tables of results",
     "claims": "what a run says of the claims of the thesis",
     "reproduce": "list the thesis's figures and tables: made, or how to make them",
+    "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs, their rates and whether they can run here",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",

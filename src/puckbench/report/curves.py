@@ -1,0 +1,89 @@
+"""The data of the interactive plot: medians and quartiles per data set, codec and rate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from puckbench.figures.binning import ordered_rates
+from puckbench.figures.style import FigureStyle
+from puckbench.report.quantities import Measured, in_order, is_known
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_KEYS = ["dataset", "codec", "rate"]
+_SHARES = [0.25, 0.5, 0.75]
+_DIGITS = 5
+
+
+def curves(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
+    """What the plot shows of the table of results.
+
+    ``datasets`` and ``codecs`` (name, title; colour, marker and line of matplotlib), ``metrics``
+    (name, words, unit, group), and ``cells``: one per data set, codec and rate with the number of
+    ``clouds`` and ``values``, column -> [first quartile, median, third quartile] over the clouds.
+    A column without a value there (no true surface, an infinite PSNR) is left out of the cell.
+    """
+    shown = _shown(metrics)
+    datasets = style.ordered_datasets(metrics["dataset"])
+    codecs = style.ordered_codecs(metrics["codec"])
+    return {
+        "datasets": [{"name": name, "title": style.title(name)} for name in datasets],
+        "codecs": [codec_look(name, style) for name in codecs],
+        "metrics": [_described(item) for item in shown if item.column != "bpp"],
+        "cells": _cells(metrics, [item.column for item in shown], datasets, codecs),
+    }
+
+
+def codec_look(codec: str, style: FigureStyle) -> dict[str, str]:
+    """Name, title, colour (hexadecimal), marker and line of a codec, as in the figures."""
+    from matplotlib.colors import to_hex
+
+    look = style.look(codec)
+    return {
+        "name": codec,
+        "title": look.title,
+        "colour": to_hex(look.colour),
+        "marker": look.marker,
+        "line": look.line,
+    }
+
+
+def _shown(metrics: pd.DataFrame) -> list[Measured]:
+    """The columns of numbers that say what a codec did, with a value anywhere.
+
+    A column without words of its own is shown where it differs between codecs or rates.
+    """
+    numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
+    names = [str(name) for name in numbers]
+    different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
+    return in_order([name for name in names if is_known(name) or different[name]])
+
+
+def _described(item: Measured) -> dict[str, str]:
+    return {"name": item.column, "words": item.words, "unit": item.unit, "group": item.group}
+
+
+def _cells(
+    metrics: pd.DataFrame, columns: list[str], datasets: list[str], codecs: list[str]
+) -> list[dict[str, Any]]:
+    """The cells by data set, codec, and rate by its number."""
+    rates = ordered_rates(set(metrics["rate"]))
+    groups = dict(list(metrics.groupby(_KEYS, sort=False)))
+    keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in groups]
+    return [_cell(key, groups[key], columns) for key in keys]
+
+
+def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
+    values = rows[columns].astype(float).quantile(_SHARES)
+    known = {
+        name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()
+    }
+    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": known}
+
+
+def rounded(values: Any, digits: int = _DIGITS) -> list[float]:
+    """Numbers to so many significant digits: more than a plot shows."""
+    return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float)]

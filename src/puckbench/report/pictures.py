@@ -1,0 +1,64 @@
+"""Figures inside the page: each a PNG of bounded width and size."""
+
+from __future__ import annotations
+
+import io
+from base64 import b64encode
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from puckbench.errors import InputError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Pixels
+
+WIDTHS = (1600, 1200, 800)
+"""Pixels: the first that gives a small enough file is taken, the last one in any case."""
+MOST_BYTES = 400_000
+_COLOURS = 256
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG file's bytes, with its size in pixels."""
+
+    png: bytes
+    width: int
+    height: int
+
+    @property
+    def uri(self) -> str:
+        """The picture as an address that holds all of it."""
+        return "data:image/png;base64," + b64encode(self.png).decode("ascii")
+
+
+def embedded(png: bytes, what: str) -> Picture:
+    """The picture with at most 1600 pixels across and 256 colours, narrower if it is large.
+
+    The same bytes give the same picture. InputError, naming `what`, for no readable picture.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(io.BytesIO(png)) as opened:
+            whole = opened.convert("RGBA")
+    except (UnidentifiedImageError, OSError) as error:
+        raise InputError(f"{what}: not a readable picture ({error})") from error
+    flat = Image.new("RGB", whole.size, "white")
+    flat.paste(whole, mask=whole.getchannel("A"))
+    for width in WIDTHS:
+        picture = _narrowed(flat, width)
+        if len(picture.png) <= MOST_BYTES:
+            break
+    return picture
+
+
+def _narrowed(image: Pixels, width: int) -> Picture:
+    from PIL import Image
+
+    height = max(1, round(image.height * min(1.0, width / image.width)))
+    size = min(width, image.width), height
+    small = image if size == image.size else image.resize(size, Image.Resampling.LANCZOS)
+    buffer = io.BytesIO()
+    small.quantize(_COLOURS, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+    return Picture(buffer.getvalue(), *size)

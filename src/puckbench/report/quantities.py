@@ -1,0 +1,105 @@
+"""What each column of the table of results measures, in words, with its unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+GRID, SQUARED = "grid units", "grid units²"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A column in words. unit: empty where there is none. group: heading in lists of columns."""
+
+    column: str
+    words: str
+    unit: str
+    group: str
+
+    @property
+    def label(self) -> str:
+        """Words and unit on one line."""
+        return f"{self.words} ({self.unit})" if self.unit else self.words
+
+
+_CODED, _TRUTH = "Distortion to the coded cloud", "Distortion to the true surface"
+_COST, _SEEN, _OTHER = "Size, time and memory", "Pictures and colour", "Other"
+GROUPS = (_CODED, _TRUTH, _COST, _SEEN, _OTHER)
+
+_PLAIN = {
+    "bpp": ("Bits per point", "bpp", _COST),
+    "bytes": ("Size of the stream", "bytes", _COST),
+    "encode_s": ("Encoding time", "s", _COST),
+    "decode_s": ("Decoding time", "s", _COST),
+    "encode_peak_mib": ("Memory of encoding", "MiB", _COST),
+    "decode_peak_mib": ("Memory of decoding", "MiB", _COST),
+    "points_out": ("Points decoded", "", _COST),
+    "view_psnr": ("PSNR of six pictures", "dB", _SEEN),
+    "view_ssim": ("SSIM of six pictures", "", _SEEN),
+    "y_psnr": ("PSNR of luminance", "dB", _SEEN),
+    "u_psnr": ("PSNR of colour, U", "dB", _SEEN),
+    "v_psnr": ("PSNR of colour, V", "dB", _SEEN),
+    "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
+    "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
+}
+_COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
+NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
+"""Columns that describe the cloud or the measurement, not what the codec did."""
+
+_DISTANCES = {"point": "point to point", "plane": "point to plane"}
+_MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
+_WAYS = {"ab": "original to decoded", "ba": "decoded to original"}
+_TIMES = {"encode": "Encoding time", "decode": "Decoding time"}
+_ENDS = {"min": "least", "max": "most"}
+_Found = re.Match[str]
+_PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
+    (r"cd_(point|plane)", lambda m: (f"Chamfer distance, {_DISTANCES[m[1]]}", SQUARED)),
+    (
+        r"acd_(ab|ba)_(point|plane)",
+        lambda m: (f"Chamfer distance one way, {_WAYS[m[1]]}, {_DISTANCES[m[2]]}", SQUARED),
+    ),
+    (
+        r"cd_psnr_(point|plane)",
+        lambda m: (f"PSNR of the Chamfer distance, {_DISTANCES[m[1]]}", "dB"),
+    ),
+    (
+        r"(encode|decode)_s_(min|max)",
+        lambda m: (f"{_TIMES[m[1]]}, {_ENDS[m[2]]} of the repetitions", "s"),
+    ),
+    (r"(d1|d2)_mse", lambda m: (f"Mean squared error {_MPEG[m[1]]}", SQUARED)),
+    (r"(d1|d2)_psnr", lambda m: (f"PSNR {_MPEG[m[1]]}", "dB")),
+    (r"(d1|d2)_rms_m", lambda m: (f"Root mean square error {_MPEG[m[1]]}", "m")),
+    (r"hausdorff_(point|plane)", lambda m: (f"Hausdorff distance, {_DISTANCES[m[1]]}", GRID)),
+    (r"hausdorff_(point|plane)_m", lambda m: (f"Hausdorff distance, {_DISTANCES[m[1]]}", "m")),
+    (
+        r"hausdorff_sq_(point|plane)",
+        lambda m: (f"Squared Hausdorff distance, {_DISTANCES[m[1]]}", SQUARED),
+    ),
+)
+
+
+def measured(column: str) -> Measured:
+    """What a column measures; one that is not known is called by its own name."""
+    if column in _PLAIN:
+        return Measured(column, *_PLAIN[column])
+    bare = column.removeprefix("truth_")
+    group = _CODED if bare == column else _TRUTH
+    for pattern, words in _PATTERNS:
+        if found := re.fullmatch(pattern, bare):
+            text, unit = words(found)
+            text += "" if bare == column else ", to the true surface"
+            return Measured(column, text, unit, _COST if unit == "s" else group)
+    return Measured(column, column, "", _OTHER)
+
+
+def is_known(column: str) -> bool:
+    """Whether there are words for a column."""
+    return measured(column).group != _OTHER
+
+
+def in_order(columns: list[str]) -> list[Measured]:
+    """What the columns measure, by group, in the order of the table; `NOT_MEASURED` left out."""
+    found = [measured(name) for name in columns if name not in NOT_MEASURED]
+    return sorted(found, key=lambda item: GROUPS.index(item.group))
