@@ -124,10 +124,11 @@ def test_voxels_have_no_mesh() -> None:
         codec.decode_mesh(codec.encode(_room(1000), "r8"))
 
 
-def test_the_highest_rate_takes_the_bits_it_is_given() -> None:
-    points = _room()
-    stream = _codec().encode(points, "r8")
-    assert 2.7 < 8 * len(stream) / len(points) <= 3.0
+def test_the_highest_rate_is_fine_for_small_clouds_too() -> None:
+    points, codec = _room(1000), _codec()
+    decoded = codec.decode(codec.encode(points, "r8"))
+    away = np.linalg.norm(points[:, None] - decoded[None], axis=2).min(axis=1)
+    assert away.max() < 4
 
 
 def test_a_turned_room_takes_no_more_bits() -> None:

@@ -85,6 +85,13 @@ def test_voxels_take_nearly_the_bytes_they_may(most: int) -> None:
     assert 0.8 * most < len(stream) <= most
 
 
+def test_voxels_do_not_exceed_the_largest_side_whatever_they_take() -> None:
+    points = _askew_plane()
+    header, _ = unpack(voxels.encode_within(points, 10, largest=8.0))
+    assert isinstance(header, Voxels)
+    assert header.place.unit <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
+
+
 def test_voxels_without_a_table_are_the_cells_of_points() -> None:
     points = _askew_plane()
     header, bits = unpack(voxels.encode_at(points, 2.0))

@@ -36,7 +36,7 @@ def encode(points: Floats, settings: Settings) -> bytes:
     if float(np.ptp(points, axis=0).max()) == 0:
         return voxels.encode_at(points, 1.0)
     if settings.leaf == 0:
-        return voxels.encode_within(points, most)
+        return voxels.encode_within(points, most, settings.voxel)
     cloud = prepared(points, settings)
     judge = Judge.of(cloud.points, cloud.surface.xyz, cloud.surface.normals)
     surface = _best_surface(cloud, judge)

@@ -21,12 +21,13 @@ class Settings:
 
     bpp: bits per point that voxels may take, and surfaces before voxels are taken instead. leaf,
     cell: sides of the least leaf (0: voxels alone) and of a bitmap's column, powers of two apart;
-    largest: side of the largest leaf.
+    largest: side of the largest leaf. voxel: side that no voxel exceeds, whatever it costs.
     price: squared error that a bit per point may save. step: precision of planes at the least
     leaves. reach: radius of smoothing in standard deviations of the noise.
     """
 
     bpp: float = 1.0
+    voxel: float = SIZE / 4
     leaf: float = 16.0
     cell: float = 4.0
     largest: float = 128.0

@@ -14,7 +14,7 @@ from puckbench.codecs.primitives.shifts import best_table, moved
 from puckbench.codecs.primitives.stream import BINS, Place, Table, Voxels, pack_voxels, unpack
 from puckbench.errors import InputError
 
-_COARSEST, _FINEST = SIZE / 4, SIZE / (1 << 20)
+_FINEST = SIZE / (1 << 20)
 _TRIES = 6
 _CLOSE = 0.04
 """Share of the bytes asked for that the search may leave unused."""
@@ -51,12 +51,17 @@ def encode_at(points: Floats, side: float) -> bytes:
     return pack_voxels(place, _table(found, _WORTH * BINS / len(bits)), bits)
 
 
-def encode_within(points: Floats, most: int) -> bytes:
-    """The stream of the least voxels that takes no more than about `most` bytes."""
+def encode_within(points: Floats, most: int, largest: float = SIZE / 4) -> bytes:
+    """The stream of the least voxels that takes no more than about `most` bytes.
+
+    largest: side that voxels do not exceed even if they take more, in units of 1/1023 extents.
+    """
     extent = float(np.ptp(points, axis=0).max())
     if extent == 0:
         return encode_at(points, 1.0)
-    side, slope = _guess(points, extent, most), 2.2
+    most = max(most, 1)
+    finest, coarsest = extent / SIZE * _FINEST, extent / SIZE * largest
+    side, slope = min(_guess(points, extent, most), coarsest), 2.2
     best = b""
     tried: list[tuple[float, int]] = []
     for _ in range(_TRIES):
@@ -65,11 +70,13 @@ def encode_within(points: Floats, most: int) -> bytes:
             best = stream
         if most * (1 - _CLOSE) <= len(stream) <= most:
             break
+        if len(stream) > most and side == coarsest:
+            break
         tried.append((side, len(stream)))
         if len(tried) > 1:
             slope = _slope(tried[-2], tried[-1], slope)
         side *= (len(stream) / (most * (1 - _CLOSE / 2))) ** (1 / slope)
-        side = min(max(side, extent / SIZE * _FINEST), extent / SIZE * _COARSEST)
+        side = min(max(side, finest), coarsest)
     return best or stream
 
 
