@@ -46,8 +46,6 @@ _MISSING_CELL = 0.3
 _BYTES_A_NODE = 64
 _TOLERANCE, _TOLERANCE_NOISE = 0.3, 0.5
 """Distance of samples from a round surface that they lie on, in cells and noise's deviations."""
-_TAIL = 4.0
-"""How far the noise of the outermost walls reaches, in standard deviations."""
 _KEPT = 16
 """Samples, about, that are left to planes whatever round surfaces have."""
 _POINT_SPACING = 2.0
@@ -154,10 +152,14 @@ def _tolerance(cloud: Cloud) -> float:
 
 
 def _turned(cloud: Cloud, turn: Turn) -> tuple[Surface, Floats]:
-    """The surface along other axes, from the points' least corner on, and where that is (3,)."""
+    """The surface along other axes, from its least corner on, and where that is (3,).
+
+    Without a turn the corner is the points', which their noise keeps off the outermost walls: the
+    two grids lie differently against the walls, and which is better only coding tells.
+    """
     surface, turned = cloud.surface, rotation(turn)
     xyz = surface.xyz @ turned.T
-    low = xyz.min(axis=0) - _TAIL * cloud.noise if any(turn) else np.minimum(xyz.min(axis=0), 0)
+    low = xyz.min(axis=0) if any(turn) else np.minimum(xyz.min(axis=0), 0)
     return surface._replace(xyz=xyz - low, normals=surface.normals @ turned.T), low
 
 
