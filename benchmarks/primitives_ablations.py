@@ -9,13 +9,16 @@ the codec switched off, with fewer points, and with other noise (bias and ray si
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import primitives_rate_distortion as rd
-from puckbench.codecs.primitives import encoder
+from puckbench.codecs.primitives import encoder, rivals, voxels
 from puckbench.codecs.registry import entries, open_codec
 from puckbench.metrics.closest import mesh_in_frame
 from puckbench.prepare.preparation import Returns, prepare
@@ -29,6 +32,12 @@ SIGMAS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
 POINTS = (50_000, 150_000, 500_000)
 
 
+@cache
+def own_error(found: rd.Room) -> float:
+    """CD(plane) of the scan itself to the truth."""
+    return rd.errors(found, found.scan.xyz)[1]
+
+
 def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
     """Measure the codec with changed parameters of its rates."""
     shipped = entries()["primitives"]["rates"]
@@ -40,7 +49,7 @@ def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
         stream = codec.encode(found.scan.xyz, rate)
         to_scan, to_truth, _ = rd.errors(found, codec.decode(stream))
         bpp = 8 * len(stream) / len(found.scan)
-        own = rd.errors(found, found.scan.xyz)[1]
+        own = own_error(found)
         values = f"{bpp:8.4f} {to_scan:8.3f} {to_truth:8.3f} {own:8.3f}"
         print(f"| {label} | {rate} | {values.replace('  ', ' ')} |", flush=True)
 
@@ -72,6 +81,17 @@ def thinned(found: rd.Room, points: int) -> rd.Room:
     return rd.Room(cloud, found.visible.select(rows), found.mesh)
 
 
+@contextmanager
+def switched(module: Any, name: str, function: Any) -> Iterator[None]:
+    """Have another function in a module for a while."""
+    kept = getattr(module, name)
+    setattr(module, name, function)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)
+
+
 def ablate(found: rd.Room, rates: list[str]) -> None:
     """Print a line for each part switched off."""
     line("as shipped", found, rates)
@@ -80,6 +100,19 @@ def ablate(found: rd.Room, rates: list[str]) -> None:
     edge, encoder._EDGE_BITS = encoder._EDGE_BITS, 0.0
     line("bitmaps without a price", found, rates)
     encoder._EDGE_BITS = edge
+    for label, module, name, nothing in (
+        ("axes of the cloud, not of its walls", rivals, "best_turn", lambda normals: (0, 0, 0)),
+        ("no cylinders, spheres, cones", rivals, "round_surfaces", lambda cloud: ()),
+        ("voxels never", rivals, "_surface_wins", lambda *_: True),
+        ("voxels always", rivals, "_surface_wins", lambda *_: False),
+        ("voxels always, not moved", voxels, "_table", lambda *_: None),
+    ):
+        with switched(module, name, nothing):
+            if label.endswith("not moved"):
+                with switched(rivals, "_surface_wins", lambda *_: False):
+                    line(label, found, rates)
+            else:
+                line(label, found, rates)
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ from puckbench.sensor.sweep import open_sweep
 ROOMS = ("living_room", "meeting_room", "office_1", "storage_1")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Room:
     """A scanned room: the scan, the true points of its rays, the true surface; one frame."""
 

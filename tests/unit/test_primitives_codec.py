@@ -1,5 +1,6 @@
 """The primitives codec on a room whose true surface is known, noisy and clean."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from puckbench.cli import main
+from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_surface
+from puckbench.codecs.primitives.encoder import Way, encode_surface, prepared
 from puckbench.codecs.primitives.noise import spread
+from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.smooth import sampled, smoothed
-from puckbench.codecs.primitives.stream import Header, pack_surface, unpack
+from puckbench.codecs.primitives.stream import Header, Voxels, pack_surface, pack_voxels, unpack
 from puckbench.codecs.registry import open_codec
 from puckbench.errors import InputError
 from puckbench.meshfiles import read_mesh
@@ -41,6 +45,16 @@ def _codec() -> Primitives:
     codec = open_codec("primitives")
     assert isinstance(codec, Primitives)
     return codec
+
+
+@cache
+def _small_stream(rate: str) -> bytes:
+    """A stream of voxels for r8, else of surfaces."""
+    if rate == "r8":
+        return _codec().encode(_room(3000), rate)
+    stream = encode_surface(prepared(_room(3000), Settings(leaf=32, cell=16, price=600)), Way())
+    assert stream is not None
+    return stream
 
 
 @pytest.mark.parametrize("rate", ["r4", "r6"])
@@ -110,6 +124,20 @@ def test_voxels_have_no_mesh() -> None:
         codec.decode_mesh(codec.encode(_room(1000), "r8"))
 
 
+def test_the_highest_rate_is_fine_for_small_clouds_too() -> None:
+    points, codec = _room(1000), _codec()
+    decoded = codec.decode(codec.encode(points, "r8"))
+    away = np.linalg.norm(points[:, None] - decoded[None], axis=2).min(axis=1)
+    assert away.max() < 4
+
+
+def test_a_turned_room_takes_no_more_bits() -> None:
+    points, codec = _room(20_000), _codec()
+    turned = points @ rotation((1500, -4000, 7000)).T
+    bits, bits_turned = (len(codec.encode(xyz, "r3")) for xyz in (points, turned))
+    assert bits_turned < 1.15 * bits
+
+
 def test_flat_rooms_need_few_planes() -> None:
     mesh = _codec().decode_mesh(_codec().encode(_room(), "r3"))
     assert mesh.labels is not None
@@ -141,7 +169,7 @@ def test_unknown_parameters_of_a_rate_are_refused() -> None:
 @given(data=st.data())
 def test_damage_behind_a_right_check_ends_in_an_error_or_points(data: st.DataObject) -> None:
     codec = _codec()
-    header, bits = unpack(codec.encode(_room(3000), "r2"))
+    header, bits = unpack(_small_stream("r2"))
     assert isinstance(header, Header)
     damaged = bytearray(bits[: data.draw(st.integers(0, len(bits)))])
     for _ in range(data.draw(st.integers(0, 4))):
@@ -149,6 +177,23 @@ def test_damage_behind_a_right_check_ends_in_an_error_or_points(data: st.DataObj
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     try:
         decoded = codec.decode(pack_surface(header, bytes(damaged)))
+    except InputError:
+        return
+    assert np.isfinite(decoded).all()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_damaged_voxels_behind_a_right_check_end_in_an_error_or_points(data: st.DataObject) -> None:
+    codec = _codec()
+    header, bits = unpack(_small_stream("r8"))
+    assert isinstance(header, Voxels)
+    damaged = bytearray(bits[: data.draw(st.integers(0, len(bits)))])
+    for _ in range(data.draw(st.integers(0, 4))):
+        if damaged:
+            damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        decoded = codec.decode(pack_voxels(header.place, header.table, bytes(damaged)))
     except InputError:
         return
     assert np.isfinite(decoded).all()

@@ -14,7 +14,17 @@ from puckbench.codecs.primitives.entropy import (
 )
 from puckbench.codecs.primitives.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.planes import plane_from, quantised
-from puckbench.codecs.primitives.stream import Header, pack_surface, pack_voxels, unpack
+from puckbench.codecs.primitives.stream import (
+    BINS,
+    ROUND,
+    Header,
+    Place,
+    Table,
+    Voxels,
+    pack_surface,
+    pack_voxels,
+    unpack,
+)
 from puckbench.codecs.primitives.tree import build, moments_of, prune
 from puckbench.compiling import compiled
 from puckbench.errors import InputError
@@ -148,12 +158,45 @@ def test_bitmaps_lose_lone_columns_and_close_holes() -> None:
 HEADER = Header(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 1, 1, 100)
 
 
-def test_headers_come_back() -> None:
-    header, bits = unpack(pack_surface(HEADER, b"abc"))
+PLACE = Place(np.array([1.0, -2.0, 0.5]), 0.25)
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (300, -20000, 5)])
+@pytest.mark.parametrize("rounds", [b"", bytes(range(2 * ROUND))])
+def test_headers_come_back(turn: tuple[int, int, int], rounds: bytes) -> None:
+    header, bits = unpack(pack_surface(HEADER._replace(turn=turn, rounds=rounds), b"abc"))
     assert isinstance(header, Header)
-    assert header[1:] == HEADER[1:]
+    assert header[1:] == (*HEADER[1:-2], turn, rounds)
     assert np.array_equal(header.origin, HEADER.origin)
     assert bits == b"abc"
+
+
+@pytest.mark.parametrize("table", [None, Table(2, np.arange(BINS, dtype=np.int8) - 12)])
+def test_headers_of_voxels_come_back(table: Table | None) -> None:
+    header, bits = unpack(pack_voxels(PLACE, table, b"abc"))
+    assert isinstance(header, Voxels)
+    assert np.array_equal(header.place.origin, PLACE.origin)
+    assert header.place.unit == PLACE.unit
+    assert bits == b"abc"
+    if table is None:
+        assert header.table is None
+    else:
+        assert header.table is not None
+        assert header.table.block == table.block
+        assert np.array_equal(header.table.shares, table.shares)
+
+
+@pytest.mark.parametrize("block", [3, 200])
+def test_tables_that_make_no_sense_are_refused(block: int) -> None:
+    with pytest.raises(InputError, match="damaged"):
+        unpack(pack_voxels(PLACE, Table(block, np.zeros(BINS, np.int8)), b"abc"))
+
+
+def test_streams_of_another_version_are_refused() -> None:
+    stream = bytearray(pack_voxels(PLACE, None, b""))
+    stream[4] = 1
+    with pytest.raises(InputError, match="version 1, this codec reads 2"):
+        unpack(bytes(stream))
 
 
 @pytest.mark.parametrize(
@@ -177,7 +220,7 @@ def test_headers_that_make_no_sense_are_refused(change: dict[str, object]) -> No
         unpack(pack_surface(HEADER._replace(**change), b"abc"))
 
 
-@pytest.mark.parametrize("stream", [b"", b"PBPR", b"draco", pack_voxels(np.zeros(3), 1, b"")[:-1]])
+@pytest.mark.parametrize("stream", [b"", b"PBPR", b"draco", pack_voxels(PLACE, None, b"")[:-1]])
 def test_foreign_and_truncated_streams_are_refused(stream: bytes) -> None:
     with pytest.raises(InputError):
         unpack(stream)

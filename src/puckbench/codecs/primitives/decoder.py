@@ -7,11 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.primitives import voxels
+from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.columns import NO_CHOICE
 from puckbench.codecs.primitives.entropy import POSITION, reader
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
-from puckbench.codecs.primitives.stream import MOST_POINTS, Header
-from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, code_support
+from puckbench.codecs.primitives.revolved import (
+    CONTEXTS,
+    MIXERS,
+    Round,
+    code_round,
+    points_on,
+    unpacked,
+)
+from puckbench.codecs.primitives.stream import MOST_POINTS, MOST_ROUND_POINTS, Header, unpack
+from puckbench.codecs.primitives.support import code_support
 from puckbench.codecs.primitives.surface import count_points, fill
 from puckbench.codecs.primitives.walk import code_tree
 from puckbench.errors import InputError
@@ -41,6 +51,15 @@ class Patches(NamedTuple):
     leaves: Leaves
     owner: Owners
     cover: Bytes
+    rounds: list[tuple[Round, Bytes]]
+
+
+def decode_stream(stream: bytes) -> Floats:
+    """Points (m, 3) of a stream of surfaces or of voxels; InputError when it is damaged."""
+    header, bits = unpack(stream)
+    if isinstance(header, Header):
+        return decode_surface(header, bits).xyz
+    return voxels.decode(header.place, header.table, bits)
 
 
 def decode_surface(header: Header, bits: bytes) -> Decoded:
@@ -48,19 +67,41 @@ def decode_surface(header: Header, bits: bytes) -> Decoded:
     patches = read_patches(header, bits)
     xyz, rows = points_of(patches)
     planes = patches.leaves.plane[rows]
-    return Decoded(xyz, patches.leaves.planes[planes, :3], planes)
+    normals = patches.leaves.planes[planes, :3] @ rotation(header.turn)
+    found = Decoded(xyz, normals, planes)
+    return _joined([found, *points_of_rounds(patches)])
+
+
+def points_of_rounds(patches: Patches) -> list[Decoded]:
+    """Points of each round surface, numbered after the planes; InputError for too many."""
+    header, found = patches.header, []
+    columns = sum(int(bits.sum()) for _, bits in patches.rounds)
+    if columns * header.fineness**2 > MOST_ROUND_POINTS:
+        raise InputError(f"the stream is damaged ({columns} columns of round surfaces)")
+    for k, (surface, bits) in enumerate(patches.rounds):
+        cells, normals = points_on(surface, bits, header.fineness, header.spread)
+        names = np.full(len(cells), int(patches.leaves.counts[1]) + k)
+        found.append(Decoded(header.in_cloud(cells), normals @ rotation(header.turn), names))
+    return found
+
+
+def _joined(parts: list[Decoded]) -> Decoded:
+    xyz, normals, planes = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if not 0 < len(xyz) <= MOST_POINTS:
+        raise InputError(f"the stream is damaged ({len(xyz)} points)")
+    return Decoded(xyz, normals, planes)
 
 
 def points_of(patches: Patches) -> tuple[Floats, Ints]:
-    """Points (m, 3) in the cloud's coordinates and the leaves (m,) they lie on; or InputError."""
+    """Points (m, 3) of planes in the cloud's coordinates and the leaves (m,) they lie on."""
     header = patches.header
     surface = (patches.frame, patches.leaves, patches.cover, header.fineness, header.spread)
     made = count_points(*surface)
-    if not 0 < made <= MOST_POINTS:
+    if made > MOST_POINTS:
         raise InputError(f"the stream is damaged ({made} points)")
     xyz, rows = np.empty((made, 3)), np.empty(made, np.int64)
     fill(*surface, xyz, rows)
-    return xyz * header.unit + header.origin, rows
+    return header.in_cloud(xyz), rows
 
 
 def read_patches(header: Header, bits: bytes) -> Patches:
@@ -68,12 +109,18 @@ def read_patches(header: Header, bits: bytes) -> Patches:
     frame = frame_of(header)
     leaves, owner, cover = empty_leaves(header)
     coder = reader(bits, CONTEXTS, MIXERS)
+    rounds = [
+        (surface, np.zeros(int(surface.columns().sum()), np.uint8))
+        for surface in unpacked(header.rounds)
+    ]
     whole = code_tree(coder, frame, _NO_NODES, leaves, owner)
     if whole:
         code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
+        for surface, columns in rounds:
+            code_round(coder, surface.columns(), columns)
     if not whole or coder.registers[POSITION] > len(bits) + _PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
-    return Patches(header, frame, leaves, owner, cover)
+    return Patches(header, frame, leaves, owner, cover, rounds)
 
 
 def frame_of(header: Header, price: float = 0.0) -> Frame:

@@ -5,20 +5,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.primitives.axes import Turn, rotation
 from puckbench.codecs.primitives.columns import Choice
 from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
+from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.entropy import writer, written
 from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
 from puckbench.codecs.primitives.noise import spread
+from puckbench.codecs.primitives.revolved import (
+    CONTEXTS,
+    MIXERS,
+    Round,
+    code_round,
+    packed,
+)
 from puckbench.codecs.primitives.settings import SIZE, Settings
 from puckbench.codecs.primitives.smooth import sampled, smoothed
-from puckbench.codecs.primitives.stream import MOST_CELLS, Header, pack_surface
-from puckbench.codecs.primitives.support import CONTEXTS, MIXERS, code_support
+from puckbench.codecs.primitives.stream import MOST_CELLS, MOST_ROUND_POINTS, Header, pack_surface
+from puckbench.codecs.primitives.support import code_support
 from puckbench.codecs.primitives.surface import count_points
 from puckbench.codecs.primitives.tree import Level, build, prune
 from puckbench.codecs.primitives.walk import code_tree
+from puckbench.codecs.primitives.wrapping import Prices, Wrapped, placed, wrapped
 from puckbench.metrics.spatial import morton_order
 
 _NOISE_CELL = 16.0
@@ -33,52 +44,95 @@ _EDGE_BITS = 3.0
 _MISSING, _ACROSS, _MOST = 20.0, 0.1, 100.0
 _MISSING_CELL = 0.3
 _BYTES_A_NODE = 64
-_MARGIN = 0.5
-"""Cells between the least coordinate and the grid's edge: smoothing moves samples."""
-_POINT_SPACING = 4.0
+_TOLERANCE, _TOLERANCE_NOISE = 0.3, 0.5
+"""Distance of samples from a round surface that they lie on, in cells and noise's deviations."""
+_KEPT = 16
+"""Samples, about, that are left to planes whatever round surfaces have."""
+_POINT_SPACING = 2.0
 _FARTHEST = 16
 
 
 class Surface(NamedTuple):
-    """Samples on the surface: xyz, normals (n, 3), counts (n,), side of their cells."""
+    """Samples on the surface: xyz, normals (n, 3), shares (n,) of the points, side of their cells.
+
+    area: a sample's share of the area.
+    """
 
     xyz: Floats
     normals: Floats
-    counts: Floats
+    shares: Floats
     cell: float
+    area: float
+
+    def only(self, rows: NDArray[np.bool_]) -> Surface:
+        """Some of the samples, their shares as they are."""
+        chosen = (self.xyz[rows], self.normals[rows], self.shares[rows])
+        return Surface(*chosen, self.cell, self.area)
 
 
-def encode_surface(points: Floats, settings: Settings) -> bytes | None:
-    """Code points (n, 3) as planes; None where there are too few points for that."""
+class Way(NamedTuple):
+    """A way to code a surface: a turn of the axes, the grid's margin in cells, round surfaces."""
+
+    turn: Turn = (0, 0, 0)
+    margin: float = 0.5
+    rounds: tuple[Round, ...] = ()
+
+
+class Cloud(NamedTuple):
+    """A cloud in units: points (n, 3) in Morton order, its least corner and a unit, settings."""
+
+    points: Floats
+    low: Floats
+    unit: float
+    noise: float
+    surface: Surface
+    settings: Settings
+
+    def in_units(self, points: Floats) -> Floats:
+        """Points (m, 3) of the cloud's coordinates in units."""
+        return np.asarray((points - self.low) / self.unit)
+
+
+def prepared(points: Floats, settings: Settings) -> Cloud:
+    """Scale points (n, 3) to units and smooth their surface."""
     points = points[morton_order(points)]
     low, unit = points.min(axis=0), float(np.ptp(points, axis=0).max()) / SIZE
     points = (points - low) / unit
     noise = spread(points, _NOISE_CELL)
     settings = settings.coarsened(noise)
-    surface = _surface(points, noise, settings)
+    return Cloud(points, low, unit, noise, _surface(points, noise, settings), settings)
+
+
+def round_surfaces(cloud: Cloud) -> tuple[Round, ...]:
+    """Cylinders, cones and spheres of a cloud, in units."""
+    surface = cloud.surface
+    found = detected(surface.xyz, surface.normals, surface.cell, _tolerance(cloud))
+    return tuple(found)
+
+
+def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
+    """Code a cloud as planes and round surfaces; None where there are too few points for that."""
+    points, settings = cloud.points, cloud.settings
+    surface, low = _turned(cloud, way.turn)
     cell = _cell(surface, settings)
-    surface = _in_cells(surface, cell)
+    surface = _in_cells(surface, cell, way.margin)
+    rounds = [placed(each, rotation(way.turn), low, cell, way.margin) for each in way.rounds]
+    wraps, surface = _wrapped(rounds, surface, cloud, cell)
     header, levels = _plan(surface, settings, cell)
     frame = frame_of(header, settings.price / cell**2 / len(points))
     prune(levels, frame.price, _LEAF_BITS, _SPLIT_BITS, frame.coarsest, frame.finest)
     leaves, owner, cover = empty_leaves(header)
-    coder = writer(CONTEXTS, MIXERS, 4096 + _BYTES_A_NODE * header.leaves)
+    coder = writer(CONTEXTS, MIXERS, 4096 + _BYTES_A_NODE * header.leaves + _room(wraps))
     code_tree(coder, frame, _nodes(levels), leaves, owner)
     choice = _choice(surface, frame, cell)
     code_support(coder, frame, leaves, owner, choice, cover)
-    density = _density(frame, leaves, cover, len(points), cell)
+    for wrap in wraps:
+        code_round(coder, wrap.surface.columns(), wrap.bits)
+    columns = sum(int(wrap.bits.sum()) for wrap in wraps)
+    density = _density(frame, leaves, cover, (columns, len(points)), cell)
     if density is None:
         return None
-    origin = low - _MARGIN * cell * unit
-    placed = header._replace(
-        origin=origin, unit=cell * unit, fineness=density[0], spread=density[1]
-    )
-    return pack_surface(placed, written(coder))
-
-
-def noise_of(points: Floats, unit: float) -> float:
-    """Standard deviation of the noise of points (n, 3), in units of side `unit`."""
-    return spread((points - points.min(axis=0)) / unit, _NOISE_CELL)
+    return pack_surface(_complete(header, cloud, way, low, density, cell, wraps), written(coder))
 
 
 def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
@@ -90,7 +144,65 @@ def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
         samples = sampled(points, side)
     radius = max(settings.reach * noise, 1.5 * side)
     xyz, normals = smoothed(samples, side, radius, max(_BAND * noise, side / 2))
-    return Surface(xyz, normals, samples.counts, side)
+    return Surface(xyz, normals, samples.counts / len(points), side, 1 / len(xyz))
+
+
+def _tolerance(cloud: Cloud) -> float:
+    return _TOLERANCE * cloud.settings.cell + _TOLERANCE_NOISE * cloud.noise
+
+
+def _turned(cloud: Cloud, turn: Turn) -> tuple[Surface, Floats]:
+    """The surface along other axes, from its least corner on, and where that is (3,).
+
+    Without a turn the corner is the points', which their noise keeps off the outermost walls: the
+    two grids lie differently against the walls, and which is better only coding tells.
+    """
+    surface, turned = cloud.surface, rotation(turn)
+    xyz = surface.xyz @ turned.T
+    low = xyz.min(axis=0) if any(turn) else np.minimum(xyz.min(axis=0), 0)
+    return surface._replace(xyz=xyz - low, normals=surface.normals @ turned.T), low
+
+
+def _wrapped(
+    rounds: list[Round], surface: Surface, cloud: Cloud, cell: float
+) -> tuple[list[Wrapped], Surface]:
+    """Bitmaps of round surfaces, and the samples that are left to planes."""
+    if not rounds:
+        return [], surface
+    missing = max(_MISSING / cell**2, _MISSING_CELL)
+    price = cloud.settings.price / cell**2 / len(cloud.points)
+    edge = _EDGE_BITS * price * surface.cell**2 / (surface.area / 2)
+    most, tolerance = _MOST / cell**2, _tolerance(cloud) / cell
+    prices = Prices(missing, _ACROSS, most, tolerance, surface.cell, edge)
+    gain = surface.shares / surface.area
+    wraps, left = wrapped(rounds, surface.xyz, surface.normals, gain, prices)
+    left[:: -(-len(left) // _KEPT)] = True
+    return wraps, surface.only(left)
+
+
+def _room(wraps: list[Wrapped]) -> int:
+    return sum(len(wrap.bits) for wrap in wraps) // 4
+
+
+def _complete(
+    header: Header,
+    cloud: Cloud,
+    way: Way,
+    low: Floats,
+    density: tuple[int, int],
+    cell: float,
+    wraps: list[Wrapped],
+) -> Header:
+    """The header with place, density and the round surfaces' parameters."""
+    start = cloud.low @ rotation(way.turn).T + cloud.unit * (low - way.margin * cell)
+    return header._replace(
+        origin=start,
+        unit=cell * cloud.unit,
+        turn=way.turn,
+        rounds=b"".join(packed(wrap.surface) for wrap in wraps),
+        fineness=density[0],
+        spread=density[1],
+    )
 
 
 def _cell(surface: Surface, settings: Settings) -> float:
@@ -102,8 +214,8 @@ def _cell(surface: Surface, settings: Settings) -> float:
     return float(cell)
 
 
-def _in_cells(surface: Surface, cell: float) -> Surface:
-    xyz = surface.xyz / cell + _MARGIN
+def _in_cells(surface: Surface, cell: float, margin: float) -> Surface:
+    xyz = surface.xyz / cell + margin
     return surface._replace(xyz=np.maximum(xyz, 0.0), cell=surface.cell / cell)
 
 
@@ -113,7 +225,7 @@ def _plan(surface: Surface, settings: Settings, cell: float) -> tuple[Header, li
     depth = int(np.ceil(np.log2(shape.max())))
     finest = max(depth - round(np.log2(max(settings.leaf / cell, 1))), 0)
     coarsest = max(depth - round(np.log2(max(settings.largest / cell, 1))), 0)
-    weights = surface.counts / surface.counts.sum() / 2 + 0.5 / len(surface.counts)
+    weights = surface.shares / 2 + surface.area / 2
     radius = _DISC * surface.cell
     levels = build(surface.xyz, surface.normals, weights, radius, depth)
     step = min(max(round(16 * settings.step / cell), 1), 255)
@@ -144,23 +256,31 @@ def _choice(surface: Surface, frame: Frame, cell: float) -> Choice:
     return Choice(
         surface.xyz,
         surface.normals,
-        surface.counts / surface.counts.sum() / 2,
+        surface.shares / 2,
         rows,
         cell=surface.cell,
         across=_ACROSS,
         most=_MOST / cell**2,
         missing=max(_MISSING / cell**2, _MISSING_CELL),
-        area=0.5 / len(surface.counts),
+        area=surface.area / 2,
         edge=_EDGE_BITS * frame.price,
     )
 
 
 def _density(
-    frame: Frame, leaves: Leaves, cover: Bytes, most: int, cell: float
+    frame: Frame, leaves: Leaves, cover: Bytes, counts: tuple[int, int], cell: float
 ) -> tuple[int, int] | None:
-    """Points across a column and columns between points: no more than `most`; None if none fit."""
+    """Points across a column and columns between points; None if none fit.
+
+    counts: columns of round surfaces, and points that may be made in all.
+    """
     fineness, spacing = min(max(round(cell / _POINT_SPACING), 1), 16), 1
-    while (made := count_points(frame, leaves, cover, fineness, spacing)) > most:
+    while True:
+        made = count_points(frame, leaves, cover, fineness, spacing)
+        of_rounds = counts[0] * fineness**2
+        made += of_rounds // spacing**2
+        if made <= counts[1] and of_rounds <= MOST_ROUND_POINTS:
+            break
         if fineness > 1:
             fineness -= 1
         elif spacing < _FARTHEST:

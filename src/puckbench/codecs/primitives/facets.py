@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.decoder import Patches, read_patches
 from puckbench.codecs.primitives.layout import (
     Bytes,
@@ -14,6 +15,7 @@ from puckbench.codecs.primitives.layout import (
     dominant,
     height,
 )
+from puckbench.codecs.primitives.revolved import SPHERE, Round, corners_of
 from puckbench.codecs.primitives.segments import joined_leaves
 from puckbench.codecs.primitives.stream import Header
 from puckbench.codecs.primitives.support import in_leaf
@@ -21,39 +23,67 @@ from puckbench.compiling import compiled
 from puckbench.errors import InputError
 from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
 
+_STRAIGHT = 0.02
+"""Angle of a cone, radians, below which it is called a cylinder."""
+
 
 def decode_mesh(header: Header, bits: bytes) -> Mesh:
-    """The planes of a stream as triangles in the cloud's coordinates.
+    """The surfaces of a stream as triangles in the cloud's coordinates.
 
-    The primitive of a triangle is its plane (unit normal and offset, ``normal . p = offset``), its
-    object the segment of leaves that go on from one another (`segments`).
-    InputError when the stream is damaged or has no surface.
+    The primitive of a triangle is its plane (unit normal and offset, ``normal . p = offset``) or
+    its cylinder, cone or sphere; its object the segment of leaves that go on from one another
+    (`segments`), or the round surface. InputError when the stream is damaged or has no surface.
     """
     patches = read_patches(header, bits)
     surface = (patches.frame, patches.leaves, patches.cover)
     made = _rectangles(*surface, np.empty((0, 4, 3)), np.empty(0, np.int64))
-    if not made:
-        raise InputError("the stream is damaged (it has no surface)")
     quads, rows = np.empty((made, 4, 3)), np.empty(made, np.int64)
     _rectangles(*surface, quads, rows)
-    vertices = quads.reshape(-1, 3) * header.unit + header.origin
-    corners = np.arange(4 * made).reshape(-1, 4)
+    wraps = [corners_of(each, columns) for each, columns in patches.rounds]
+    quads = np.concatenate([quads, *wraps])
+    if not len(quads):
+        raise InputError("the stream is damaged (it has no surface)")
+    vertices = header.in_cloud(quads.reshape(-1, 3))
+    corners = np.arange(4 * len(quads)).reshape(-1, 4)
     triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return Mesh(vertices, triangles, _labels(patches, np.tile(rows, 2)))
+    return Mesh(vertices, triangles, _labels(patches, rows, [len(each) for each in wraps]))
 
 
-def _labels(patches: Patches, rows: Ints) -> Labels:
-    """Labels of triangles on leaves `rows`: the plane as primitive, the segment as object."""
+def _labels(patches: Patches, rows: Ints, wraps: list[int]) -> Labels:
+    """Labels of the triangles of rectangles on leaves `rows` and of columns of round surfaces."""
     used, named = np.unique(patches.leaves.plane[rows], return_inverse=True)
     segments, segment = np.unique(joined_leaves(patches)[rows], return_inverse=True)
     planes = patches.leaves.planes[used]
     offsets = planes[:, 3] * patches.header.unit + planes[:, :3] @ patches.header.origin
-    primitives = tuple(
-        Primitive("plane", {"normal": plane[:3].tolist(), "offset": float(offset)})
-        for plane, offset in zip(planes, offsets, strict=True)
-    )
-    objects = tuple(SceneObject(f"segment_{k + 1}", "segment") for k in range(len(segments)))
-    return Labels(segment.astype(np.int32), named.astype(np.int32), objects, primitives)
+    normals = planes[:, :3] @ rotation(patches.header.turn)
+    primitives = [
+        Primitive("plane", {"normal": normal.tolist(), "offset": float(offset)})
+        for normal, offset in zip(normals, offsets, strict=True)
+    ]
+    primitives += [_round_primitive(patches.header, each) for each, _ in patches.rounds]
+    objects = [SceneObject(f"segment_{k + 1}", "segment") for k in range(len(segments))]
+    objects += [SceneObject(f"round_{k + 1}", "round") for k in range(len(wraps))]
+    number = np.repeat(np.arange(len(wraps)), wraps)
+    primitive_id = np.tile(np.concatenate([named, len(used) + number]), 2)
+    object_id = np.tile(np.concatenate([segment, len(segments) + number]), 2)
+    ids = (object_id.astype(np.int32), primitive_id.astype(np.int32))
+    return Labels(*ids, tuple(objects), tuple(primitives))
+
+
+def _round_primitive(header: Header, surface: Round) -> Primitive:
+    """Kind and numbers of a round surface in the cloud's coordinates."""
+    point = header.in_cloud(surface.origin[None])[0].tolist()
+    axis = (surface.axis @ rotation(header.turn)).tolist()
+    radius = surface.radius * header.unit
+    if surface.kind == SPHERE:
+        return Primitive("sphere", {"centre": point, "radius": radius})
+    if abs(surface.angle) < _STRAIGHT:
+        return Primitive("cylinder", {"point": point, "axis": axis, "radius": radius})
+    sign = float(np.sign(surface.angle))
+    height = surface.radius / np.tan(surface.angle)
+    apex = header.in_cloud((surface.origin - height * surface.axis)[None])[0].tolist()
+    along = [sign * part for part in axis]
+    return Primitive("cone", {"apex": apex, "axis": along, "half_angle": abs(surface.angle)})
 
 
 @compiled

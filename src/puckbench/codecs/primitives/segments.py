@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.codecs.primitives.decoder import Patches, points_of
+from puckbench.codecs.primitives.decoder import Patches, points_of, points_of_rounds
 from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Owners
 from puckbench.codecs.primitives.moments import fit_plane
 from puckbench.codecs.primitives.tree import moments_of
@@ -42,6 +42,16 @@ def segmented(patches: Patches) -> Segments:
         fit_plane(segment, plane)
         plane[3] += plane[:3] @ middle
     return Segments(planes, xyz, labels)
+
+
+def labelled(patches: Patches) -> tuple[Floats, Ints]:
+    """Points (m, 3) of planes and round surfaces, and a number (m,) for each segment of either."""
+    xyz, rows = points_of(patches)
+    _, names = np.unique(joined_leaves(patches)[rows], return_inverse=True)
+    wraps = points_of_rounds(patches)
+    after = len(np.unique(names))
+    numbers = [np.full(len(part.xyz), after + k) for k, part in enumerate(wraps)]
+    return np.concatenate([xyz, *(part.xyz for part in wraps)]), np.concatenate([names, *numbers])
 
 
 def joined_leaves(patches: Patches) -> Ints:

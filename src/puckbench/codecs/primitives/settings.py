@@ -19,15 +19,15 @@ _USUAL_NOISE = 1.3
 class Settings:
     """Parameters of a rate, lengths in units.
 
-    voxel: side of the voxels of G-PCC's octree, or `voxel_noise` times the noise's standard
-    deviation if that is more; 0: surfaces are coded. leaf, cell: sides of the
-    least leaf and of a bitmap's column, powers of two apart; largest: side of the largest leaf.
+    bpp: bits per point that voxels may take, and surfaces before voxels are taken instead. leaf,
+    cell: sides of the least leaf (0: voxels alone) and of a bitmap's column, powers of two apart;
+    largest: side of the largest leaf. voxel: side that no voxel exceeds, whatever it costs.
     price: squared error that a bit per point may save. step: precision of planes at the least
     leaves. reach: radius of smoothing in standard deviations of the noise.
     """
 
-    voxel: float = 0.0
-    voxel_noise: float = 0.0
+    bpp: float = 1.0
+    voxel: float = SIZE / 4
     leaf: float = 16.0
     cell: float = 4.0
     largest: float = 128.0
