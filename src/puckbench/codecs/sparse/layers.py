@@ -96,7 +96,8 @@ def likeliest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
     rows = np.arange(len(logits))
     if count <= len(logits):
         chosen = largest(logits[rows, best], count)
-        return CHILDREN * chosen + best[chosen]
+        slots: NDArray[np.int64] = CHILDREN * chosen + best[chosen]
+        return slots
     ranked = logits.copy()
     ranked[rows, best] = np.inf
     return largest(ranked.reshape(-1), count)
