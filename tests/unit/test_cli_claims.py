@@ -87,7 +87,12 @@ def test_a_configuration_tells_what_plays_which_part() -> None:
         "rooms_clean": "clean scans",
         "rooms_noisy": "noisy scans",
     }
-    assert options["codecs"] == {"draco": "draco", "gpcc": "gpcc", "gpcc_as_run": "gpcc_arena"}
+    assert options["codecs"] == {
+        "draco": "draco",
+        "gpcc": "gpcc",
+        "gpcc_as_run": "gpcc_arena",
+        "pcgcv2": "pcgcv2",
+    }
     scales = json.loads(bench.table_options("gpcc_scales"))["scales"]
     assert scales["gpcc_arena"]["r3"] == 0.375
     assert set(scales) == {"gpcc", "gpcc_arena"}
@@ -100,7 +105,7 @@ def test_the_table_of_claims_takes_what_a_run_has() -> None:
     assert set(study.result_tables()) == {"claims"}
     assert set(study.result_tables()["claims"]) == tables
     without = opened(sensor_study=None, codecs={"draco": {}})
-    assert set(without.result_tables()) == {"claims", "thesis_medians"}
+    assert set(without.result_tables()) == {"claims", "thesis_medians", "machines"}
     assert set(without.result_tables()["claims"]) == {"metrics", "clouds"}
     assert not {"gpcc_grid", "gpcc_rounding"} & set(without.figures)
 

@@ -13,7 +13,6 @@ FIGURES: dict[str, FigureEntry] = {
         ("thesis_medians",),
         "The thesis's medians per compression rate beside ours",
         _FINDINGS,
-        "6.5",
     ),
     "gpcc_grid": FigureEntry(
         f"{_HERE}.gpcc_grid:draw_scales",
