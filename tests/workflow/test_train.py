@@ -87,5 +87,5 @@ def test_the_shipped_weights_are_planned(fresh: Bench) -> None:
     config = (ROOT / "config" / "train.yaml").read_text(encoding="utf-8")
     (fresh.folder / "config.yaml").write_text(config)
     jobs = fresh.planned("train")
-    assert jobs["weights"] == 4
+    assert jobs["weights"] == 3
     assert "encode" not in jobs

@@ -12,6 +12,7 @@ rule encode:
         record=f"{RESULTS}/coded/{CELL}.bin.json",
     params:
         arguments=lambda wildcards: bench.encode_arguments(wildcards.codec, wildcards.rate),
+        timed=bench.timed,
         code=lambda wildcards: bench.codec_code("puckbench.cli.encode", wildcards.codec),
     threads: bench.timed_cores(workflow.cores)
     resources:
@@ -22,7 +23,7 @@ rule encode:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        bench.timed + " python -m puckbench encode {input.cloud} {output.stream}"
+        "{params.timed} python -m puckbench encode {input.cloud} {output.stream}"
         " {params.arguments} > {log} 2>&1"
 
 

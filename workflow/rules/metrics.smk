@@ -10,6 +10,7 @@ rule evaluate:
         arguments=lambda wildcards: bench.evaluate_arguments(
             wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.rate
         ),
+        timed=bench.timed,
         code=lambda wildcards: bench.codec_code("puckbench.cli.evaluate", wildcards.codec),
     threads: bench.timed_cores(workflow.cores)
     resources:
@@ -20,7 +21,7 @@ rule evaluate:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        bench.timed + " python -m puckbench evaluate {input.cloud} {input.stream} --row {output}"
+        "{params.timed} python -m puckbench evaluate {input.cloud} {input.stream} --row {output}"
         " {params.arguments} > {log} 2>&1"
 
 

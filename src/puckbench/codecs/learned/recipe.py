@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from puckbench.codecs.learned.training import Trainer
 
 _FEWEST, _SIDE = 200, 64
-"""Voxels of a cube worth learning from, and its side; a surface's voxels grow with the square."""
+"""Voxels of a cube of a side worth learning from; in smaller cubes as many as their square has."""
 
 Rates = Mapping[str, Mapping[str, Any]]
 
@@ -105,7 +105,7 @@ class TrainingByAlpha(Training):
         from puckbench.codecs.learned.examples import Examples
 
         voxels = [np.rint(cloud).astype(np.int64) for cloud in clouds]
-        fewest = max(1, _FEWEST * self.side**2 // _SIDE**2)
+        fewest = max(1, _FEWEST * min(self.side, _SIDE) ** 2 // _SIDE**2)
         return Examples(voxels, self.side, self.cubes, fewest, self.thinnest, self.seed)
 
     def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
