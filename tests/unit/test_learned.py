@@ -96,7 +96,7 @@ def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
 
 
 def test_shipped_sets_have_what_their_codecs_ask_for() -> None:
-    names = {name: entry["options"]["weights"] for name, entry in entries().items()
+    names = {name: entry["options"].get("weights") for name, entry in entries().items()
              if has_weights(name)}  # fmt: skip
     assert set(catalogue.shipped()) <= set(names.values())
     for name, weights in names.items():
