@@ -5,6 +5,8 @@ import pytest
 
 from puckbench.codecs.primitives.columns import choose
 from puckbench.codecs.primitives.entropy import (
+    PAST_THE_END,
+    POSITION,
     Coder,
     code_bit,
     code_number,
@@ -69,6 +71,17 @@ def test_coded_bits_come_back() -> None:
     _code_bits(coder, bits, context)
     found = _code_bits(reader(written(coder), 13, 1), np.zeros_like(bits), context)
     assert np.array_equal(found, bits)
+
+
+def test_a_reader_of_a_whole_stream_stays_near_its_end_even_where_it_ends_in_zeros() -> None:
+    ones, context = np.ones(200_000, np.int64), np.zeros(200_000, np.int64)
+    coder = writer(13, 1, 1000)
+    _code_bits(coder, ones, context)
+    assert coder.registers[POSITION] > PAST_THE_END + 4
+    stream = written(coder)
+    back = reader(stream, 13, 1)
+    assert _code_bits(back, np.zeros_like(ones), context).all()
+    assert back.registers[POSITION] <= len(stream) + PAST_THE_END
 
 
 def test_coded_numbers_come_back_large_ones_too() -> None:

@@ -10,7 +10,7 @@ from puckbench.cloud import Floats
 from puckbench.codecs.primitives import voxels
 from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.columns import NO_CHOICE
-from puckbench.codecs.primitives.entropy import POSITION, reader
+from puckbench.codecs.primitives.entropy import PAST_THE_END, POSITION, reader
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
 from puckbench.codecs.primitives.revolved import (
     CONTEXTS,
@@ -26,7 +26,6 @@ from puckbench.codecs.primitives.surface import count_points, fill
 from puckbench.codecs.primitives.walk import code_tree
 from puckbench.errors import InputError
 
-_PAST_THE_END = 8
 _FINER_BY_LEVEL = 0.5
 """Planes of larger leaves are more precise, by the size to this power."""
 
@@ -118,7 +117,7 @@ def read_patches(header: Header, bits: bytes) -> Patches:
         code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
         for surface, columns in rounds:
             code_round(coder, surface.columns(), columns)
-    if not whole or coder.registers[POSITION] > len(bits) + _PAST_THE_END:
+    if not whole or coder.registers[POSITION] > len(bits) + PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
     return Patches(header, frame, leaves, owner, cover, rounds)
 

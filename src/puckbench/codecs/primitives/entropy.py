@@ -25,6 +25,8 @@ UNIT = 256
 _SLOWEST = 160
 _RATE = 14
 _TOP = (1 << 32) - 1
+PAST_THE_END = 8
+"""Zeros that `written` leaves out, at most; a reader that goes further has a damaged stream."""
 
 LOW, HIGH, CODE, POSITION, WRITING = range(5)
 """Places in a coder's registers."""
@@ -61,13 +63,14 @@ def reader(stream: bytes, contexts: int, mixers: int) -> Coder:
 
 
 def written(coder: Coder) -> bytes:
-    """The bytes written, the last ones flushed; zeros at their end are left out."""
+    """The bytes written, the last ones flushed; some zeros at their end are left out."""
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:
         tail = int(registers[HIGH])
     body = coder.buffer[: registers[POSITION]].tobytes() + tail.to_bytes(4, "big")
-    return body.rstrip(b"\0")
+    kept = max(len(body.rstrip(b"\0")), len(body) - PAST_THE_END)
+    return body[:kept]
 
 
 def _coder(buffer: Bytes, contexts: int, mixers: int, writing: bool) -> Coder:

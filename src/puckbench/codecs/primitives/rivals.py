@@ -78,11 +78,7 @@ def _tried(cloud: Cloud, judge: Judge, way: Way) -> _Try:
     stream = encode_surface(cloud, way)
     if stream is None:
         return _Try(np.inf, way, None)
-    try:
-        points = _thinly_decoded(stream)
-    except InputError:  # a stream that its own decoder refuses is no candidate
-        return _Try(np.inf, way, None)
-    error = judge.to_surface(cloud.in_units(points))
+    error = judge.to_surface(cloud.in_units(_thinly_decoded(stream)))
     rate = 8 * len(stream) / len(cloud.points)
     return _Try(error + cloud.settings.price * rate, way, stream)
 
