@@ -23,7 +23,7 @@ from puckbench.codecs.pcgcv2.weights import WeightSet, load_weights, save_weight
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.codecs.sparse.convolution import site
 from puckbench.codecs.sparse.crew import crew
-from puckbench.codecs.sparse.layers import largest
+from puckbench.codecs.sparse.layers import kept_children
 from puckbench.codecs.sparse.layout import blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import descended, keys_of_slots, morton_keys, pyramid
 from puckbench.errors import InputError
@@ -67,7 +67,7 @@ def test_joined_layers_give_what_the_modules_give() -> None:
         for scale, keep in enumerate(reversed(found.counts)):
             where = site(parents.neighbours, blocks_layout(), workers)
             children, logits = model.decoder.scale(scale)(features, where)
-            kept = largest(logits.reshape(-1).numpy(), keep)
+            kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]
             parents = descended(parents, kept)

@@ -161,3 +161,10 @@ class LearnedByAlpha(Learned[R]):
         if rate >= len(weights.alphas):
             raise InputError("the stream is damaged (its rate)")
         return weights
+
+
+def dense_halvings(points: Floats, parameters: Mapping[str, Any]) -> int:
+    """How often a rate halves the grid of points (n, 3): until they have the rate's `children`."""
+    from puckbench.codecs.learned.density import halvings_of
+
+    return halvings_of(points, float(parameters.get("children", 1)))

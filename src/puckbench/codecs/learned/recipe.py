@@ -14,8 +14,6 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.codecs.registry import training_class
 from puckbench.errors import InputError
 from puckbench.plugins import load_class
@@ -87,12 +85,14 @@ class TrainingByAlpha(Training):
     """A training for several rates at once.
 
     alphas: weights of the distortion in the loss. widths: features of the network at its strides,
-    multiples of four. thinnest: least share of its voxels that a cube keeps.
+    multiples of four. thinnest: least share of its voxels that a cube keeps. children: of a voxel
+    in the mean; clouds are learned from on each grid that is halved until it has so many.
     """
 
     alphas: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
     widths: tuple[int, ...] = ()
     thinnest: float = 1.0
+    children: tuple[float, ...] = (1.0,)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,9 +102,10 @@ class TrainingByAlpha(Training):
 
     def examples(self, clouds: Sequence[Floats]) -> Examples:
         """Cubes of the voxels of clouds (n, 3)."""
+        from puckbench.codecs.learned.density import on_dense_grids
         from puckbench.codecs.learned.examples import Examples
 
-        voxels = [np.rint(cloud).astype(np.int64) for cloud in clouds]
+        voxels = [v for cloud in clouds for v in on_dense_grids(cloud, self.children)]
         fewest = max(1, _FEWEST * min(self.side, _SIDE) ** 2 // _SIDE**2)
         return Examples(voxels, self.side, self.cubes, fewest, self.thinnest, self.seed)
 

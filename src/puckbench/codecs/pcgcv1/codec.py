@@ -1,7 +1,9 @@
 """The codec PCGCv1: points on the integer grid, coded cube by cube with trained weights.
 
 A rate is the alpha of its weights, the number of voxels per unit (`scale`) and of voxels kept for
-each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it. Cubes with fewer than
+each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it. It may also say how
+many occupied `children` a voxel shall have in the mean: the grid of a thin cloud is halved until it
+has, since the network is made for dense surfaces. Cubes with fewer than
 `min_points` points are no food for the network: their voxels are coded without loss, by the octree
 coder of `gpcc` (`sparse_cubes`); the original drops them.
 """
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.codecs.learned.codec import LearnedByAlpha
+from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
 from puckbench.codecs.pcgcv1.catalogue import NETWORK
 from puckbench.codecs.pcgcv1.stream import Coded, read_stream, write_stream
 from puckbench.errors import InputError
@@ -28,21 +30,32 @@ if TYPE_CHECKING:
 class Pcgcv1(LearnedByAlpha["WeightSet"]):
     """PCGCv1 with its hyper-prior (Wang et al. 2021).
 
-    min_points: of a cube for the network. sparse_cubes: code smaller ones too.
+    min_points: of a cube for the network. sparse_cubes: code smaller ones too. as_published: as the
+    authors' program, leave each grid as it is.
     """
 
     version = "PCGCv1, stream version 1"
     network = NETWORK
 
-    def __init__(self, *, min_points: int = 20, sparse_cubes: bool = True, **entry: Any) -> None:
+    def __init__(
+        self,
+        *,
+        min_points: int = 20,
+        sparse_cubes: bool = True,
+        as_published: bool = False,
+        **entry: Any,
+    ) -> None:
         super().__init__(**entry)
         self.min_points, self.sparse_cubes = min_points, sparse_cubes
+        self.as_published = as_published
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
             raise InputError("coordinates exceed 30-bit integers")
-        return self._written(self._coder(parameters).encode(points))
+        scaled = points * float(parameters.get("scale", 1))
+        halved = 0 if self.as_published else dense_halvings(scaled, parameters)
+        return self._written(self._coder(parameters, halved).encode(points))
 
     def _written(self, coded: Coded) -> bytes:
         if not coded.cubes and not coded.sparse:
@@ -57,14 +70,14 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         coded = read_stream(stream)
         return Decoder(self._of_rate(coded.digest, coded.rate), self.threads).decode(coded)
 
-    def _coder(self, parameters: Mapping[str, Any]) -> Coder:
+    def _coder(self, parameters: Mapping[str, Any], halvings: int) -> Coder:
         from puckbench.codecs.pcgcv1.coder import Coder
 
         weights, rate = self._numbered(parameters)
         return Coder(
             weights,
             rate,
-            scale=float(parameters.get("scale", 1)),
+            scale=float(parameters.get("scale", 1)) / 2**halvings,
             rho=float(parameters.get("rho", 1)),
             min_points=self.min_points,
             sparse_cubes=self.sparse_cubes,

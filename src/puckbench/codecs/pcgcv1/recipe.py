@@ -21,12 +21,15 @@ _STRIDE = 8
 class Training(TrainingByAlpha):
     """A training of PCGCv1. widths: at strides 1, 2 and 4.
 
-    Cubes may be smaller than those that the codec cuts, since the network is convolutional.
+    Cubes may be smaller than those that the codec cuts, since the network is convolutional. eased:
+    share of the steps over which the bits' weight in the loss grows to one: a network that is
+    charged for its latent before it has a use for it learns to do without.
     """
 
     cubes: int = 2
     alphas: tuple[float, ...] = (0.75, 2.0, 3.5, 6.0, 10.0)
     widths: tuple[int, int, int] = (16, 32, 64)
+    eased: float = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,11 +43,13 @@ class Training(TrainingByAlpha):
 
         from puckbench.codecs.learned.gains import spread_gains
         from puckbench.codecs.learned.training import on_device
+        from puckbench.codecs.pcgcv1.first import level
         from puckbench.codecs.pcgcv1.model import PCGCv1, Shape
         from puckbench.codecs.pcgcv1.training import Trainer
 
         torch.manual_seed(self.seed)
         model = PCGCv1(Shape(widths=self.widths, rates=len(self.alphas)))
+        level(model, self.side)
         spread_gains(model, self.alphas)
         yield Trainer(on_device(model), self)
 

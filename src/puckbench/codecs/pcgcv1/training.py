@@ -3,7 +3,8 @@
 The loss of cubes at a rate is ``alpha * (beta * cross entropy of empty voxels + cross entropy of
 occupied ones) + bits per point of the latent and of the hyper-latent``, each cross entropy the mean
 over its voxels, in nats, as the original has it; divided by the square root of alpha so that no
-rate outweighs the others where they share weights. While training, rounding is uniform noise.
+rate outweighs the others where they share weights. While training, rounding is uniform noise, and
+at first the bits count little.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from puckbench.codecs.learned.gains import parameter_groups
-from puckbench.codecs.learned.recipe import TrainingByAlpha
 from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv1.laplace import likelihood
 from puckbench.codecs.pcgcv1.model import PCGCv1
+from puckbench.codecs.pcgcv1.recipe import Training
 from puckbench.codecs.sparse.voxels import Keys, morton_voxels
 
 BETA = 3.0
+_LEAST_PRICE = 0.01
 
 
 class Loss(NamedTuple):
@@ -43,9 +45,12 @@ class Loss(NamedTuple):
 
 def loss_of(
     model: PCGCv1, cubes: Tensor, rate: int, alpha: float, noise: torch.Generator,
-    beta: float = BETA,
+    beta: float = BETA, price: float = 1.0,
 ) -> Loss:  # fmt: skip
-    """The loss at a rate of cubes (n, 1, side, side, side) of zeros and ones, not all empty."""
+    """The loss at a rate of cubes (n, 1, side, side, side) of zeros and ones, not all empty.
+
+    price: weight of the bits.
+    """
     latent = model.analysis(cubes) * model.gain(rate)
     hyper = _noisy(model.hyper_encoder(latent), noise)
     noisy = _noisy(latent, noise)
@@ -55,7 +60,7 @@ def loss_of(
     bpp, hyper_bpp = -masses.log2().sum() / points, -hyper_masses.log2().sum() / points
     logits, full = model.synthesis(noisy / model.gain(rate)), cubes > 0
     empty, occupied = softplus(logits[~full]).mean(), softplus(-logits[full]).mean()
-    total = (alpha * (beta * empty + occupied) + bpp + hyper_bpp) / math.sqrt(alpha)
+    total = (alpha * (beta * empty + occupied) + price * (bpp + hyper_bpp)) / math.sqrt(alpha)
     return Loss(total, empty, occupied, bpp, hyper_bpp)
 
 
@@ -74,9 +79,9 @@ def dense(clouds: Sequence[Keys], side: int) -> Tensor:
 class Trainer(AnyTrainer[PCGCv1, Loss]):
     """PCGCv1 in training, at all its rates in turn."""
 
-    training: TrainingByAlpha
+    training: Training
 
-    def __init__(self, model: PCGCv1, training: TrainingByAlpha) -> None:
+    def __init__(self, model: PCGCv1, training: Training) -> None:
         # the layout in which a processor's convolutions are fast, forwards and backwards
         laid = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
         super().__init__(laid, training, parameter_groups(model))
@@ -86,9 +91,15 @@ class Trainer(AnyTrainer[PCGCv1, Loss]):
         cubes = dense(clouds, self.training.side).to(self.model.log_gains.device)
         rate = int(torch.randint(len(self.training.alphas), (1,), generator=self.noise))
         laid = cubes.to(memory_format=torch.channels_last_3d)
-        loss = loss_of(self.model, laid, rate, self.training.alphas[rate], self.noise)
+        alpha = self.training.alphas[rate]
+        loss = loss_of(self.model, laid, rate, alpha, self.noise, price=self.price())
         self.descend(loss.total)
         return Loss(*(value.detach() for value in loss))
+
+    def price(self) -> float:
+        """The weight of the bits, from a hundredth to one."""
+        eased = self.training.eased * self.training.steps
+        return float(_LEAST_PRICE ** max(0.0, 1 - self.done / eased))
 
     def row(self, loss: Loss) -> dict[str, float]:
         """The loss and its parts."""

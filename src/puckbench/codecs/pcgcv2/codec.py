@@ -1,7 +1,9 @@
 """The codec PCGCv2: points on the integer grid, coded with trained weights.
 
-Points are rounded to voxels of size one and equal voxels merged, as the thesis ran it on clouds
-scaled to [0, 1023]. The network is made for dense surfaces.
+Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces: a rate
+may say how many occupied `children` a voxel shall have in the mean, and the grid of a thin cloud is
+halved until it has; without it voxels have size one, as the thesis ran the codec on clouds scaled
+to [0, 1023].
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.codecs.learned.codec import LearnedByAlpha
+from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
 from puckbench.codecs.pcgcv2.catalogue import NETWORK
 from puckbench.codecs.pcgcv2.stream import Coded, read_stream, write_coded, write_few
 from puckbench.errors import InputError
@@ -27,25 +29,36 @@ _FEW = 64
 
 
 class Pcgcv2(LearnedByAlpha["WeightSet"]):
-    """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept."""
+    """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept.
 
-    version = "PCGCv2, stream version 1"
+    as_published: as the authors' program, leave each grid as it is, and let the likeliest voxels be
+    kept wherever they are: those of thin parts then vanish.
+    """
+
+    version = "PCGCv2, stream version 2"
     network = NETWORK
     grid = 1.0
+
+    def __init__(self, *, as_published: bool = False, **entry: Any) -> None:
+        super().__init__(**entry)
+        self.as_published = as_published
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         if len(points) <= _FEW:
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        return write_coded(self._coder(parameters).encode(np.rint(points).astype(np.int64)))
+        halved = 0 if self.as_published else dense_halvings(points, parameters)
+        voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
+        return write_coded(self._coder(parameters).encode(voxels, halved))
 
     def _coder(self, parameters: Mapping[str, Any]) -> Coder:
         from puckbench.codecs.pcgcv2.coder import Coder
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        return Coder(weights, rate, rho=rho, threads=self.threads)
+        families = not self.as_published
+        return Coder(weights, rate, rho=rho, threads=self.threads, families=families)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.pcgcv2.coder import Coder

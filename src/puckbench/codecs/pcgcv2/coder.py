@@ -28,7 +28,8 @@ class Coder:
     """Codes voxels at one rate of a set of weights.
 
     rho: share of the occupied voxels that the decoder keeps at the last scale. most_voxels: of a
-    block. threads: as many as PyTorch would use by default.
+    block. threads: as many as PyTorch would use by default. families: every voxel keeps its
+    likeliest child at least; in the original it may lose all of them.
     """
 
     weights: WeightSet
@@ -36,9 +37,13 @@ class Coder:
     rho: float = 1.0
     most_voxels: int = MOST_VOXELS
     threads: int | None = None
+    families: bool = True
 
-    def encode(self, voxels: Voxels) -> Coded:
-        """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much."""
+    def encode(self, voxels: Voxels, halvings: int = 0) -> Coded:
+        """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much.
+
+        halvings: of the grid that they are on, for the decoder to know.
+        """
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
@@ -48,14 +53,15 @@ class Coder:
                 self._encode_block(part, workers) for part in split(keys, self.most_voxels)
             )
         x, y, z = origin.tolist()
-        return Coded(self.weights.digest, self.rate, (x, y, z), blocks)
+        digest = self.weights.digest
+        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.families)
 
     def decode(self, coded: Coded) -> Voxels:
         """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
-            parts = [self._decode_block(block, workers) for block in coded.blocks]
+            parts = [self._decode_block(block, coded.families, workers) for block in coded.blocks]
         voxels: Voxels = np.vstack(parts) + np.array(coded.origin)
-        return voxels
+        return voxels << coded.halvings
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
         found = analyse(self.weights.model, keys, workers)
@@ -65,12 +71,12 @@ class Coder:
         coordinates = encode_voxels(morton_voxels(found.coarse))
         return Block(counts, coordinates, encode_latent(latent, self._tables()))
 
-    def _decode_block(self, block: Block, workers: Crew) -> Voxels:
+    def _decode_block(self, block: Block, families: bool, workers: Crew) -> Voxels:
         coarse = _coarse_keys(block)
         latent = decode_latent(block.features, len(coarse), self._tables())
         features = latent.astype(np.float32) / self._gain()
-        keys = synthesise(self.weights.model, features, coarse, block.counts[:3], workers)
-        return morton_voxels(keys)
+        network, counts = self.weights.model, block.counts[:3]
+        return morton_voxels(synthesise(network, features, coarse, counts, workers, families))
 
     def _tables(self) -> tuple[Table, ...]:
         return self.weights.tables[self.rate]

@@ -13,7 +13,7 @@ from torch import Tensor
 from puckbench.codecs.pcgcv2.model import SCALES, InceptionResidual, PCGCv2
 from puckbench.codecs.sparse.convolution import Products, Site, accumulate, products_of, site
 from puckbench.codecs.sparse.crew import Crew, Scratch
-from puckbench.codecs.sparse.layers import Convolution, Down, Up
+from puckbench.codecs.sparse.layers import Convolution, Down, Up, kept_children
 from puckbench.codecs.sparse.layout import Layout, blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import (
     CENTRE,
@@ -203,18 +203,23 @@ def _lowered(features: Tensor, down: Down, families: Families, crew: Crew) -> Te
 
 
 def synthesise(
-    model: PCGCv2, latent: NDArray[np.float32], coarse: Keys, counts: Sequence[int], crew: Crew
+    model: PCGCv2,
+    latent: NDArray[np.float32],
+    coarse: Keys,
+    counts: Sequence[int],
+    crew: Crew,
+    families: bool = True,
 ) -> Keys:
     """Keys of the decoded voxels, counts[0] of them, from the latent (m, channels) at stride 8.
 
-    counts: voxels to keep at strides 1, 2 and 4.
+    counts: voxels to keep at strides 1, 2 and 4. families: every voxel keeps a child if it can.
     """
     sets, _ = pyramid(coarse, 0, crew)
     parents, features = sets[0], torch.from_numpy(latent)
     _reserve(model, (len(coarse), *counts[:0:-1]), crew)
     for scale, keep in enumerate(reversed(counts)):
         children, logits = _decoder_scale(model, scale, features, parents, crew)
-        kept = model.kept(logits.numpy(), keep)
+        kept = kept_children(logits.numpy(), keep, families)
         if scale + 1 < SCALES:
             features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
             parents = descended(parents, kept, crew)

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from puckbench.codecs.learned.gains import Gained
 from puckbench.codecs.sparse.convolution import Site
-from puckbench.codecs.sparse.layers import Convolution, Down, Pointwise, Up, largest, likeliest
+from puckbench.codecs.sparse.layers import Convolution, Down, Pointwise, Up
 from puckbench.codecs.sparse.voxels import Families
 
 SCALES = 3
@@ -30,14 +28,12 @@ class Shape:
 
     widths: features at strides 1, 2, 4 and 8 of the encoder; the decoder's, at strides 4, 2 and 1,
     are the middle ones backwards. latent: features coded. blocks: at each scale. rates: gains.
-    families: each voxel keeps its likeliest child at least; the original's may lose all of them.
     """
 
     widths: tuple[int, int, int, int] = (16, 32, 64, 32)
     latent: int = 8
     blocks: int = 3
     rates: int = 1
-    families: bool = False
 
 
 class InceptionResidual(nn.Module):
@@ -159,9 +155,3 @@ class PCGCv2(Gained):
         self.encoder = Encoder(shape)
         self.decoder = Decoder(shape)
         self.add_rates(shape, shape.latent)
-
-    def kept(self, logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-        """Slots, ascending, of the `count` children to keep by their logits (m, 8)."""
-        if self.shape.families:
-            return likeliest(logits, count)
-        return largest(logits.reshape(-1), count)

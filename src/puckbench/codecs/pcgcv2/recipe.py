@@ -32,7 +32,7 @@ class Training(TrainingByAlpha):
         from puckbench.codecs.sparse.crew import crew
 
         torch.manual_seed(self.seed)
-        model = PCGCv2(Shape(widths=self.widths, rates=len(self.alphas), families=True))
+        model = PCGCv2(Shape(widths=self.widths, rates=len(self.alphas)))
         spread_gains(model, self.alphas)
         with crew() as workers:
             yield Trainer(on_device(model), self, workers)

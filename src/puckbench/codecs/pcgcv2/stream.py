@@ -2,9 +2,10 @@
 
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), number of the rate among theirs, origin (3 int32),
-    number of blocks; each block: voxels at strides 1, 2, 4 and 8 (4 uint32), bytes of
-    coordinates and of features (2 uint32), the coordinates, the features
+kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
+    whether families are kept, origin (3 int32), number of blocks; each block: voxels at strides
+    1, 2, 4 and 8 (4 uint32), bytes of coordinates and of features (2 uint32), the coordinates,
+    the features
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from puckbench.cloud import Floats
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
-VERSION = 1
+VERSION = 2
+MOST_HALVINGS = 20
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
 _FEW, _NETWORK = 0, 1
 _START = struct.Struct("<4sBBI")
-_HEADER = struct.Struct("<8sB3iH")
+_HEADER = struct.Struct("<8sBBB3iH")
 _BLOCK = struct.Struct("<6I")
 _MOST_BLOCKS = 2**16 - 1
 
@@ -40,12 +42,18 @@ class Block:
 
 @dataclass(frozen=True)
 class Coded:
-    """A cloud coded by a network. origin: voxel that is subtracted from all others."""
+    """A cloud coded by a network.
+
+    origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
+    families: each voxel keeps its likeliest child at least.
+    """
 
     digest: bytes
     rate: int
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
+    halvings: int = 0
+    families: bool = True
 
 
 def write_few(points: Floats) -> bytes:
@@ -57,7 +65,8 @@ def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when it has too many blocks."""
     if len(coded.blocks) > _MOST_BLOCKS:
         raise InputError("the cloud is too large for one stream")
-    parts = [_HEADER.pack(coded.digest, coded.rate, *coded.origin, len(coded.blocks))]
+    rules = (coded.rate, coded.halvings, coded.families)
+    parts = [_HEADER.pack(coded.digest, *rules, *coded.origin, len(coded.blocks))]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.features))
         parts += [_BLOCK.pack(*block.counts, *sizes), block.coordinates, block.features]
@@ -96,7 +105,9 @@ def _read_few(body: bytes) -> Floats:
 def _read_coded(body: bytes) -> Coded:
     if len(body) < _HEADER.size:
         raise InputError("the stream is truncated")
-    digest, rate, *origin, count = _HEADER.unpack_from(body)
+    digest, rate, halvings, families, *origin, count = _HEADER.unpack_from(body)
+    if halvings > MOST_HALVINGS or families > 1:
+        raise InputError("the stream is damaged (its header)")
     blocks, at = [], _HEADER.size
     for _ in range(count):
         block, at = _read_block(body, at)
@@ -105,7 +116,8 @@ def _read_coded(body: bytes) -> Coded:
         raise InputError("the stream is damaged (its length)")
     if sum(block.counts[0] for block in blocks) > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
-    return Coded(digest, rate, (origin[0], origin[1], origin[2]), tuple(blocks))
+    x, y, z = origin
+    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, bool(families))
 
 
 def _most_voxels(body: bytes) -> int:

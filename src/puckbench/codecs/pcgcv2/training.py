@@ -25,6 +25,7 @@ from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv2.model import SCALES, PCGCv2
 from puckbench.codecs.sparse.convolution import site
 from puckbench.codecs.sparse.crew import Crew
+from puckbench.codecs.sparse.layers import kept_children
 from puckbench.codecs.sparse.layout import blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import CHILDREN, Keys, Voxels, descended, keys_of_slots, pyramid
 
@@ -67,7 +68,7 @@ def _entropies(model: PCGCv2, features: Tensor, sets: list[Voxels], crew: Crew) 
         target = torch.from_numpy(occupied).to(logits)
         entropies.append(binary_cross_entropy_with_logits(logits.reshape(-1), target) / math.log(2))
         if scale + 1 < SCALES:
-            chosen = model.kept(logits.detach().cpu().numpy(), len(truth))
+            chosen = kept_children(logits.detach().cpu().numpy(), len(truth))
             kept = np.union1d(chosen, np.flatnonzero(occupied))
             features = children.flatten(0, 1)[torch.from_numpy(kept).to(features.device)]
             parents = descended(parents, kept, crew)

@@ -86,6 +86,16 @@ def largest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
     return np.flatnonzero(chosen)
 
 
+def kept_children(
+    logits: NDArray[np.float32], count: int, families: bool = True
+) -> NDArray[np.int64]:
+    """Slots, ascending, of the `count` children to keep by their logits (m, 8).
+
+    families: every parent keeps its likeliest child; otherwise it may lose all of them.
+    """
+    return likeliest(logits, count) if families else largest(logits.reshape(-1), count)
+
+
 def likeliest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
     """Slots of `count` children by their logits (m, 8), ascending; every parent has one if it can.
 

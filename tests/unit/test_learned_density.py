@@ -1,0 +1,92 @@
+"""How often a thin cloud's grid is halved, on planes whose density is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from learned_codecs import RATES, changes, save_tiny
+
+from puckbench.codecs.learned.density import halvings, halvings_of, on_dense_grids
+from puckbench.codecs.registry import open_codec
+from puckbench.codecs.sparse.voxels import distinct, morton_keys
+from puckbench.errors import InputError
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _plane(step: int = 1, side: int = 128) -> np.ndarray:
+    """Points every `step` voxels in a plane."""
+    axis = np.arange(0.0, side, step)
+    x, y = np.meshgrid(axis, axis)
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+
+
+@pytest.mark.parametrize(("step", "halved"), [(1, 0), (2, 1), (4, 2), (8, 3)])
+def test_a_grid_is_halved_until_a_surface_is_dense_on_it(step: int, halved: int) -> None:
+    assert halvings_of(_plane(step) - 1000, 4) == halved
+    assert halvings_of(_plane(step), 1) == 0
+
+
+def test_every_second_voxel_at_random_leaves_half_the_children() -> None:
+    plane = _plane()
+    kept = plane[np.random.default_rng(0).random(len(plane)) < 0.5]  # 2.13 of each four in the mean
+    assert [halvings_of(kept, children) for children in (1.8, 2.4, 3.7)] == [0, 1, 1]
+
+
+@pytest.mark.parametrize(
+    "points",
+    [np.zeros((1, 3)), np.arange(300.0).reshape(-1, 1) * [8, 0, 0], _plane(64)],
+    ids=["one point", "a thin line", "few points"],
+)
+def test_what_is_never_dense_is_left_as_it_is(points: np.ndarray) -> None:
+    assert halvings_of(points, 3) == 0
+
+
+def test_clouds_too_wide_for_keys_are_left_as_they_are() -> None:
+    assert halvings_of(np.vstack([_plane(2), [[2.0**21, 0, 0]]]), 3) == 0
+
+
+def test_keys_and_points_agree() -> None:
+    keys = distinct(morton_keys(_plane(4).astype(np.int64)))
+    assert halvings(keys, 3) == halvings_of(_plane(4), 3) == 2
+
+
+def test_networks_learn_from_each_grid_that_is_asked_for_once() -> None:
+    kept = _plane()[np.random.default_rng(0).random(128**2) < 0.5]
+    grids = on_dense_grids(kept, (1.8, 2.4, 3.7))
+    assert [len(grid) for grid in grids] == [len(kept), len(np.unique(np.rint(kept / 2), axis=0))]
+
+
+@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
+    name: str, tmp_path: Path
+) -> None:
+    save_tiny(name, tmp_path / "tiny.pcgw")
+    rates = {rate: {**values, "children": 3} for rate, values in RATES[name].items()}
+    entry = {**changes(name, tmp_path), "rates": rates}
+    codec, points = open_codec(name, entry), _plane(2)
+    decoded = codec.decode(codec.encode(points, "r2"))
+    assert np.array_equal(np.unique(decoded % 2), [0])
+    assert len(decoded) == len(points)
+    published = open_codec(name, {**entry, "options": {**entry["options"], "as_published": True}})
+    stream = published.encode(points, "r2")
+    assert set(np.unique(published.decode(stream) % 2)) == {0, 1}
+    assert np.array_equal(codec.decode(stream), published.decode(stream))  # the stream says how
+
+
+def test_a_stream_says_whether_families_are_kept(tmp_path: Path) -> None:
+    save_tiny("pcgcv2", tmp_path / "tiny.pcgw")
+    codec = open_codec("pcgcv2", changes("pcgcv2", tmp_path))
+    published = open_codec("pcgcv2", changes("pcgcv2", tmp_path, as_published=True))
+    points = _plane(4)
+    families, losing = (codec.decode(each.encode(points, "r2")) for each in (codec, published))
+    coarse = [len(np.unique(found // 4, axis=0)) for found in (families, losing)]
+    assert coarse[0] > coarse[1]
+
+
+def test_impossible_halvings_are_refused() -> None:
+    from puckbench.codecs.pcgcv2.stream import Block, Coded, read_stream, write_coded
+
+    coded = Coded(b"12345678", 1, (0, 0, 0), (Block((30, 8, 2, 1), b"", b""),), halvings=40)
+    with pytest.raises(InputError, match="header"):
+        read_stream(write_coded(coded))
