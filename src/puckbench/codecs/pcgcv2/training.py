@@ -3,8 +3,8 @@
 The loss of a cloud at a rate is ``alpha * sum over 3 scales of the mean binary cross entropy, in
 bits, of its candidate voxels + bits of the latent per point``, divided by the square root of alpha
 so that no rate outweighs the others where they share weights. The authors add the scales up as they
-are; here they weigh as the squares of their voxels' sides, as D1 takes errors, since a voxel missed
-at stride 4 cannot be mended at stride 1. While training, rounding is uniform
+are; here they weigh as the sides of their voxels, since a voxel missed at stride 4 cannot be mended
+at stride 1. While training, rounding is uniform
 noise and the true voxels are kept at each scale beside those that the network chose.
 """
 
@@ -31,7 +31,7 @@ from puckbench.codecs.sparse.layers import kept_children
 from puckbench.codecs.sparse.layout import blocks_layout, rows_layout
 from puckbench.codecs.sparse.voxels import CHILDREN, Keys, Voxels, descended, keys_of_slots, pyramid
 
-WEIGHTS = tuple(SCALES * square / 21 for square in (16.0, 4.0, 1.0))
+WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 """Of the scales in the loss; together as much as the authors'."""
 
 
