@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import importlib.util
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,7 @@ _REGISTRIES = {"REGISTRY", "FIGURES"}
 def code_version(*modules: str) -> str:
     """Fingerprint (16 hexadecimal digits) of `modules` and of all that they import.
 
-    A module is a dotted name within puckbench or the path of a Python file.
+    A module is a dotted name, within puckbench or of another package, or the path of a Python file.
     """
     found: dict[str, str] = {}
     for module in modules:
@@ -52,16 +53,20 @@ def _collect(module: str, found: dict[str, str]) -> None:
         return
     digest, imported = _read(source)
     found[module] = digest
-    package = module.rpartition(".")[0] if not module.endswith(".py") else ""
+    is_ours = _ours(module) and not module.endswith(".py")
+    package = module.rpartition(".")[0] if is_ours else ""
     for name in (*imported, *([package] if package else [])):
         _collect(name, found)
 
 
 @cache
 def _source(module: str) -> Path | None:
-    """File of a module, found without importing anything; None for a name within a module."""
+    """File of a module, found without importing any of ours; None for a name within a module."""
     if module.endswith(".py"):
         return Path(module)
+    if not _ours(module):
+        found = importlib.util.find_spec(module)
+        return Path(found.origin) if found and (found.origin or "").endswith(".py") else None
     base = _ROOT.joinpath(*module.split(".")[1:])
     files = (base.with_suffix(".py"), base / "__init__.py")
     return next((file for file in files if file.is_file()), None)

@@ -226,10 +226,14 @@ def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePla
 
 
 def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
-    """Files of a codec's weights; none for a codec without, or where the option is empty."""
-    where = codecs.entry(name, changes)["options"].get("weights")
-    if where is None or not codecs.has_weights(name, changes):
+    """Files of a codec's weights; none for a codec without. InputError names those missing."""
+    if not codecs.has_weights(name, changes):
         return []
+    where = codecs.entry(name, changes)["options"].get("weights")
+    if where is None:
+        raise InputError(
+            f"codecs.{name}: no weights are shipped for it; its options must name some"
+        )
     try:
         return weights_files(where)
     except InputError as error:
