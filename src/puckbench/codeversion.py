@@ -66,7 +66,8 @@ def _source(module: str) -> Path | None:
         return Path(module)
     if not _ours(module):
         found = importlib.util.find_spec(module)
-        return Path(found.origin) if found and (found.origin or "").endswith(".py") else None
+        origin = found.origin if found else None
+        return Path(origin) if origin and origin.endswith(".py") else None
     base = _ROOT.joinpath(*module.split(".")[1:])
     files = (base.with_suffix(".py"), base / "__init__.py")
     return next((file for file in files if file.is_file()), None)

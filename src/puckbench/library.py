@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from puckbench.cli.evaluate import measures
+from puckbench.cli.evaluate import measures, peak_of
 from puckbench.cloud import PointCloud, read_cloud
 from puckbench.codecs.codec import Codec
 from puckbench.codecs.measure import measured
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["Codec", "InputError", "PointCloud", "compare", "open_codec", "prepare", "read_cloud"]
 
 
-def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointCloud:
-    """See `puckbench.prepare.preparation.prepare`: normals, and scaling to [0, size - 1]."""
+def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
+    """See `puckbench.prepare.preparation.prepare`: normals, scaling to [0, size - 1]."""
     from puckbench.prepare import preparation
 
     return preparation.prepare(cloud, size, neighbours)
@@ -58,5 +58,5 @@ def _row(cloud: PointCloud, codec: Codec, rate: str, repeats: int) -> dict[str, 
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
         **decoded.costs("decode"),
-        **measures(cloud, decoded.result, float(cloud.about.get("size") or 1024) - 1),
+        **measures(cloud, decoded.result, peak_of(cloud)),
     }

@@ -18,6 +18,7 @@ from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet, has_primitives
 from puckbench.errors import InputError
+from puckbench.prepare.scaling import GRID
 from puckbench.scenes.calibration import CALIBRATIONS
 from puckbench.sensor import load_sensor, open_error_model, open_sweep
 
@@ -203,6 +204,10 @@ class Plan:
             known = ", ".join(self.scenes)
             raise InputError(
                 f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
+            )
+        if value["size"] == GRID and value["make"] != "cloud":
+            raise InputError(
+                f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
             )
         seed = value.get("seed", self.config["seed"])
         points = _points(f"datasets.{name}", value)

@@ -63,17 +63,20 @@ def _rates(name: str, shipped: Entry | str, wanted: Any) -> dict[str, Any]:
     """The rates wanted of those shipped, or of those that the class named instead has."""
     if isinstance(wanted, Mapping):
         return dict(wanted)
-    if isinstance(shipped, str):
-        shipped = load_class(shipped, f"codec {name}").rates
-        if not shipped:
-            raise InputError(f"codec {name}: neither its entry nor its class names rates")
+    known = _rates_of(name, shipped) if isinstance(shipped, str) else shipped
     if wanted is None:
-        return dict(shipped)
-    unknown = [rate for rate in wanted if rate not in shipped]
+        return dict(known)
+    unknown = [rate for rate in wanted if rate not in known]
     if unknown:
-        known = ", ".join(shipped)
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {known})")
-    return {rate: values for rate, values in shipped.items() if rate in wanted}
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {', '.join(known)})")
+    return {rate: values for rate, values in known.items() if rate in wanted}
+
+
+def _rates_of(name: str, class_name: str) -> Entry:
+    rates: Entry = load_class(class_name, f"codec {name}").rates
+    if not rates:
+        raise InputError(f"codec {name}: neither its entry nor its class names rates")
+    return rates
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
