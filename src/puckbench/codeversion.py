@@ -2,7 +2,8 @@
 
 The fingerprint covers a module and every puckbench module that it imports, directly or not,
 by their syntax trees without docstrings: an edited comment re-makes nothing. Registries are left
-out: a new entry changes nothing that is made with the others.
+out: a new entry changes nothing that is made with the others. A module's numbers in a YAML file of
+its name count as they stand.
 """
 
 from __future__ import annotations
@@ -80,7 +81,9 @@ def _read(source: Path) -> tuple[str, tuple[str, ...]]:
     tree.body = [node for node in tree.body if not _is_registry(node)]
     for node in ast.walk(tree):
         _drop_docstring(node)
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imported
+    numbers = source.with_suffix(".yaml")
+    data = numbers.read_bytes() if numbers.is_file() else b""
+    return hashlib.sha256(ast.dump(tree).encode() + data).hexdigest(), imported
 
 
 def _is_registry(node: ast.stmt) -> bool:

@@ -29,6 +29,13 @@ def test_code_counts(tmp_path: Path) -> None:
     assert _version(path, "x = 1\n") != _version(path, "x = 2\n")
 
 
+def test_numbers_beside_a_module_count(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    alone = _version(path, "x = 1\n")
+    path.with_suffix(".yaml").write_text("b: 1\n")
+    assert _version(path, "x = 1\n") != alone
+
+
 def test_a_module_of_another_package_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
