@@ -440,15 +440,11 @@ def _example(name: str, plan: Plan) -> str:
     return str(plan.results / "clouds" / dataset / f"{cloud}.ply")
 
 
-def run_jobs_with(source: str | None) -> None:
-    """Let jobs find this Python first (a conda environment comes before it) and our `source`.
-
-    source: folder of the package beside the workflow; None where the installed one serves.
-    """
+def run_jobs_with(source: str) -> None:
+    """Let jobs find this Python first (a conda environment comes before it) and our `source`."""
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
-        paths = dict.fromkeys(filter(None, [first, *os.environ.get(name, "").split(os.pathsep)]))
-        if paths:
-            os.environ[name] = os.pathsep.join(paths)
+        paths = [first, *os.environ.get(name, "").split(os.pathsep)]
+        os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
 
 
 def hold_results(results: Path) -> None:

@@ -18,7 +18,7 @@ from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
 from puckbench.workflow import Workflow, hold_results, run_jobs_with
 
-run_jobs_with(str(SOURCE) if SOURCE.is_dir() else None)
+run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
 
