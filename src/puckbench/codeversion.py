@@ -2,13 +2,15 @@
 
 The fingerprint covers a module and every puckbench module that it imports, directly or not,
 by their syntax trees without docstrings: an edited comment re-makes nothing. Registries are left
-out: a new entry changes nothing that is made with the others.
+out: a new entry changes nothing that is made with the others. A module's numbers in a YAML file of
+its name count as they stand.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import importlib.util
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -22,7 +24,7 @@ _REGISTRIES = {"REGISTRY", "FIGURES"}
 def code_version(*modules: str) -> str:
     """Fingerprint (16 hexadecimal digits) of `modules` and of all that they import.
 
-    A module is a dotted name within puckbench or the path of a Python file.
+    A module is a dotted name, within puckbench or of another package, or the path of a Python file.
     """
     found: dict[str, str] = {}
     for module in modules:
@@ -52,16 +54,21 @@ def _collect(module: str, found: dict[str, str]) -> None:
         return
     digest, imported = _read(source)
     found[module] = digest
-    package = module.rpartition(".")[0] if not module.endswith(".py") else ""
+    is_ours = _ours(module) and not module.endswith(".py")
+    package = module.rpartition(".")[0] if is_ours else ""
     for name in (*imported, *([package] if package else [])):
         _collect(name, found)
 
 
 @cache
 def _source(module: str) -> Path | None:
-    """File of a module, found without importing anything; None for a name within a module."""
+    """File of a module, found without importing any of ours; None for a name within a module."""
     if module.endswith(".py"):
         return Path(module)
+    if not _ours(module):
+        found = importlib.util.find_spec(module)
+        origin = found.origin if found else None
+        return Path(origin) if origin and origin.endswith(".py") else None
     base = _ROOT.joinpath(*module.split(".")[1:])
     files = (base.with_suffix(".py"), base / "__init__.py")
     return next((file for file in files if file.is_file()), None)
@@ -74,7 +81,9 @@ def _read(source: Path) -> tuple[str, tuple[str, ...]]:
     tree.body = [node for node in tree.body if not _is_registry(node)]
     for node in ast.walk(tree):
         _drop_docstring(node)
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imported
+    numbers = source.with_suffix(".yaml")
+    data = numbers.read_bytes() if numbers.is_file() else b""
+    return hashlib.sha256(ast.dump(tree).encode() + data).hexdigest(), imported
 
 
 def _is_registry(node: ast.stmt) -> bool:

@@ -18,6 +18,7 @@ from puckbench.config import Config
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet, has_primitives
 from puckbench.errors import InputError
+from puckbench.prepare.scaling import GRID
 from puckbench.scenes.calibration import CALIBRATIONS
 from puckbench.sensor import load_sensor, open_error_model, open_sweep
 
@@ -204,6 +205,10 @@ class Plan:
             raise InputError(
                 f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
             )
+        if value["size"] == GRID and value["make"] != "cloud":
+            raise InputError(
+                f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
+            )
         seed = value.get("seed", self.config["seed"])
         points = _points(f"datasets.{name}", value)
         return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, dict(value))
@@ -226,10 +231,14 @@ def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePla
 
 
 def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
-    """Files of a codec's weights; none for a codec without, or where the option is empty."""
-    where = codecs.entry(name, changes)["options"].get("weights")
-    if where is None or not codecs.has_weights(name, changes):
+    """Files of a codec's weights; none for a codec without. InputError names those missing."""
+    if not codecs.has_weights(name, changes):
         return []
+    where = codecs.entry(name, changes)["options"].get("weights")
+    if where is None:
+        raise InputError(
+            f"codecs.{name}: no weights are shipped for it; its options must name some"
+        )
     try:
         return weights_files(where)
     except InputError as error:

@@ -32,6 +32,7 @@ from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.files import sha256, unreadable
 from puckbench.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
+from puckbench.prepare.scaling import GRID
 from puckbench.report.assets import assets_version
 from puckbench.report.contents import Contents
 from puckbench.report.planned import planned_contents
@@ -44,6 +45,8 @@ WALL_POINTS = 40_000
 """Points of a surface at a distance that the study's figures of scans are drawn from."""
 _BYTES_PER_POINT = 1_000
 """Generous estimate of a job's memory for each point that it handles."""
+_BYTES_PER_PIXEL = 100
+"""Of the six pictures' width times height, one at a time: 305 MB were measured at 1920 pixels."""
 _BYTES_PER_TRAINING_POINT = 50
 """Of a training, which keeps nothing of a point but its coordinates."""
 
@@ -102,7 +105,8 @@ class Workflow:
             "--height": str(plan.settings["height_m"]),
             "--seed": str(plan.seed),
         }
-        return shlex.join(word for pair in values.items() for word in pair)
+        anywhere = ["--anywhere"] if plan.settings["anywhere"] else []
+        return shlex.join([*(word for pair in values.items() for word in pair), *anywhere])
 
     def scan_code(self, dataset: str) -> str:
         """Fingerprint of the scanner, its sensor, its error model and its trajectory's file."""
@@ -196,9 +200,10 @@ class Workflow:
     @cache  # noqa: B019
     def _measured_arguments(self, dataset: str, codec: str, rate: str) -> str:
         settings = self.dataset(dataset).settings
-        peak, views = str(settings["size"] - 1), str(settings["views"])
         words = ["--dataset", dataset, "--codec", codec, "--entry", self.codec_entry(codec, rate)]
-        words += ["--peak", peak, "--views", views, *self._timing_arguments()]
+        if settings["size"] != GRID:
+            words += ["--peak", str(settings["size"] - 1)]
+        words += ["--views", str(settings["views"]), *self._timing_arguments()]
         return shlex.join(words)
 
     def _timing_arguments(self) -> list[str]:
@@ -226,11 +231,13 @@ class Workflow:
 
     @property
     def cell_memory_mb(self) -> int:
-        """The same of a job for one cloud, codec and rate, whatever the cloud.
+        """The same of a job for one cloud, codec and rate, whatever the cloud, and its pictures.
 
         One number for all, since a function for each of very many jobs would cost planning more.
         """
-        return max(map(self.memory_mb, self.plan.datasets), default=0)
+        views = max((data.settings["views"] for data in self.plan.datasets.values()), default=0)
+        points = max(map(self.memory_mb, self.plan.datasets), default=0)
+        return points + int(views) ** 2 * _BYTES_PER_PIXEL // 1_000_000
 
     @property
     def study(self) -> StudyPlan:

@@ -10,48 +10,27 @@ from itertools import count
 import numpy as np
 import pandas as pd
 
+from puckbench.analysis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS, median_rows
 from puckbench.cloud import PointCloud
 from puckbench.seeding import generator
 
 DATASETS = ("capod", "s3dis_raw", "s3dis_clean", "s3dis_noisy")
 
-_GPCC = [6.2, 1.7, 0.81, 0.36, 0.36, 0.29, 0.30, 0.29]
-CD_MEDIANS = {
-    ("capod", "draco"): [433, 113, 26, 6.7, 1.6, 0.34, 0.086, 0.022],
-    ("capod", "gpcc"): _GPCC,
-    ("capod", "pcgcv1"): [2.8, 1.4, 1.9, 3.1, 5.0, 7.3],
-    ("capod", "pcgcv2"): [3.7, 1.06, 0.66, 0.50, 0.42, 0.41, 0.40],
-    ("s3dis_raw", "draco"): [276, 82, 22, 5.6, 1.36, 0.35, 0.082, 0.021],
-    ("s3dis_raw", "gpcc"): [5.6, 1.4, 0.78, 0.34, 0.43, 0.32, 0.35, 0.32],
-    ("s3dis_raw", "pcgcv1"): [7.0, 2.0, 2.2, 2.2, 3.7, 2.9],
-    ("s3dis_raw", "pcgcv2"): [17.9, 4.3, 1.7, 1.45, 1.9, 1.27, 1.02],
-    ("s3dis_clean", "draco"): [258, 81, 22, 5.8, 1.42, 0.38, 0.084, 0.021],
-    ("s3dis_clean", "gpcc"): [5.3, 1.45, 0.74, 0.35, 0.41, 0.30, 0.33, 0.32],
-    ("s3dis_clean", "pcgcv1"): [7.3, 3.2, 2.7, 3.6, 5.8, 5.8],
-    ("s3dis_clean", "pcgcv2"): [11.4, 3.9, 1.02, 0.78, 0.81, 0.71, 0.68],
-    ("s3dis_noisy", "draco"): [115, 34, 10.7, 3.9, 0.97, 0.35, 0.082, 0.021],
-    ("s3dis_noisy", "gpcc"): [3.6, 1.1, 0.63, 0.32, 0.36, 0.29, 0.30, 0.29],
-    ("s3dis_noisy", "pcgcv1"): [2.7, 2.0, 3.4, 3.3, 3.6, 3.7],
-    ("s3dis_noisy", "pcgcv2"): [5.6, 3.1, 2.1, 1.5, 1.2, 1.1, 1.06],
-}
-_BPP_ENDS = {
-    ("capod", "draco"): (0.016, 8),
-    ("capod", "gpcc"): (0.057, 4.8),
-    ("capod", "pcgcv1"): (0.10, 1.95),
-    ("capod", "pcgcv2"): (0.031, 1.7),
-    ("s3dis_raw", "draco"): (0.015, 8),
-    ("s3dis_raw", "gpcc"): (0.027, 5.8),
-    ("s3dis_raw", "pcgcv1"): (0.048, 5.6),
-    ("s3dis_raw", "pcgcv2"): (0.014, 4.2),
-    ("s3dis_clean", "draco"): (2.8, 17),
-    ("s3dis_clean", "gpcc"): (0.038, 2.5),
-    ("s3dis_clean", "pcgcv1"): (0.082, 1.2),
-    ("s3dis_clean", "pcgcv2"): (0.022, 1.0),
-    ("s3dis_noisy", "draco"): (3.2, 22),
-    ("s3dis_noisy", "gpcc"): (0.10, 7.3),
-    ("s3dis_noisy", "pcgcv1"): (0.14, 3.9),
-    ("s3dis_noisy", "pcgcv2"): (0.021, 5.0),
-}
+_PUBLISHED = dict(zip((OBJECTS, ROOMS, CLEAN, NOISY), DATASETS, strict=True))
+_CODECS = {"gpcc_as_run": "gpcc"}
+
+
+def _published(column: str) -> dict[tuple[str, str], list[float]]:
+    """The thesis's known medians in the order of the rates, by data set and codec."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for row in median_rows():
+        if row[column] is not None:
+            names = _PUBLISHED[row["dataset"]], _CODECS.get(row["codec"], row["codec"])
+            found.setdefault(names, []).append(row[column])
+    return found
+
+
+CD_MEDIANS, _BPP_ENDS = _published("cd_plane"), _published("bpp")
 _ENCODE_S = {"draco": (0.25, 1.2), "gpcc": (1.2, 1.3), "pcgcv1": (20, 1.1), "pcgcv2": (13, 1.02)}
 _NOISE_FLOOR = 2.4
 

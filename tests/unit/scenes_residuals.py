@@ -97,3 +97,13 @@ def volume(mesh: Mesh) -> float:
     """Enclosed volume by the divergence theorem: positive when fronts are outside."""
     a, b, c = mesh.corners().swapaxes(0, 1)
     return float(np.sum(a * np.cross(b, c)) / 6)
+
+
+def assert_furniture_within(mesh: Mesh, low: Floats, high: Floats) -> None:
+    """Everything in a room but the room itself lies in its box, to 2 cm."""
+    assert mesh.labels is not None
+    outside = ("wall", "door", "window", "skirting", "passage_end")
+    loose = [i for i, one in enumerate(mesh.labels.objects) if not one.name.startswith(outside)]
+    corners = mesh.corners()[np.isin(mesh.labels.object_id, loose)].reshape(-1, 3)
+    assert (corners > low - 0.02).all()
+    assert (corners < high + 0.02).all()

@@ -13,7 +13,12 @@ import pytest
 from puckbench.analysis.claims.evidence import Evidence
 from puckbench.analysis.claims.parts import FAILS, HOLDS, IN_PART, Part, needs, told, verdict
 from puckbench.analysis.claims.registry import CLAIMS
+from puckbench.analysis.claims.roles import verdict_options
 from puckbench.analysis.claims.table import claims, thesis_evidence
+from puckbench.config import checked, read_schema
+from puckbench.plan import Plan
+
+ROOT = Path(__file__).parents[2]
 
 DATASETS = {"objects": "objects", "rooms": "rooms", "clean": "clean scans", "noisy": "noisy scans"}
 CODECS = {name: name for name in ("draco", "gpcc", "gpcc_as_run", "pcgcv1", "pcgcv2")}
@@ -183,6 +188,24 @@ def test_7_compares_at_equal_bits_not_at_equal_rates() -> None:
 def test_7_needs_a_learned_codec() -> None:
     evidence = run({"draco": {"cd_plane": FALLING}})
     assert result(7, evidence)[0].startswith("not tested: needs the codec pcgcv1 with its weights")
+
+
+def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> None:
+    config = read_schema(ROOT / "config" / "config.yaml")
+    rates = {"rates": {f"r{number}": {"alpha": number} for number in range(1, 7)}}
+    own = {"options": {"weights": "pcgcv2_objects"}, **rates}
+    config["codecs"] = {"draco": {}, "gpcc": {}, "gpcc_arena": {}, "pcgcv1": own, "pcgcv2": own}
+    plan = Plan(checked(config, read_schema(ROOT / "workflow/schemas/config.schema.yaml")))
+    roles = verdict_options(plan)["claims"]
+    columns = {name: falling(3) for name in ("cd_plane", "hausdorff_sq_plane")}
+    columns |= {name: falling(0.8) for name in ("encode_s", "decode_s")}
+    metrics = run(dict.fromkeys(plan.codecs, columns), datasets=tuple(plan.datasets)).metrics
+    table = claims(metrics, datasets=roles["datasets"], codecs=roles["codecs"]).set_index("number")
+    for number in (6, 7, 8, 9, 10, 11):
+        assert "pcgc" not in table.not_tested[number].lower()
+        assert "PCGCv1" in table.here[number]
+        assert "PCGCv2" in table.here[number]
+        assert table.verdict[number] in (HOLDS, IN_PART, FAILS)
 
 
 def test_8_learned_lag_in_hausdorff_more_so_on_scans() -> None:

@@ -1,6 +1,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 from puckbench.codeversion import code_version, imports
 
 
@@ -25,6 +27,29 @@ def test_comments_docstrings_and_registries_do_not_count(tmp_path: Path) -> None
 def test_code_counts(tmp_path: Path) -> None:
     path = tmp_path / "a.py"
     assert _version(path, "x = 1\n") != _version(path, "x = 2\n")
+
+
+def test_numbers_beside_a_module_count(tmp_path: Path) -> None:
+    path = tmp_path / "a.py"
+    alone = _version(path, "x = 1\n")
+    path.with_suffix(".yaml").write_text("b: 1\n")
+    assert _version(path, "x = 1\n") != alone
+
+
+def test_a_module_of_another_package_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from puckbench import codeversion
+
+    def version(text: str) -> str:
+        (tmp_path / "a_package" / "mine.py").write_text(text)
+        for cached in (code_version, codeversion._read, codeversion._source):
+            cached.cache_clear()
+        return code_version("a_package.mine")
+
+    (tmp_path / "a_package").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    assert version("x = 1\n") != version("x = 2\n")
 
 
 def test_imports_are_followed_at_every_depth(tmp_path: Path) -> None:

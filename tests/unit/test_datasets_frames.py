@@ -9,6 +9,7 @@ from puckbench.cloud import read_cloud, write_cloud
 from puckbench.datasets.kitti import Kitti
 from puckbench.datasets.voxelised8i import Voxelised8i
 from puckbench.errors import InputError
+from puckbench.prepare.preparation import prepare
 
 FRAME = np.array([[10, -2, 0.5, 0.3], [-4, 3, -1.7, 0]], dtype="<f4")
 
@@ -104,6 +105,17 @@ def test_a_voxelised_body_keeps_its_colours_and_grid(tmp_path: Path) -> None:
     assert scene.about["metres_per_voxel"] == pytest.approx(1.8 / 1024)
     assert scene.about["double_voxels"] == 1
     assert scene.group == "loot"
+
+
+def test_a_voxelised_body_is_prepared_on_its_own_grid(tmp_path: Path) -> None:
+    voxels = np.random.default_rng(0).integers(0, 1024, (40, 3))
+    body(tmp_path, "loot_vox10_1000", [f"{x} {y} {z} 1 2 3" for x, y, z in voxels])
+    cloud = Voxelised8i(str(tmp_path)).load("loot_vox10_1000").cloud
+    assert cloud is not None
+    ready = prepare(cloud, "grid", 5)
+    # Turned by a quarter about x, so that y is up: z runs downwards along y, from the far side.
+    x, y, z = voxels.T
+    assert ready.xyz.tolist() == np.stack([x, 1023 - z, y], axis=1).tolist()
 
 
 def test_a_voxel_has_the_size_of_the_header_unless_another_is_given(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ LAYERS = [
     {"datasets", "sensor", "metrics"},
     {"prepare", "codecs"},
     {"analysis", "tables", "tablefiles", "figures", "plan", "jobtimes", "report"},
-    {"workflow", "cli", "__main__", "reproduce"},
+    {"workflow", "cli", "__main__", "reproduce", "library"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 

@@ -86,6 +86,21 @@ def test_unscaled_preparation_keeps_metres() -> None:
     assert np.array_equal(prepare(PointCloud(points), 0, 10).xyz, points)
 
 
+def test_voxels_are_coded_on_the_whole_numbers_that_they_were() -> None:
+    cells = np.random.default_rng(4).integers(0, 1024, (50, 3)).astype(float)
+    step, origin = 1.8 / 1024, [0.0, -1.8, 0.3]
+    grid = {"metres": step, "origin": origin, "size": 1024}
+    ready = prepare(PointCloud(cells * step + origin, about={"grid": grid}), "grid", 10)
+    assert np.array_equal(ready.xyz, cells)
+    assert np.allclose(ready.to_metres(ready.xyz), cells * step + origin, atol=1e-12)
+    assert ready.about["size"] == 1024
+    between = PointCloud((cells + 0.5) * step + origin, about={"grid": grid})
+    with pytest.raises(InputError, match="size grid: 50 of 50 points are not on the cloud's grid"):
+        prepare(between, "grid", 10)
+    with pytest.raises(InputError, match="tells no grid"):
+        prepare(PointCloud(cells), "grid", 10)
+
+
 def test_returns_are_cropped_together_by_clean_or_noisy_coordinates() -> None:
     clean = PointCloud(np.array([[0.5, 0.5, 0.99], [0.5, 0.5, 0.5]]))
     noisy = PointCloud(np.array([[0.5, 0.5, 1.01], [0.5, 0.5, 0.5]]))

@@ -52,6 +52,24 @@ def test_the_thesis_is_planned_in_full(data: Path) -> None:
     assert plan.datasets["scans_noisy"].points == 480 * 150 * 16
 
 
+def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None:
+    weights = data / "weights" / "pcgcv1"
+    weights.mkdir(parents=True)
+    (weights / "a0.75b3.npz").write_bytes(b"")
+    config = read("thesis.yaml")
+    config["codecs"]["pcgcv1"] = {"options": {"weights": str(weights)}}
+    plan = Workflow(config, SCHEMA).plan
+    assert {"pcgcv1", "pcgcv2"} < set(plan.codecs)
+    assert [path.name for path in plan.weights["pcgcv1"]] == ["a0.75b3.npz"]
+    assert [path.name for path in plan.weights["pcgcv2"]] == ["pcgcv2_objects.pcgw"]
+
+
+def test_a_learned_codec_without_weights_is_named_before_anything_runs(data: Path) -> None:
+    nothing = {"pcgcv1": {"options": {"weights": None}}}
+    with pytest.raises(InputError, match=r"codecs.pcgcv1: no weights are shipped for it"):
+        Workflow({**read("thesis.yaml"), "codecs": nothing}, SCHEMA)
+
+
 def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
     config = read("thesis.yaml")
     config["datasets"]["scans_noisy"] |= {

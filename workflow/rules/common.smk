@@ -5,8 +5,12 @@ import os
 import sys
 from pathlib import Path
 
-SOURCE = str(Path(workflow.basedir).parent / "src")
-sys.path.insert(0, SOURCE)
+# Here lies this workflow, also where another one uses it as a module. Fetched from a repository it
+# lies in no folder: then the installed package serves.
+FOLDER = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parent
+SOURCE = FOLDER.parent / "src"
+if SOURCE.is_dir():
+    sys.path.insert(0, str(SOURCE))
 
 from puckbench.analysis.registry import table_entry
 from puckbench.codeversion import code_version
@@ -14,7 +18,7 @@ from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
 from puckbench.workflow import Workflow, hold_results, run_jobs_with
 
-run_jobs_with(SOURCE)
+run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
 
@@ -33,7 +37,7 @@ def one_of(names):
     return "|".join(names) or "(?!)"
 
 
-bench = or_stop(Workflow, config, Path(workflow.basedir) / "schemas" / "config.schema.yaml")
+bench = or_stop(Workflow, config, Path(workflow.source_path("../schemas/config.schema.yaml")))
 RESULTS = str(bench.plan.results)
 
 

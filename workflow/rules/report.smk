@@ -1,5 +1,5 @@
 # The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
-CAPTIONS = Path(workflow.basedir) / "report"
+CAPTIONS = FOLDER / "report"
 PAGE = bench.report(CAPTIONS)
 
 

@@ -35,7 +35,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clean", type=Path, help="clean scan of the same rays, instead of --visible"
     )
-    parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
+    parser.add_argument(
+        "--peak", type=float, help="of the PSNRs (default: the reference's size less 1, or 1023)"
+    )
     parser.add_argument(
         "--views", type=whole(0), default=0, help="pixels of six pictures to compare (default: 0)"
     )
@@ -49,7 +51,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     reference = read_cloud(options.reference)
     decoded, record = _decoded(options)
     points = decoded.xyz
-    found = measures(reference, points, options.peak)
+    found = measures(reference, points, options.peak or peak_of(reference))
     row = {
         **({"dataset": options.dataset} if options.dataset else {}),
         **{key: reference.about[key] for key in _KEPT if key in reference.about},
@@ -79,6 +81,11 @@ def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, f
     psnrs = {**mpeg_psnr(found, peak), **cd_psnr(found, width)}
     finite = {name: value for name, value in psnrs.items() if math.isfinite(value)}
     return {**found, **finite, **in_metres(found, reference.about.get("scale", 1.0))}
+
+
+def peak_of(reference: PointCloud) -> float:
+    """The peak of PSNRs: what the coordinates of a prepared cloud reach at most, else 1023."""
+    return float(reference.about.get("size") or 1024) - 1
 
 
 def _diameter(reference: PointCloud) -> float:

@@ -15,6 +15,7 @@ from puckbench.cloud import Floats, PointCloud, read_cloud, write_cloud
 from puckbench.errors import InputError
 from puckbench.files import read_json
 from puckbench.prepare.preparation import Returns, prepare
+from puckbench.prepare.scaling import GRID
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +35,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="coordinates of a scan that decide (default: %(default)s)",
     )
     parser.add_argument(
-        "--scale", type=whole(0), default=1024, help="size of the cube; 0: metres (default: 1024)"
+        "--scale",
+        type=_size,
+        default=1024,
+        help="size of the cube; 0: metres; grid: voxels as they came (default: 1024)",
     )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
@@ -57,6 +61,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.truth:
         write_cloud(options.truth, returns.truth_in_frame_of(cloud))
     return {**about, "points": len(cloud)}
+
+
+def _size(text: str) -> int | str:
+    return GRID if text == GRID else int(whole(0)(text))
 
 
 def _returns(path: Path, clean: bool) -> Returns:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,9 +41,12 @@ class Codec(ABC):
     """Spacing of the grid that coordinates are rounded to at the finest rate, in units of the
     input; 0 for a codec that adapts to the extent of the cloud."""
 
-    def __init__(self, name: str, rates: Mapping[str, Mapping[str, Any]]) -> None:
+    rates: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
+    """A class of one's own may name its rates here, for where its entry names none."""
+
+    def __init__(self, name: str, rates: Mapping[str, Mapping[str, Any]] | None = None) -> None:
         self.name = name
-        self.rates = dict(rates)
+        self.rates = dict(self.rates if rates is None else rates)
 
     @property
     def version(self) -> str:

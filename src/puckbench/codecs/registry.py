@@ -1,9 +1,10 @@
-"""The table of codecs (codecs.yaml, and a user's own entries) and how to open one."""
+"""The table of codecs (codecs.yaml, installed packages', a user's own) and how to open one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from importlib.metadata import entry_points
 from importlib.resources import files
 from typing import Any
 
@@ -14,6 +15,8 @@ from puckbench.errors import InputError
 from puckbench.plugins import load_class
 
 Entry = Mapping[str, Any]
+GROUP = "puckbench.codecs"
+"""Entry points of packages that bring codecs: name of the codec to its class."""
 
 
 @cache
@@ -24,23 +27,29 @@ def entries() -> dict[str, Entry]:
     return table
 
 
+def installed() -> dict[str, str]:
+    """The codecs that other installed packages bring: name to class."""
+    return {point.name: point.value for point in entry_points(group=GROUP)}
+
+
 def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     """The entry of a codec with a user's changes: options, a choice of rates, or a new codec.
 
     `changes` may hold ``options`` (added to the shipped ones), ``rates`` (a list of names to keep,
     or a table of new ones) and, for a codec of one's own, ``class`` (``module:Class`` or
     ``path/to/file.py:Class``); `codes_surfaces` reads one more. InputError for an unknown codec or
-    rate.
+    rate, and for a codec without any rate.
     """
     changes = changes or {}
-    base = entries().get(name)
-    if base is None and "class" not in changes:
-        raise InputError(f"unknown codec '{name}' (known: {', '.join(entries())})")
-    base = base or {}
+    base = entries().get(name, {})
+    own_class = changes.get("class") or base.get("class") or installed().get(name)
+    if own_class is None:
+        known = ", ".join([*entries(), *installed()])
+        raise InputError(f"unknown codec '{name}' (known: {known})")
     return {
-        "class": changes.get("class", base.get("class")),
+        "class": own_class,
         "options": {**base.get("options", {}), **changes.get("options", {})},
-        "rates": _rates(name, base.get("rates", {}), changes.get("rates")),
+        "rates": _rates(name, base.get("rates", own_class), changes.get("rates")),
     }
 
 
@@ -50,16 +59,24 @@ def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
     return bool((changes or {}).get("surfaces", shipped))
 
 
-def _rates(name: str, shipped: Entry, wanted: Any) -> dict[str, Any]:
-    if wanted is None:
-        return dict(shipped)
+def _rates(name: str, shipped: Entry | str, wanted: Any) -> dict[str, Any]:
+    """The rates wanted of those shipped, or of those that the class named instead has."""
     if isinstance(wanted, Mapping):
         return dict(wanted)
-    unknown = [rate for rate in wanted if rate not in shipped]
+    known = _rates_of(name, shipped) if isinstance(shipped, str) else shipped
+    if wanted is None:
+        return dict(known)
+    unknown = [rate for rate in wanted if rate not in known]
     if unknown:
-        known = ", ".join(shipped)
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {known})")
-    return {rate: values for rate, values in shipped.items() if rate in wanted}
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {', '.join(known)})")
+    return {rate: values for rate, values in known.items() if rate in wanted}
+
+
+def _rates_of(name: str, class_name: str) -> Entry:
+    rates: Entry = load_class(class_name, f"codec {name}").rates
+    if not rates:
+        raise InputError(f"codec {name}: neither its entry nor its class names rates")
+    return rates
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:

@@ -83,6 +83,8 @@ class Voxelised8i:
             "credit": _CREDIT,
             "bits": bits,
             "metres_per_voxel": step,
+            # Y up became z up: what was z from 0 runs along y from below to 0.
+            "grid": {"metres": step, "origin": [0.0, (1 - 2**bits) * step, 0.0], "size": 2**bits},
             "double_voxels": doubles,
         }
         normals = None if voxels.normals is None else y_up_to_z_up(voxels.normals)

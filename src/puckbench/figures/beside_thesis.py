@@ -6,16 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.figures import panels
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import (
-    add_legend,
-    draw_line,
-    log_limits,
-    panel_grid,
-    set_log,
-    set_title,
-)
 from puckbench.figures.quantities import CD_PLANE, HD_PLANE
 from puckbench.figures.style import FigureStyle
 
@@ -39,21 +32,21 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
     require_numbers(thesis_medians, columns, "medians")
     datasets = style.ordered_datasets(thesis_medians["dataset"])
     abreast = len(datasets)
-    figure, panels = panel_grid(len(_ROWS) * abreast, abreast, 1.9, style, sharey="row")
+    figure, grid = panels.panel_grid(len(_ROWS) * abreast, abreast, 1.9, style, sharey="row")
     rates = ordered_rates(set(thesis_medians["rate"]))
-    for index, axes in enumerate(panels):
+    for index, axes in enumerate(grid):
         quantity, dataset = _ROWS[index // abreast], datasets[index % abreast]
         rows = thesis_medians[thesis_medians["quantity"] == quantity.column]
         values = rows[list(columns)].to_numpy(dtype=float).ravel()
-        limits = log_limits(values, style.axis_range(quantity.column, quantity.limits))
-        set_log(axes, "y", limits, minor=False)
+        limits = panels.log_limits(values, style.axis_range(quantity.column, quantity.limits))
+        panels.set_log(axes, "y", limits, minor=False)
         _draw_panel(axes, rows[rows["dataset"] == dataset], rates, limits[0], style)
         if index < abreast:
-            set_title(axes, style.title(dataset), abreast, style)
+            panels.set_title(axes, style.title(dataset), abreast, style)
         if index % abreast == 0:
             axes.set_ylabel(quantity.short_label)
     figure.supxlabel("Compression rate (wide lines: the thesis)", fontsize=style.font_size)
-    add_legend(figure, style.ordered_codecs(thesis_medians["codec"]), style)
+    panels.add_legend(figure, style.ordered_codecs(thesis_medians["codec"]), style)
     return figure
 
 
@@ -68,6 +61,6 @@ def _draw_panel(
         colour = style.look(codec).colour
         axes.plot(at, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
         known = np.isfinite(here)
-        draw_line(axes, at[known], here[known], style.look(codec), floor)
+        panels.draw_line(axes, at[known], here[known], style.look(codec), floor)
     axes.set_xlim(-0.4, len(rates) - 0.6)
     axes.set_xticks(range(len(rates)), rates)

@@ -12,7 +12,7 @@ from puckbench.metrics.diameter import diameter
 from puckbench.metrics.elongation import elongation, oriented_elongation
 from puckbench.prepare.crop import inside
 from puckbench.prepare.normals import estimate_normals
-from puckbench.prepare.scaling import Scaling, to_cube
+from puckbench.prepare.scaling import GRID, Scaling, to_cube, to_grid
 
 
 @dataclass(frozen=True)
@@ -35,21 +35,21 @@ class Returns:
         return replace(self.clean, xyz=xyz, about=about)
 
 
-def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointCloud:
-    """A cloud in metres, with normals estimated and scaled to [0, size - 1]; size 0: not scaled.
+def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
+    """A cloud in metres, with normals estimated and scaled to [0, size - 1].
 
+    size: 0 for a cloud that is not scaled, `GRID` for voxels as they came: whole numbers.
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
     `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
     the scaled frame, as the thesis does.
     """
-    scaling = to_cube(cloud.xyz, size) if size else Scaling(1.0, np.zeros(3))
-    xyz = scaling.apply(cloud.xyz)
+    scaling, xyz, side = _scaled(cloud, size)
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
         "offset": scaling.offset.tolist(),
-        "size": size,
+        "size": side,
         "neighbours": neighbours,
         "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
         "elongation": elongation(cloud.xyz),
@@ -58,3 +58,13 @@ def prepare(cloud: PointCloud, size: int = 1024, neighbours: int = 30) -> PointC
         "diameter": diameter(xyz),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)
+
+
+def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
+    """The scaling to a size, the points (n, 3) scaled by it, and the size in units."""
+    if size == GRID:
+        scaling = to_grid(cloud.xyz, cloud.about)
+        return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])
+    side = int(size)
+    scaling = to_cube(cloud.xyz, side) if side else Scaling(1.0, np.zeros(3))
+    return scaling, scaling.apply(cloud.xyz), side
