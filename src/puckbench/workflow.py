@@ -30,7 +30,7 @@ from puckbench.figures.entry import BOTH_GPCC, STUDY, at
 from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.files import sha256, unreadable
+from puckbench.files import remove_leftovers, sha256, unreadable
 from puckbench.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
 from puckbench.report.assets import assets_version
 from puckbench.report.contents import Contents
@@ -444,7 +444,8 @@ def hold_results(results: Path) -> None:
     """Keep other runs off the results folder while this process lives, however it ends.
 
     A lock of the operating system, which dies with its holder: a killed run leaves none behind.
-    InputError when another run holds it or the folder cannot be written.
+    What it left half written is removed. InputError when another run holds the lock or the folder
+    cannot be written.
     """
     import fcntl
 
@@ -457,3 +458,4 @@ def hold_results(results: Path) -> None:
     except OSError as error:
         raise unreadable(results, error, "not writable") from error
     _held.append(lock)
+    remove_leftovers(results)

@@ -1,0 +1,90 @@
+#!/bin/sh
+# A Slurm cluster of one node, this machine, out of Debian's packages, without systemd and cgroups.
+#   one_node.sh start FOLDER [CPUS]    configuration, key, state and logs in FOLDER; prints the environment
+#   one_node.sh stop FOLDER            ends its jobs and its three daemons
+# As root, after: apt-get install --yes --no-install-recommends slurm-wlm munge
+# CPUS: cores that the node says it has (those of the machine). For trying things out: root runs the jobs.
+set -eu
+
+stop() { printf 'one_node: %s\n' "$*" >&2; exit 2; }
+[ $# -ge 2 ] || stop 'usage: one_node.sh start|stop FOLDER [CPUS]'
+action=$1
+mkdir -p "$2"
+folder=$(cd "$2" && pwd -P)
+cpus=${3:-$(nproc)}
+export SLURM_CONF="$folder/slurm.conf"
+
+need_programs() {
+    [ "$(id -u)" = 0 ] || stop 'the daemons start as root only'
+    for program in munged slurmctld slurmd sbatch; do
+        command -v "$program" >/dev/null ||
+            stop "no $program here: apt-get install --yes --no-install-recommends slurm-wlm munge"
+    done
+}
+
+write_configuration() {
+    memory=$(slurmd -C | sed -n 's/.*RealMemory=\([0-9]*\).*/\1/p')
+    cat >"$SLURM_CONF" <<CONF
+ClusterName=one_node
+SlurmctldHost=$(hostname -s)(127.0.0.1)
+SlurmctldPort=46817
+SlurmdPort=46818
+AuthInfo=socket=$folder/munge.socket
+SlurmUser=root
+StateSaveLocation=$folder/state
+SlurmdSpoolDir=$folder/spool
+SlurmctldPidFile=$folder/slurmctld.pid
+SlurmdPidFile=$folder/slurmd.pid
+SlurmctldLogFile=$folder/slurmctld.log
+SlurmdLogFile=$folder/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/linux
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+SlurmdParameters=config_overrides
+SchedulerParameters=batch_sched_delay=0,sched_interval=2,bf_interval=5
+MpiDefault=none
+MinJobAge=600
+NodeName=$(hostname -s) NodeAddr=127.0.0.1 CPUs=$cpus RealMemory=$memory State=UNKNOWN
+PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+CONF
+    echo 'CgroupPlugin=cgroup/v1' >"$folder/cgroup.conf"   # never asked for by the plugins above
+}
+
+start_munge() {
+    mkdir -p "$folder/state" "$folder/spool"
+    [ -s "$folder/munge.key" ] || (umask 077; head -c 1024 /dev/urandom >"$folder/munge.key")
+    munged --force --key-file="$folder/munge.key" --socket="$folder/munge.socket" \
+        --pid-file="$folder/munged.pid" --log-file="$folder/munged.log" --seed-file="$folder/munged.seed"
+}
+
+wait_for_node() {
+    for _ in $(seq 30); do
+        [ "$(sinfo --noheader --format=%T 2>/dev/null)" != idle ] || return 0
+        sleep 1
+    done
+    stop "the node is not idle after 30 s: see $folder/slurmctld.log and slurmd.log"
+}
+
+end_daemon() { # name: of its pid file
+    [ -s "$folder/$1.pid" ] || return 0
+    kill "$(cat "$folder/$1.pid")" 2>/dev/null || true
+}
+
+case $action in
+start)
+    need_programs
+    write_configuration
+    start_munge
+    slurmctld -c
+    slurmd -c
+    wait_for_node
+    echo "export SLURM_CONF=$SLURM_CONF"
+    ;;
+stop)
+    scancel --quiet --user="$(id -un)" 2>/dev/null || true
+    for daemon in slurmd slurmctld munged; do end_daemon "$daemon"; done
+    ;;
+*) stop "unknown action '$action'" ;;
+esac
