@@ -1,9 +1,11 @@
 #!/bin/sh
 # A Slurm cluster of one node, this machine, out of Debian's packages, without systemd and cgroups.
-#   one_node.sh start FOLDER [CPUS]    configuration, key, state and logs in FOLDER; prints the environment
+#   one_node.sh start FOLDER [CPUS]    configuration, key, state and logs in FOLDER
 #   one_node.sh stop FOLDER            ends its jobs and its three daemons
 # As root, after: apt-get install --yes --no-install-recommends slurm-wlm munge
 # CPUS: cores that the node says it has (those of the machine). For trying things out: root runs the jobs.
+# /etc/slurm/slurm.conf becomes a link to the configuration, since Snakemake's job steps look nowhere else;
+# one that is already there is left alone, and nothing is started.
 set -eu
 
 stop() { printf 'one_node: %s\n' "$*" >&2; exit 2; }
@@ -12,10 +14,13 @@ action=$1
 mkdir -p "$2"
 folder=$(cd "$2" && pwd -P)
 cpus=${3:-$(nproc)}
-export SLURM_CONF="$folder/slurm.conf"
+conf="$folder/slurm.conf"
+link=/etc/slurm/slurm.conf
+is_ours() { [ "$(readlink "$link")" = "$conf" ]; }
 
 need_programs() {
     [ "$(id -u)" = 0 ] || stop 'the daemons start as root only'
+    [ ! -e "$link" ] || is_ours || stop "$link is there: this machine belongs to a cluster already"
     for program in munged slurmctld slurmd sbatch; do
         command -v "$program" >/dev/null ||
             stop "no $program here: apt-get install --yes --no-install-recommends slurm-wlm munge"
@@ -24,7 +29,7 @@ need_programs() {
 
 write_configuration() {
     memory=$(slurmd -C | sed -n 's/.*RealMemory=\([0-9]*\).*/\1/p')
-    cat >"$SLURM_CONF" <<CONF
+    cat >"$conf" <<CONF
 ClusterName=one_node
 SlurmctldHost=$(hostname -s)(127.0.0.1)
 SlurmctldPort=46817
@@ -49,7 +54,8 @@ MinJobAge=600
 NodeName=$(hostname -s) NodeAddr=127.0.0.1 CPUs=$cpus RealMemory=$memory State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
-    echo 'CgroupPlugin=cgroup/v1' >"$folder/cgroup.conf"   # never asked for by the plugins above
+    mkdir -p "${link%/*}"
+    ln -sf "$conf" "$link"
 }
 
 start_munge() {
@@ -78,13 +84,14 @@ start)
     write_configuration
     start_munge
     slurmctld -c
-    slurmd -c
+    slurmd -c   # what it starts has its own priority
     wait_for_node
-    echo "export SLURM_CONF=$SLURM_CONF"
     ;;
 stop)
+    is_ours || stop "no cluster of $folder runs here"
     scancel --quiet --user="$(id -un)" 2>/dev/null || true
     for daemon in slurmd slurmctld munged; do end_daemon "$daemon"; done
+    rm "$link"
     ;;
 *) stop "unknown action '$action'" ;;
 esac
