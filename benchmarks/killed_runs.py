@@ -57,7 +57,7 @@ class Folder:
         words = ["--configfile", self.config, "--config", "results=results", "--cores", "2"]
         with (self.path / "run.log").open("ab") as log:
             return subprocess.Popen(
-                [*program, "tables", "--quiet", "all", *words],
+                [*program, "tables", "--quiet", "rules", "host", "reason", *words],
                 cwd=self.path,
                 stdout=log,
                 stderr=subprocess.STDOUT,

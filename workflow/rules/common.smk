@@ -12,7 +12,8 @@ from puckbench.analysis.registry import table_entry
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.workflow import Workflow, hold_results, run_jobs_with
+from puckbench.running import check_room, failures, hold_results, now
+from puckbench.workflow import Workflow, run_jobs_with
 
 run_jobs_with(SOURCE)
 # Planning makes millions of objects that stay; Python need not look through them again and again.
@@ -37,8 +38,18 @@ bench = or_stop(Workflow, config, Path(workflow.basedir) / "schemas" / "config.s
 RESULTS = str(bench.plan.results)
 
 
+# Where Snakemake keeps its records; without room there it would end in a traceback.
+or_stop(check_room, Path(".snakemake"))
+BEGUN = now()
+
+
 onstart:
     or_stop(hold_results, bench.plan.results)
+
+
+onerror:
+    for line in failures(bench.plan.results / "logs", BEGUN):
+        print(line, file=sys.stderr, flush=True)
 
 
 wildcard_constraints:
