@@ -13,7 +13,7 @@ stop() { printf 'one_node: %s\n' "$*" >&2; exit 2; }
 action=$1
 mkdir -p "$2"
 folder=$(cd "$2" && pwd -P)
-cpus=${3:-$(nproc)}
+cpus=${3:-$(nproc --all)}
 conf="$folder/slurm.conf"
 link=/etc/slurm/slurm.conf
 is_ours() { [ "$(readlink "$link")" = "$conf" ]; }

@@ -51,6 +51,19 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
+def check_storage(provider: str | None) -> None:
+    """InputError where Snakemake is to carry files between jobs and a store.
+
+    It would carry those that rules name alone, and jobs read others beside them: what a stream
+    cost, how a cloud was scaled. Without these, results would be wrong and nobody would know.
+    """
+    if provider is not None:
+        raise InputError(
+            f"default storage provider {provider}: jobs must share the folder of the run itself,"
+            " see docs/cluster.md"
+        )
+
+
 def failures(logs: Path, since: float) -> Iterator[str]:
     """The errors that jobs ended with, each once with a log that has it; not more than some.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.errors import InputError
-from puckbench.running import check_room, failures, now
+from puckbench.running import check_room, check_storage, failures, now
 
 
 def test_a_folder_without_room_is_named(tmp_path: Path) -> None:
@@ -57,3 +57,9 @@ def test_of_many_errors_some_are_told(tmp_path: Path) -> None:
     told = list(failures(tmp_path, now()))
     assert len(told) == 11
     assert told[-1] == f"puckbench: 5 more errors in {tmp_path}"
+
+
+def test_a_store_that_files_would_be_carried_to_is_refused() -> None:
+    check_storage(None)
+    with pytest.raises(InputError, match="storage provider s3: jobs must share the folder"):
+        check_storage("s3")

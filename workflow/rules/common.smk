@@ -12,7 +12,7 @@ from puckbench.analysis.registry import table_entry
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.running import check_room, failures, hold_results, now
+from puckbench.running import check_room, check_storage, failures, hold_results, now
 from puckbench.workflow import Workflow, run_jobs_with
 
 run_jobs_with(SOURCE)
@@ -38,6 +38,7 @@ bench = or_stop(Workflow, config, Path(workflow.basedir) / "schemas" / "config.s
 RESULTS = str(bench.plan.results)
 
 
+or_stop(check_storage, workflow.storage_settings.default_storage_provider)
 # Where Snakemake keeps its records; without room there it would end in a traceback.
 or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
