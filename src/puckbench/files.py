@@ -68,8 +68,13 @@ def remove_leftovers(folder: Path) -> int:
 
     Those of other machines, of whose processes nothing is known, are left for a day.
     """
-    found = [Path(place) / name for place, _, names in os.walk(folder) for name in names]
-    leftovers = [path for path in found if path.name.startswith(".") and _is_leftover(path)]
+    hidden = [
+        Path(place, name)
+        for place, _, names in os.walk(folder)
+        for name in names
+        if name.startswith(".")
+    ]
+    leftovers = [path for path in hidden if _is_leftover(path)]
     for path in leftovers:
         path.unlink(missing_ok=True)
     return len(leftovers)

@@ -39,8 +39,9 @@ RESULTS = str(bench.plan.results)
 
 
 or_stop(check_storage, workflow.storage_settings.default_storage_provider)
-# Where Snakemake keeps its records; without room there it would end in a traceback.
-or_stop(check_room, Path(".snakemake"))
+if workflow.is_main_process:  # of a cluster's jobs each reads this file again
+    # Where Snakemake keeps its records; without room there it would end in a traceback.
+    or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
 
 
