@@ -1,7 +1,9 @@
 # make run    set up .venv, run the default benchmark, write its report
 # make test   set up .venv with the test tools, then run every check
 # make lint   only the static checks         make data      fetch the free real data into data/
+# make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
+# make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
 # make clean  remove results and caches, keep .venv and data/
 # CORES=4 runs on more cores; PYTHON=python3.12 names the interpreter that .venv is made with.
@@ -10,7 +12,7 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
-.PHONY: run test lint setup setup-test learned data lock clean
+.PHONY: run test lint fuzz setup setup-test learned slurm data lock clean
 .NOTPARALLEL:
 
 run: learned
@@ -28,6 +30,9 @@ setup-test:
 learned:
 	@envs/setup.sh learned
 
+slurm:
+	@envs/setup.sh slurm
+
 test: lint
 	$(IN_VENV) pytest -n 2 --dist loadfile
 
@@ -35,6 +40,10 @@ lint: setup-test
 	$(IN_VENV) ruff check
 	$(IN_VENV) ruff format --check
 	$(IN_VENV) mypy
+
+SECONDS ?= 300
+fuzz: setup-test
+	$(IN_VENV) python benchmarks/fuzz.py --seconds $(SECONDS) --keep fuzz
 
 data: setup
 	$(IN_VENV) python -m puckbench data
@@ -44,4 +53,4 @@ lock: setup
 	$(BIN)/python envs/lock.py $(LOCK)
 
 clean:
-	rm -rf results .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf results fuzz .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis

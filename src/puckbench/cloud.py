@@ -74,7 +74,10 @@ _FIELDS = {
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a binary little-endian PLY (double coordinates, float normals) and its JSON."""
+    """Write a binary little-endian PLY (double coordinates, float normals) and its JSON.
+
+    Both appear when both are written, the JSON first, so that a PLY that exists is complete.
+    """
     from plyfile import PlyData, PlyElement
 
     columns = {name: getattr(cloud, name) for name in _FIELDS if getattr(cloud, name) is not None}
@@ -85,8 +88,8 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
             rows[axis] = column
     with written_whole(path) as temporary:
         PlyData([PlyElement.describe(rows, "vertex")], byte_order="<").write(str(temporary))
-    if describe:
-        write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
+        if describe:
+            write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
 
 
 def read_cloud(path: Path) -> PointCloud:

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from puckbench.analysis.claims.roles import GPCC, GPCC_AS_RUN, codec_roles, verdict_options
 from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
@@ -30,7 +30,7 @@ from puckbench.figures.entry import BOTH_GPCC, STUDY, at
 from puckbench.figures.model_looks import REAL
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.files import sha256, unreadable
+from puckbench.files import sha256
 from puckbench.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
 from puckbench.prepare.scaling import GRID
 from puckbench.report.assets import assets_version
@@ -40,7 +40,6 @@ from puckbench.sensor.errors import module_of_model, open_error_model
 from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
 
-_held: list[TextIO] = []
 WALL_POINTS = 40_000
 """Points of a surface at a distance that the study's figures of scans are drawn from."""
 _BYTES_PER_POINT = 1_000
@@ -445,22 +444,3 @@ def run_jobs_with(source: str) -> None:
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
-
-
-def hold_results(results: Path) -> None:
-    """Keep other runs off the results folder while this process lives, however it ends.
-
-    A lock of the operating system, which dies with its holder: a killed run leaves none behind.
-    InputError when another run holds it or the folder cannot be written.
-    """
-    import fcntl
-
-    try:
-        results.mkdir(parents=True, exist_ok=True)
-        lock = (results / ".lock").open("w")
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise InputError(f"{results}: another run is writing there") from error
-    except OSError as error:
-        raise unreadable(results, error, "not writable") from error
-    _held.append(lock)

@@ -81,3 +81,9 @@ def test_a_bare_stream_has_the_inputs_own_frame() -> None:
 def test_damaged_beginnings_are_refused(data: bytes, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         unpacked(data)
+
+
+def test_a_frame_beyond_double_precision_is_refused() -> None:
+    for frame in (Frame(1e308, (0.0, 0.0, 0.0)), Frame(1e307, (1.7e308, 0.0, 0.0))):
+        with pytest.raises(InputError, match="its frame"):
+            in_frame(np.full((1, 3), 9.0), frame)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gpcc_mutations import damaged
+from stream_damage import damaged
 
 from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
 from puckbench.codecs.registry import open_codec
@@ -80,7 +80,7 @@ def test_codec_and_reference_agree_on_the_whole_way_from_real_coordinates() -> N
 
 
 def test_damaged_streams_end_in_points_or_one_clean_error() -> None:
-    """400 of the streams of benchmarks/gpcc_fuzz.py, which takes 20,000 under limits."""
+    """400 of the streams of benchmarks/fuzz.py, which takes thousands under limits."""
     streams = [(FOLDER / f"{name}.bin").read_bytes() for name in sorted(MANIFEST)]
     outcomes = [_outcome(damaged(streams, number)) for number in range(400)]
     assert not any("\n" in outcome for outcome in outcomes)

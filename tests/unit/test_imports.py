@@ -15,7 +15,7 @@ LAYERS = [
     {"datasets", "sensor", "metrics"},
     {"prepare", "codecs"},
     {"analysis", "tables", "tablefiles", "figures", "plan", "jobtimes", "report"},
-    {"workflow", "cli", "__main__", "reproduce", "library"},
+    {"workflow", "running", "cli", "__main__", "reproduce", "library"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 
@@ -53,7 +53,7 @@ HEAVY = {
     "trimesh",
     "pyarrow",
 }
-LIGHT = ["workflow", "plan", "config", "cli", "codecs.registry", "datasets.registry"]
+LIGHT = ["workflow", "running", "plan", "config", "cli", "codecs.registry", "datasets.registry"]
 
 
 @pytest.mark.parametrize("module", LIGHT)

@@ -317,7 +317,7 @@ def test_a_stream_that_lies_is_refused(codec: Codec, change: dict, fault: str) -
         codec.decode(write_stream(replace(coded, parts=lying.parts)))
 
 
-@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 5e-324])
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 5e-324, 1e-300])
 def test_a_stream_without_a_scale_is_refused(codec: Codec, scale: float) -> None:
     with pytest.raises(InputError, match="scale"):
         codec.decode(write_stream(replace(_coded(codec), scale=scale)))

@@ -377,6 +377,12 @@ def test_streams_come_back() -> None:
     assert read_stream(write_stream(_coded())) == _coded()
 
 
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e5])
+def test_a_stream_without_a_scale_is_refused(scale: float) -> None:
+    with pytest.raises(InputError, match="header"):
+        read_stream(write_stream(replace(_coded(), scale=scale)))
+
+
 def test_a_small_stream_cannot_promise_many_cubes() -> None:
     few = replace(_coded(), cubes=64 + 32 * 40, blocks=(Block(0, b"", b""),) * 42)
     with pytest.raises(InputError, match="too many cubes"):

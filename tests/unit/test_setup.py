@@ -20,6 +20,7 @@ LOCKS = {  # pyproject.toml's extra: the files that hold its packages
     "": ["requirements.lock"],
     "test": ["requirements.lock", "test.lock"],
     "learned": ["requirements.lock", "learned.lock"],
+    "slurm": ["requirements.lock", "slurm.lock"],
 }
 SYSTEMS = [
     {"python_version": python, "sys_platform": system, "platform_machine": machine}
@@ -79,7 +80,8 @@ def test_lock_holds_all_that_the_installed_packages_need() -> None:
 
 
 def test_no_package_is_pinned_in_two_locks() -> None:
-    names = [pin.name for pin in pins_of("requirements.lock", "test.lock", "learned.lock")]
+    locks = sorted(path.name for path in ENVS.glob("*.lock"))
+    names = [pin.name for pin in pins_of(*locks)]
     assert sorted(set(names)) == sorted(names)
 
 

@@ -16,7 +16,8 @@ from puckbench.analysis.registry import table_entry
 from puckbench.codeversion import code_version
 from puckbench.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.workflow import Workflow, hold_results, run_jobs_with
+from puckbench.running import check_room, check_storage, failures, hold_results, now
+from puckbench.workflow import Workflow, run_jobs_with
 
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
@@ -41,8 +42,20 @@ bench = or_stop(Workflow, config, Path(workflow.source_path("../schemas/config.s
 RESULTS = str(bench.plan.results)
 
 
+or_stop(check_storage, workflow.storage_settings.default_storage_provider)
+if workflow.is_main_process:  # of a cluster's jobs each reads this file again
+    # Where Snakemake keeps its records; without room there it would end in a traceback.
+    or_stop(check_room, Path(".snakemake"))
+BEGUN = now()
+
+
 onstart:
     or_stop(hold_results, bench.plan.results)
+
+
+onerror:
+    for line in failures(bench.plan.results / "logs", BEGUN):
+        print(line, file=sys.stderr, flush=True)
 
 
 wildcard_constraints:

@@ -8,10 +8,12 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 
 from puckbench import __version__
 from puckbench.errors import InputError
+from puckbench.files import unwritable
 
 COMMANDS = {
     "scene": "write a scene of a scene set as a mesh or cloud with its description",
@@ -47,14 +49,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         answer = _run(name, options, parser)
         if answer is not None:
-            print(json.dumps(answer, allow_nan=False) if options.json else _table(answer))  # noqa: T201
-        sys.stdout.flush()
+            _show(json.dumps(answer, allow_nan=False) if options.json else _table(answer))
     except InputError as error:
         return _fail(str(error))
-    except BrokenPipeError:
-        # Nobody reads on; what is left would fail again when the interpreter ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
+
+
+def _show(text: str) -> None:
+    """Print; InputError when standard output cannot take it, and nothing when nobody reads on."""
+    try:
+        print(text)  # noqa: T201
+        sys.stdout.flush()
+    except OSError as error:
+        # What is left would fail again when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise unwritable(Path("standard output"), error) from error
 
 
 def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
@@ -79,7 +89,7 @@ def _run(
     name: str | None, options: argparse.Namespace, parser: argparse.ArgumentParser
 ) -> dict[str, object] | None:
     if name is None:
-        parser.print_help()
+        _show(parser.format_help().rstrip())
         return None
     answer: dict[str, object] | None = _command(name).run(options)
     return answer

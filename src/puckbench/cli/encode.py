@@ -10,7 +10,7 @@ from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_opti
 from puckbench.cloud import read_cloud
 from puckbench.codecs.circumstances import circumstances, cpu_model
 from puckbench.codecs.measure import measured
-from puckbench.files import write_bytes, write_json
+from puckbench.files import write_json, written_whole
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,8 +45,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         **circumstances(options.alone),
         "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
     }
-    write_json(record_file(options.out), record)
-    write_bytes(options.out, coded.result)
+    with written_whole(options.out) as temporary:
+        temporary.write_bytes(coded.result)
+        write_json(record_file(options.out), record)
     return record
 
 

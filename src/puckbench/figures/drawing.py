@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from puckbench.cloud import read_cloud
 from puckbench.errors import InputError
 from puckbench.figures.registry import TABLES, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files import written_whole
+from puckbench.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,8 +63,9 @@ def lay_out(figure: Figure) -> None:
 def save_figure(figure: Figure, path: Path) -> None:
     """Write `figure` as PDF or PNG, by the suffix; call it inside the style's context."""
     metadata = _metadata(path)
-    with written_whole(path) as temporary:
-        figure.savefig(temporary, metadata=metadata)
+    content = io.BytesIO()  # of a full disk matplotlib would tell what else it broke
+    figure.savefig(content, format=path.suffix[1:], metadata=metadata)
+    write_bytes(path, content.getvalue())
 
 
 def _metadata(path: Path) -> dict[str, Any]:

@@ -19,16 +19,17 @@ def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> N
     """Write `mesh` to `path` (.ply) and what is known about it to the JSON beside it.
 
     `about` is joined by the counts and, for a labelled mesh, by its objects and primitives.
-    The JSON comes first, so that a PLY that exists is complete.
+    Both appear when both are written, the JSON first, so that a PLY that exists is complete.
     """
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
-    write_json(sidecar(path), {**(about or {}), **counts, **_described(mesh.labels)})
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")
-    with written_whole(path) as temporary, temporary.open("wb") as stream:
-        stream.write(_header(mesh))
-        stream.write(vertices.tobytes())
-        stream.write(_face_rows(mesh).tobytes())
+    with written_whole(path) as temporary:
+        with temporary.open("wb") as stream:
+            stream.write(_header(mesh))
+            stream.write(vertices.tobytes())
+            stream.write(_face_rows(mesh).tobytes())
+        write_json(sidecar(path), {**(about or {}), **counts, **_described(mesh.labels)})
 
 
 def _header(mesh: Mesh) -> bytes:

@@ -77,7 +77,14 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def in_frame(units: Floats, frame: Frame) -> Floats:
-    """Points (m, 3) given in units, in the coordinates of the input."""
+    """Points (m, 3) given in units, in the coordinates of the input.
+
+    InputError for a frame in which double precision cannot hold them.
+    """
     if frame == Frame():
         return units
-    return np.asarray(units * frame.unit + np.asarray(frame.offset))
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = np.asarray(units * frame.unit + np.asarray(frame.offset))
+    if not np.isfinite(points).all():
+        raise InputError("the stream is damaged (its frame)")
+    return points

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import pickle
@@ -17,7 +18,7 @@ from torch import Tensor, nn
 from puckbench.codecs.learned.recipe import Training
 from puckbench.codecs.sparse.voxels import Keys
 from puckbench.errors import InputError
-from puckbench.files import written_whole
+from puckbench.files import write_bytes
 
 M = TypeVar("M", bound=nn.Module)
 L = TypeVar("L")
@@ -87,8 +88,9 @@ class Trainer(ABC, Generic[M, L]):
             "identity": _plain(self.identity),
             "curve": self.curve,
         }
-        with written_whole(path) as temporary:
-            torch.save(state, temporary)
+        content = io.BytesIO()  # of a full disk PyTorch's own writer says nothing useful
+        torch.save(state, content)
+        write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
         """Go on where a saved run stopped; OtherTrainingError when it was another training.

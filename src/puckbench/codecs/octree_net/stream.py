@@ -25,6 +25,8 @@ MOST_VOXELS = 2**21
 _MOST_IN_ALL = 2**25
 _VOXELS_A_BYTE = 2**14
 """More cannot be: two symbols, of 0.0026 bits at least (see `coding`), bring at most 8 voxels."""
+_LEAST_SCALE = 2.0**-400
+"""With less, and the largest unit, coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
 _HEADER = struct.Struct("<8sd3iB")
 _FRAME = struct.Struct("<4d")
@@ -90,7 +92,7 @@ def _read(stream: bytes) -> Coded:
     digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
     frame, at = _read_frame(body, _HEADER.size, framed)
     parts = _read_parts(body, at)
-    if not (0 < scale < np.inf and 1 / scale < np.inf):
+    if not _LEAST_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
     return Coded(digest, scale, (x, y, z), frame, parts)
 

@@ -20,6 +20,8 @@ MAGIC = b"PCG1"
 VERSION = 1
 BLOCK = 32
 """Cubes of a block; the last one may have fewer."""
+_SCALES = (2.0**-400, 2.0**16)
+"""What a scale is between; with a smaller one coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
 _HEADER = struct.Struct("<8sBd")
 _CHECK = struct.Struct("<I")
@@ -118,7 +120,7 @@ class _Reader:
 def _read_body(reader: _Reader) -> Coded:
     digest, rate, scale = _HEADER.unpack(reader.take(_HEADER.size))
     *sizes, cubes = (reader.number() for _ in range(4))
-    if cubes > _most_cubes(reader.body) or not 0 < scale < 2**16:
+    if cubes > _most_cubes(reader.body) or not _SCALES[0] < scale < _SCALES[1]:
         raise InputError("the stream is damaged (its header)")
     positions, counts, sparse = (reader.take(size) for size in sizes)
     blocks = tuple(reader.block() for _ in range(-(-cubes // BLOCK)))

@@ -1,8 +1,9 @@
-"""Damaged G-PCC streams: flipped, cut, spliced, with absurd sizes; the same for the same number."""
+"""Damaged streams: flipped, cut, spliced, with absurd sizes; the same for the same number."""
 
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -23,15 +24,39 @@ def units(stream: bytes) -> list[bytes]:
     return found
 
 
-def damaged(streams: Sequence[bytes], number: int) -> bytes:
-    """One damaged stream, made of bare `streams`."""
+def damaged(streams: Sequence[bytes], number: int, codec: str = "gpcc") -> bytes:
+    """One damaged stream, made of whole `streams` of a codec (G-PCC: bare ones).
+
+    Every other one of a codec with a check sum has one that fits, as an attacker would send it.
+    """
     random = generator(number, "damaged G-PCC streams")
     stream = streams[random.integers(len(streams))]
     mutation = MUTATIONS[random.integers(len(MUTATIONS))]
     changed = mutation(stream, streams, random)
     if random.random() < 0.2:
         changed = MUTATIONS[random.integers(len(MUTATIONS))](changed, streams, random)
-    return changed
+    seal = SEALS.get(codec)
+    return seal(changed) if seal is not None and number % 2 else changed
+
+
+def _sealed_at(at: int) -> Callable[[bytes], bytes]:
+    """A CRC-32 at byte `at` of all that follows it."""
+    return lambda stream: (
+        stream[:at] + struct.pack("<I", zlib.crc32(stream[at + 4 :])) + stream[at + 4 :]
+    )
+
+
+def _sealed_at_the_end(stream: bytes) -> bytes:
+    return stream[:-2] + struct.pack("<H", zlib.crc32(stream[:-2]) & 0xFFFF)
+
+
+SEALS: dict[str, Callable[[bytes], bytes]] = {
+    "pcgcv1": _sealed_at(5),
+    "pcgcv2": _sealed_at(6),
+    "sparse_octree_net": _sealed_at(5),
+    "primitives": _sealed_at_the_end,
+}
+"""What makes the check sums of streams fit again, where a codec has them."""
 
 
 def _flipped(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
