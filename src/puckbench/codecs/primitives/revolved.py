@@ -113,6 +113,17 @@ def packed(surface: Round) -> bytes:
     return _PARAMETERS.pack(kind, *numbers.tolist(), radius, angle, first, surface.rows)
 
 
+def fits(surface: Round) -> bool:
+    """Whether `packed` has room for a surface; a fit to few samples may have any parameters."""
+    if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
+        return False
+    held = bool(np.abs(surface.origin * _PLACE).max() < (1 << 15) - 1)
+    held &= round(surface.radius * _RADIUS) < 1 << 16
+    held &= abs(round(surface.angle * _ANGLE)) <= _ANGLE * np.pi / 2
+    held &= abs(surface.first) + surface.rows < 1 << 15
+    return bool(held and int(surface.columns().sum()) <= MOST_COLUMNS // 2)
+
+
 def unpacked(stream: bytes) -> list[Round]:
     """Surfaces from the bytes of `packed`, one after the other; InputError for damaged ones."""
     found = [_unpacked(stream[k : k + ROUND]) for k in range(0, len(stream), ROUND)]
