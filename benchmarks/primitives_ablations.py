@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 import primitives_rate_distortion as rd
-from puckbench.codecs.primitives import encoder, rivals, voxels
+from puckbench.cloud import PointCloud
+from puckbench.codecs.primitives import encoder, grids, rivals, voxels
 from puckbench.codecs.registry import entries, open_codec
 from puckbench.metrics.closest import mesh_in_frame
 from puckbench.prepare.preparation import Returns, prepare
@@ -66,8 +67,8 @@ def noisy(options: argparse.Namespace, sigma: float) -> rd.Room:
         scene.origin or free_origin(scene.mesh),
         np.random.default_rng(1),
     )
-    clean = rd.PointCloud(table.xyz, table.normals)
-    returns = Returns(rd.PointCloud(table.xyz_noisy), clean)
+    clean = PointCloud(table.xyz, table.normals)
+    returns = Returns(PointCloud(table.xyz_noisy), clean)
     returns = returns if scene.box is None else returns.cropped(scene.box)
     cloud = prepare(returns.cloud)
     frame = (cloud.about["scale"], np.asarray(cloud.about["offset"]))
@@ -82,14 +83,14 @@ def thinned(found: rd.Room, points: int) -> rd.Room:
 
 
 @contextmanager
-def switched(module: Any, name: str, function: Any) -> Iterator[None]:
-    """Have another function in a module for a while."""
-    kept = getattr(module, name)
-    setattr(module, name, function)
+def switched(owner: Any, name: str, function: Any) -> Iterator[None]:
+    """Have another function in a module or a class for a while."""
+    kept = getattr(owner, name)
+    setattr(owner, name, function)
     try:
         yield
     finally:
-        setattr(module, name, kept)
+        setattr(owner, name, kept)
 
 
 def ablate(found: rd.Room, rates: list[str]) -> None:
@@ -100,19 +101,28 @@ def ablate(found: rd.Room, rates: list[str]) -> None:
     edge, encoder._EDGE_BITS = encoder._EDGE_BITS, 0.0
     line("bitmaps without a price", found, rates)
     encoder._EDGE_BITS = edge
-    for label, module, name, nothing in (
-        ("axes of the cloud, not of its walls", rivals, "best_turn", lambda normals: (0, 0, 0)),
-        ("no cylinders, spheres, cones", rivals, "round_surfaces", lambda cloud: ()),
-        ("voxels never", rivals, "_surface_wins", lambda *_: True),
-        ("voxels always", rivals, "_surface_wins", lambda *_: False),
-        ("voxels always, not moved", voxels, "_table", lambda *_: None),
+    nothing_else = ("wins_in_sum", lambda match: False)
+    for label, *switches in (
+        ("axes of the cloud, not of its walls", (grids, "best_turn", lambda normals: (0, 0, 0))),
+        ("one place of the grid", (grids, "_coarse", lambda cloud: False)),
+        ("no cylinders, spheres, cones", (rivals, "round_surfaces", lambda cloud: ())),
+        ("voxels never", (rivals._Match, "wins", lambda match: True)),
+        (
+            "voxels always",
+            (rivals._Match, "wins", lambda match: False),
+            (rivals._Match, *nothing_else),
+        ),
+        (
+            "voxels always, not moved",
+            (rivals._Match, "wins", lambda match: False),
+            (rivals._Match, *nothing_else),
+            (voxels, "_table", lambda *_: None),
+        ),
     ):
-        with switched(module, name, nothing):
-            if label.endswith("not moved"):
-                with switched(rivals, "_surface_wins", lambda *_: False):
-                    line(label, found, rates)
-            else:
-                line(label, found, rates)
+        with ExitStack() as changed:
+            for owner, name, function in switches:
+                changed.enter_context(switched(owner, name, function))
+            line(label, found, rates)
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """Cylinders, cones and spheres of the primitives codec: geometry, bitmaps, detection, streams."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,12 +20,14 @@ from puckbench.codecs.primitives.revolved import (
     SPHERE,
     Round,
     code_round,
+    fits,
     packed,
     points_on,
     unpacked,
 )
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.stream import ROUND, Header, pack_surface, unpack
+from puckbench.codecs.primitives.wrapping import Prices, wrapped
 from puckbench.codecs.registry import open_codec
 from puckbench.errors import InputError
 
@@ -101,6 +104,32 @@ def test_bitmaps_come_back_in_few_bits() -> None:
     code_round(reader(stream, CONTEXTS, MIXERS), columns, found)
     assert np.array_equal(found, bits)
     assert 8 * len(stream) < 0.15 * len(bits)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"angle": 1.6},
+        {"radius": 5000.0},
+        {"radius": np.nan},
+        {"origin": np.array([0.0, 0.0, 5000.0])},
+        {"first": 40_000},
+        {"radius": 4000.0, "rows": 4000},
+    ],
+)
+def test_a_stream_has_no_room_for_some_surfaces(changes: dict[str, Any]) -> None:
+    assert fits(CYLINDER)
+    assert not fits(CYLINDER._replace(**changes))
+
+
+def test_surfaces_that_a_stream_has_no_room_for_are_passed_over() -> None:
+    prices = Prices(20.0, 0.1, 100.0, 1.0, 2.0, 0.0)
+    found = []
+    for surface in (FRUSTUM, FRUSTUM._replace(angle=np.pi / 2 + 0.01)):
+        along, turn = np.random.default_rng(3).uniform(-18, 18, (2, 4000))
+        wraps, _ = wrapped([surface], *surface.places(along, turn), np.ones(4000), prices)
+        found.append(len(wraps))
+    assert found == [1, 0]
 
 
 def _solids(count: int = 16_000, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

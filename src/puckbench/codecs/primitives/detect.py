@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Ints
-from puckbench.codecs.primitives.revolved import CONE, SPHERE, Round
+from puckbench.codecs.primitives.revolved import CONE, SPHERE, Round, across, cross
 
 _SEEDS = 300
 _SCORED = 1200
@@ -93,7 +93,7 @@ def _through(xyz: Floats, normals: Floats, tolerance: float) -> list[Round]:
     radius = float(apart @ bend / (bend @ bend))
     if np.linalg.norm(apart - radius * bend) < 2 * tolerance:
         made.append(_round(SPHERE, xyz[0] - radius * normals[0], np.eye(3)[2], abs(radius), 0.0))
-    axis = np.cross(normals[0], normals[1])
+    axis = cross(normals[0], normals[1])
     axis /= np.linalg.norm(axis)
     flat = apart - (apart @ axis) * axis
     radius = float(flat @ bend / (bend @ bend))
@@ -103,7 +103,7 @@ def _through(xyz: Floats, normals: Floats, tolerance: float) -> list[Round]:
 
 
 def _cone(xyz: Floats, normals: Floats) -> list[Round]:
-    axis = np.cross(normals[0] - normals[1], normals[0] - normals[2])
+    axis = cross(normals[0] - normals[1], normals[0] - normals[2])
     if np.linalg.norm(axis) < 0.02 or abs(np.linalg.det(normals)) < 1e-3:
         return []
     axis /= np.linalg.norm(axis)
@@ -197,10 +197,7 @@ def _changed(surface: Round, change: Floats) -> Round:
         return surface._replace(
             origin=surface.origin + change[:3], radius=surface.radius + float(change[5])
         )
-    start = np.eye(3)[int(np.abs(surface.axis).argmin())]
-    u = np.cross(surface.axis, start)
-    u /= np.linalg.norm(u)
-    v = np.cross(surface.axis, u)
+    u, v = across(surface.axis)
     axis = surface.axis + (change[3] * u + change[4] * v) / 100
     return surface._replace(
         origin=surface.origin + change[:3],

@@ -71,10 +71,13 @@ class Surface(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A way to code a surface: a turn of the axes, the grid's margin in cells, round surfaces."""
+    """A way to code a surface: a turn of the axes, where the grid lies, round surfaces.
+
+    margins: cells between the grid's least corner and the surface's, along each axis.
+    """
 
     turn: Turn = (0, 0, 0)
-    margin: float = 0.5
+    margins: tuple[float, float, float] = (0.5, 0.5, 0.5)
     rounds: tuple[Round, ...] = ()
 
 
@@ -110,13 +113,25 @@ def round_surfaces(cloud: Cloud) -> tuple[Round, ...]:
     return tuple(found)
 
 
+def margins_of_points(cloud: Cloud) -> tuple[float, float, float]:
+    """Margins of a grid from the points' least corner on, off which noise keeps outer walls."""
+    low = np.maximum(cloud.surface.xyz.min(axis=0), 0)
+    x, y, z = (0.5 + low / cell_of(cloud)).tolist()
+    return (x, y, z)
+
+
+def cell_of(cloud: Cloud) -> float:
+    """Side of a bitmap's column along the cloud's own axes, in units."""
+    return _cell(cloud.surface, cloud.settings)
+
+
 def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
     """Code a cloud as planes and round surfaces; None where there are too few points for that."""
     points, settings = cloud.points, cloud.settings
     surface, low = _turned(cloud, way.turn)
     cell = _cell(surface, settings)
-    surface = _in_cells(surface, cell, way.margin)
-    rounds = [placed(each, rotation(way.turn), low, cell, way.margin) for each in way.rounds]
+    surface = _in_cells(surface, cell, way.margins)
+    rounds = [placed(each, rotation(way.turn), low, cell, way.margins) for each in way.rounds]
     wraps, surface = _wrapped(rounds, surface, cloud, cell)
     header, levels = _plan(surface, settings, cell)
     frame = frame_of(header, settings.price / cell**2 / len(points))
@@ -152,14 +167,10 @@ def _tolerance(cloud: Cloud) -> float:
 
 
 def _turned(cloud: Cloud, turn: Turn) -> tuple[Surface, Floats]:
-    """The surface along other axes, from its least corner on, and where that is (3,).
-
-    Without a turn the corner is the points', which their noise keeps off the outermost walls: the
-    two grids lie differently against the walls, and which is better only coding tells.
-    """
+    """The surface along other axes, from its least corner on, and where that is (3,)."""
     surface, turned = cloud.surface, rotation(turn)
     xyz = surface.xyz @ turned.T
-    low = xyz.min(axis=0) if any(turn) else np.minimum(xyz.min(axis=0), 0)
+    low = xyz.min(axis=0)
     return surface._replace(xyz=xyz - low, normals=surface.normals @ turned.T), low
 
 
@@ -194,7 +205,7 @@ def _complete(
     wraps: list[Wrapped],
 ) -> Header:
     """The header with place, density and the round surfaces' parameters."""
-    start = cloud.low @ rotation(way.turn).T + cloud.unit * (low - way.margin * cell)
+    start = cloud.low @ rotation(way.turn).T + cloud.unit * (low - np.array(way.margins) * cell)
     return header._replace(
         origin=start,
         unit=cell * cloud.unit,
@@ -214,8 +225,8 @@ def _cell(surface: Surface, settings: Settings) -> float:
     return float(cell)
 
 
-def _in_cells(surface: Surface, cell: float, margin: float) -> Surface:
-    xyz = surface.xyz / cell + margin
+def _in_cells(surface: Surface, cell: float, margins: tuple[float, float, float]) -> Surface:
+    xyz = surface.xyz / cell + margins
     return surface._replace(xyz=np.maximum(xyz, 0.0), cell=surface.cell / cell)
 
 

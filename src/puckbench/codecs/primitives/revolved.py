@@ -66,7 +66,7 @@ class Round(NamedTuple):
 
     def places(self, along: Floats, turn: Floats) -> tuple[Floats, Floats]:
         """Points (n, 3) and normals at places along the profile and angles about the axis."""
-        u, v = _across(self.axis)
+        u, v = across(self.axis)
         out = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
         radius, height = self.profile(along)
         xyz = self.origin + radius[:, None] * out + height[:, None] * self.axis
@@ -76,7 +76,7 @@ class Round(NamedTuple):
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Place along the profile, angle, signed distance and normal of points (n, 3)."""
-        u, v = _across(self.axis)
+        u, v = across(self.axis)
         vector = xyz - self.origin
         height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
         turn = np.arctan2(vector @ v, vector @ u)
@@ -91,12 +91,19 @@ class Round(NamedTuple):
         return along, turn, off, out * cosine - self.axis * sine
 
 
-def _across(axis: Floats) -> tuple[Floats, Floats]:
+def across(axis: Floats) -> tuple[Floats, Floats]:
     """Two unit vectors at right angles to an axis and to each other."""
     start = np.eye(3)[int(np.abs(axis).argmin())]
-    u = np.cross(axis, start)
+    u = cross(axis, start)
     u = u / np.linalg.norm(u)
-    return u, np.cross(axis, u)
+    return u, cross(axis, u)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross product of two vectors (3,); numpy's spends most of its time on finding out axes."""
+    x, y, z = a.tolist()
+    u, v, w = b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def packed(surface: Round) -> bytes:
@@ -111,6 +118,17 @@ def packed(surface: Round) -> bytes:
     angle = round(sign * surface.angle * _ANGLE)
     kind = surface.kind | axis << 1
     return _PARAMETERS.pack(kind, *numbers.tolist(), radius, angle, first, surface.rows)
+
+
+def fits(surface: Round) -> bool:
+    """Whether `packed` has room for a surface; a fit to few samples may have any parameters."""
+    if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
+        return False
+    held = bool(np.abs(surface.origin * _PLACE).max() < (1 << 15) - 1)
+    held &= round(surface.radius * _RADIUS) < 1 << 16
+    held &= abs(round(surface.angle * _ANGLE)) <= _ANGLE * np.pi / 2
+    held &= abs(surface.first) + surface.rows < 1 << 15
+    return bool(held and int(surface.columns().sum()) <= MOST_COLUMNS // 2)
 
 
 def unpacked(stream: bytes) -> list[Round]:

@@ -9,13 +9,14 @@ has them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.axes import best_turn
 from puckbench.codecs.primitives.decoder import decode_stream, decode_surface
 from puckbench.codecs.primitives.encoder import (
     Cloud,
@@ -24,7 +25,8 @@ from puckbench.codecs.primitives.encoder import (
     prepared,
     round_surfaces,
 )
-from puckbench.codecs.primitives.judge import Judge
+from puckbench.codecs.primitives.grids import first_ways, other_margins, shifted
+from puckbench.codecs.primitives.judge import Errors, Judge
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.stream import Header, unpack
 from puckbench.errors import InputError
@@ -38,12 +40,40 @@ def encode(points: Floats, settings: Settings) -> bytes:
     if settings.leaf == 0:
         return voxels.encode_within(points, most, settings.voxel)
     cloud = prepared(points, settings)
-    judge = Judge.of(cloud.points, cloud.surface.xyz, cloud.surface.normals)
-    surface = _best_surface(cloud, judge)
-    if surface is None or len(surface) > most:
+    judge = Judge.of(cloud.points, *cloud.surface[:3])
+    best = _best_surface(cloud, judge)
+    if best.stream is None:
         return voxels.encode_within(points, most)
-    rival = voxels.encode_within(points, len(surface))
-    return surface if _surface_wins(cloud, judge, surface, rival) else rival
+    return _surface_or_voxels(points, cloud, judge, best, most)
+
+
+_DEARER = (1.0, 2.0, 4.0)
+"""Prices of bits, times the rate's, at which a surface is held against voxels.
+
+The more bits, the nearer voxels come to noise and to scattered points, and surfaces do not. A
+surface of fewer bits may still be ahead of voxels of as few.
+"""
+
+
+def _surface_or_voxels(points: Floats, cloud: Cloud, judge: Judge, best: _Try, most: int) -> bytes:
+    """The finest surface that is ahead of voxels of as many bytes in all; else voxels.
+
+    Where the cheapest surface is ahead of them in one respect and behind in another, the product
+    of the errors decides.
+    """
+    rivals: list[bytes] = []
+    cheapest, match = b"", None
+    for dearer in _DEARER:
+        settings = replace(cloud.settings, price=dearer * cloud.settings.price)
+        cheaper = cloud._replace(settings=settings)
+        stream = best.stream if dearer == 1 else encode_surface(cheaper, best.way)
+        fits = stream is not None and len(stream) <= most
+        rivals.append(voxels.encode_within(points, len(stream) if stream and fits else most))
+        if stream and fits:
+            cheapest, match = stream, _Match.of(cloud, judge, stream, rivals[-1])
+            if match.wins():
+                return stream
+    return cheapest if match is not None and match.wins_in_sum() else rivals[0]
 
 
 _MOST_REFUSED = 3
@@ -58,12 +88,9 @@ class _Try(NamedTuple):
     stream: bytes | None
 
 
-def _best_surface(cloud: Cloud, judge: Judge) -> bytes | None:
-    """The surface that costs least; None where there are too few points."""
-    best = _tried(cloud, judge, Way())
-    turn = best_turn(cloud.surface.normals)
-    if any(turn):
-        best = min(best, _tried(cloud, judge, Way(turn)), key=lambda found: found.cost)
+def _best_surface(cloud: Cloud, judge: Judge) -> _Try:
+    """The surface that costs least."""
+    best = _best_grid(cloud, judge)
     refused = 0
     for surface in round_surfaces(cloud):
         more = _tried(cloud, judge, best.way._replace(rounds=(*best.way.rounds, surface)))
@@ -71,7 +98,22 @@ def _best_surface(cloud: Cloud, judge: Judge) -> bytes | None:
         best = min(best, more, key=lambda found: found.cost)
         if refused == _MOST_REFUSED:
             break
-    return best.stream
+    return best
+
+
+def _best_grid(cloud: Cloud, judge: Judge) -> _Try:
+    """The best axes, then the best place of the grid along them."""
+    best = _best_of(cloud, judge, first_ways(cloud), None)
+    best = _best_of(cloud, judge, other_margins(cloud, best.way), best)
+    for axis in range(3):
+        best = _best_of(cloud, judge, shifted(cloud, best.way, axis), best)
+    return best
+
+
+def _best_of(cloud: Cloud, judge: Judge, ways: Iterable[Way], known: _Try | None) -> _Try:
+    """The cheapest way of some and of one that is known."""
+    tries = [_tried(cloud, judge, way) for way in ways]
+    return min([*([known] if known else []), *tries], key=lambda found: found.cost)
 
 
 def _tried(cloud: Cloud, judge: Judge, way: Way) -> _Try:
@@ -88,13 +130,35 @@ def _thinly_decoded(stream: bytes) -> Floats:
     header, bits = unpack(stream)
     if not isinstance(header, Header):
         raise InputError("the stream holds no surfaces")
-    return decode_surface(header._replace(fineness=max(header.fineness // 2, 1)), bits).xyz
+    return decode_surface(header._replace(fineness=max(header.fineness // 3, 1)), bits).xyz
 
 
-def _surface_wins(cloud: Cloud, judge: Judge, surface: bytes, rival: bytes) -> bool:
-    own = judge.errors(cloud.in_units(decode_stream(surface)))
-    other = judge.errors(cloud.in_units(decode_stream(rival)))
-    if own.surface > other.surface:
-        return False
-    plain = judge.errors(cloud.in_units(voxels.unmoved(rival)))
-    return own.plane <= plain.plane and own.point <= plain.point
+class _Match(NamedTuple):
+    """Errors of a surface, of voxels of as many bytes, and of these where G-PCC has them."""
+
+    own: Errors
+    other: Errors
+    plain: Errors
+
+    @classmethod
+    def of(cls, cloud: Cloud, judge: Judge, surface: bytes, rival: bytes) -> _Match:
+        """Decode both and measure them."""
+        decoded = (decode_stream(surface), decode_stream(rival), voxels.unmoved(rival))
+        return cls(*(judge.errors(cloud.in_units(xyz)) for xyz in decoded))
+
+    def wins(self) -> bool:
+        """Whether the surface is the nearer one to the smoothed samples and to the points."""
+        nearer = self.own.surface <= self.other.surface and self.own.plane <= self.plain.plane
+        return nearer and self.own.point <= _FARTHER * self.plain.point
+
+    def wins_in_sum(self) -> bool:
+        """Whether what the surface gains in some errors is more than it loses in the others."""
+        product = np.prod(self.own) <= np.prod(self.other)
+        return bool(product and self.own.point <= _FARTHEST * self.plain.point)
+
+
+_FARTHER, _FARTHEST = 1.05, 1.25
+"""Squared distance to the points, times unmoved voxels', that a surface may have.
+
+Where points lie on a surface is not coded, and chance alone keeps them some way off.
+"""

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.detect import bounded, explained
 from puckbench.codecs.primitives.layout import Bytes, Ints
-from puckbench.codecs.primitives.revolved import Round, packed, points_on, unpacked
+from puckbench.codecs.primitives.revolved import (
+    MOST_COLUMNS,
+    Round,
+    fits,
+    packed,
+    points_on,
+    unpacked,
+)
 from puckbench.compiling import compiled
 
 Mask = NDArray[np.bool_]
@@ -38,9 +45,11 @@ class Prices(NamedTuple):
     edge: float
 
 
-def placed(surface: Round, turned: Floats, low: Floats, cell: float, margin: float) -> Round:
+def placed(
+    surface: Round, turned: Floats, low: Floats, cell: float, margins: tuple[float, float, float]
+) -> Round:
     """A surface in units along the cells' axes (rotation (3, 3), least corner), in cells."""
-    origin = (turned @ surface.origin - low) / cell + margin
+    origin = (turned @ surface.origin - low) / cell + margins
     return surface._replace(origin=origin, axis=turned @ surface.axis, radius=surface.radius / cell)
 
 
@@ -52,14 +61,17 @@ def wrapped(
     gain: (n,) what a sample's points weigh for each weight of its area.
     """
     left = np.ones(len(xyz), bool)
-    found = []
+    found: list[Wrapped] = []
     for wanted in surfaces:
         bound = bounded(wanted, xyz, normals, left, prices.tolerance)
-        if bound.rows == 0:
+        if bound.rows == 0 or not fits(bound):
             continue
         (surface,) = unpacked(packed(bound))
         rows = np.flatnonzero(left & explained(surface, xyz, normals, prices.tolerance))
         if not len(rows):
+            continue
+        columns = sum(len(wrap.bits) for wrap in found) + int(surface.columns().sum())
+        if columns > MOST_COLUMNS:
             continue
         bits = _bitmap(surface, xyz[rows], normals[rows], gain[rows], prices)
         held = rows[_on(surface, bits, xyz[rows])]
