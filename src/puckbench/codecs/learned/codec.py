@@ -164,7 +164,14 @@ class LearnedByAlpha(Learned[R]):
 
 
 def dense_halvings(points: Floats, parameters: Mapping[str, Any]) -> int:
-    """How often a rate halves the grid of points (n, 3): until they have the rate's `children`."""
+    """How often a rate halves the grid of points (n, 3).
+
+    Until they have the rate's `children`, and then so many times more as its `coarser` says, or
+    fewer; without `children` never.
+    """
     from puckbench.codecs.learned.density import halvings_of
 
-    return halvings_of(points, float(parameters.get("children", 1)))
+    children = float(parameters.get("children", 1))
+    if children <= 1:
+        return 0
+    return max(0, halvings_of(points, children) + int(parameters.get("coarser", 0)))
