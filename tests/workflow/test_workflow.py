@@ -304,13 +304,13 @@ def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
 
 
 def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
-    fresh.configure({"results": "config.yaml/results"})
+    fresh.configure({"results": "/sys/results"})  # where nobody makes folders, root neither
     done = fresh.snakemake()
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == "puckbench: config.yaml/results: not a directory"
+    assert done.stderr.splitlines()[-1].startswith("puckbench: /sys/results: ")
 
 
-def _wait_for_file(path: Path, seconds: float = 60) -> None:
+def _wait_for_file(path: Path, seconds: float = 120) -> None:
     deadline = time.monotonic() + seconds
     while not path.exists():
         assert time.monotonic() < deadline, f"no {path}"
