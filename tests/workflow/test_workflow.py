@@ -271,7 +271,7 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
     assert differences(fresh.results, finished.results, finished=False) == []
 
 
-def _wait_for(folder: Path, seconds: float = 120) -> None:
+def _wait_for(folder: Path, seconds: float = 300) -> None:
     deadline = time.monotonic() + seconds
     while not any(folder.rglob("*.bin")):
         assert time.monotonic() < deadline, f"nothing in {folder}"
@@ -310,7 +310,7 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
     assert done.stderr.splitlines()[-1].startswith("puckbench: /sys/results: ")
 
 
-def _wait_for_file(path: Path, seconds: float = 120) -> None:
+def _wait_for_file(path: Path, seconds: float = 300) -> None:
     deadline = time.monotonic() + seconds
     while not path.exists():
         assert time.monotonic() < deadline, f"no {path}"
