@@ -271,7 +271,7 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
     assert differences(fresh.results, finished.results, finished=False) == []
 
 
-def _wait_for(folder: Path, seconds: float = 120) -> None:
+def _wait_for(folder: Path, seconds: float = 300) -> None:
     deadline = time.monotonic() + seconds
     while not any(folder.rglob("*.bin")):
         assert time.monotonic() < deadline, f"nothing in {folder}"
@@ -304,13 +304,13 @@ def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
 
 
 def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
-    fresh.configure({"results": "config.yaml/results"})
+    fresh.configure({"results": "/sys/results"})  # where nobody makes folders, root neither
     done = fresh.snakemake()
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == "puckbench: config.yaml/results: not a directory"
+    assert done.stderr.splitlines()[-1].startswith("puckbench: /sys/results: ")
 
 
-def _wait_for_file(path: Path, seconds: float = 60) -> None:
+def _wait_for_file(path: Path, seconds: float = 300) -> None:
     deadline = time.monotonic() + seconds
     while not path.exists():
         assert time.monotonic() < deadline, f"no {path}"
