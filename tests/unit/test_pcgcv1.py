@@ -351,7 +351,7 @@ def test_another_machines_tables_end_in_an_error(weights: WeightSet) -> None:
 
 
 def test_pcc_arenas_rates() -> None:
-    rates = entries()["pcgcv1"]["rates"].values()
+    rates = entries()["pcgcv1_published"]["rates"].values()
     assert [(r["alpha"], r["scale"], r["rho"]) for r in rates] == [
         (0.75, 0.625, 1.15), (0.75, 1, 1.15), (2, 1, 1), (3.5, 1, 1), (6, 1, 1), (10, 1, 1),
     ]  # fmt: skip
@@ -361,11 +361,11 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
     for alpha in ("0.75", "2", "6", "10"):
         (tmp_path / f"a{alpha}b3.npz").touch()
     options = {"options": {"weights": str(tmp_path)}}
-    ok, why = open_codec("pcgcv1", options).available()
+    ok, why = open_codec("pcgcv1_published", options).available()
     assert not ok
     assert "no weights for r4 (rates it has: r1, r2, r3, r5, r6)" in why
     rest = {**options, "rates": ["r1", "r2", "r3", "r5", "r6"]}
-    assert open_codec("pcgcv1", rest).available().ok
+    assert open_codec("pcgcv1_published", rest).available().ok
 
 
 def _coded() -> Coded:

@@ -110,11 +110,9 @@ class TrainingByAlpha(Training):
         return Examples(voxels, self.side, self.cubes, fewest, self.thinnest, self.seed)
 
     def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
-        """Those of the entry with one of the alphas; for other alphas a rate of their name."""
+        """Those of the entry with one of the alphas; if it has none of them, one for each alpha."""
         kept = {name: rate for name, rate in known.items() if rate["alpha"] in self.alphas}
-        there = {rate["alpha"] for rate in kept.values()}
-        others = [alpha for alpha in self.alphas if alpha not in there]
-        return kept | {f"alpha_{alpha:g}": {"alpha": alpha} for alpha in others}
+        return kept or {f"alpha_{alpha:g}": {"alpha": alpha} for alpha in self.alphas}
 
 
 def _fits(value: Any, default: Any, free: bool = False, least: int | None = None) -> bool:
