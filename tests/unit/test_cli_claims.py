@@ -91,6 +91,7 @@ def test_a_configuration_tells_what_plays_which_part() -> None:
         "draco": "draco",
         "gpcc": "gpcc",
         "gpcc_as_run": "gpcc_arena",
+        "pcgcv1": "pcgcv1",
         "pcgcv2": "pcgcv2",
     }
     scales = json.loads(bench.table_options("gpcc_scales"))["scales"]

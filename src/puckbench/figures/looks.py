@@ -35,7 +35,7 @@ CODEC_LOOKS: dict[str, Look] = {
     "gpcc_lossless": Look("G-PCC (finer scales)", "#C0A030", "8", ":"),
     "tmc13": Look("TMC13 (reference tool)", "#000000", "x", ":"),
     "pcgcv1_published": Look("PCGCv1 (as published)", "#66CDAA", "<", "--"),
-    "pcgcv2_published": Look("PCGCv2 (as published)", "#F0A070", ">", "--"),
+    "pcgcv2_published": Look("PCGCv2 (as published)", "#F0A070", "2", "--"),
     "pcgcv2_rooms": Look("PCGCv2 (rooms)", "#882255", "d", "--"),
     "geocnnv1": Look("GeoCNNv1", "#999933", ">"),
     "geocnnv2": Look("GeoCNNv2", "#661100", "*"),
