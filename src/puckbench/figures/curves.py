@@ -63,9 +63,14 @@ def draw_curves(
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
 
 
-def shared_limits(curves: Iterable[Lines], quantity: Quantity, style: FigureStyle) -> Range:
-    """Limits of one quantity for all panels: bpp's from the first array of each line, or y's."""
+def shared_limits(
+    curves: Iterable[Lines], quantity: Quantity, style: FigureStyle, default: Range | None = None
+) -> Range:
+    """Limits of one quantity for all panels: bpp's from the first array of each line, or y's.
+
+    default: range of the axis where the style has none; the quantity's own if not given.
+    """
     which = 0 if quantity is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]
-    default = style.axis_range(quantity.column, quantity.limits)
-    return log_limits(np.concatenate([np.empty(0), *arrays]), default)
+    wanted = style.axis_range(quantity.column, default or quantity.limits)
+    return log_limits(np.concatenate([np.empty(0), *arrays]), wanted)

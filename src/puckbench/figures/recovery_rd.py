@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.curves import Lines, binned_curves, codecs_of
+from puckbench.figures.curves import Lines, binned_curves, codecs_of, shared_limits
 from puckbench.figures.panels import (
     add_legend,
     draw_line,
-    log_limits,
     panel_grid,
     set_log,
     set_title,
@@ -43,8 +40,7 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     whole = recovery[recovery["kind"] == ALL].dropna(subset=[_SHARES[-1].column])
     curves = [binned_curves(whole, share, style) for share in _SHARES]
     every = [lines for side in curves for lines in side.values()]
-    rates = np.concatenate([bpp for lines in every for bpp, _ in lines.values()])
-    x_limits = log_limits(rates, style.axis_range(BPP.column, (0.01, 1)))
+    x_limits = shared_limits(every, BPP, style, (0.01, 1))
     figure, panels = panel_grid(len(every), len(_SHARES), 1.95, style)
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // len(_SHARES)], index % len(_SHARES)

@@ -25,8 +25,6 @@ def halvings(keys: Keys, children: float) -> int:
 
     keys: of distinct voxels, ascending. children: occupied, of a voxel of the next coarser grid.
     """
-    if children <= 1:
-        return 0
     counts = [len(keys)]
     for halved in range(AXIS_BITS):
         keys = distinct(keys >> 3)
