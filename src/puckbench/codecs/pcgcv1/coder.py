@@ -20,17 +20,18 @@ from puckbench.codecs.pcgcv1.coding import (
     encode_counts,
     encode_hyper,
 )
-from puckbench.codecs.pcgcv1.cubes import (
-    Cubes,
-    Whole,
-    cubes_of,
-    in_order,
-    most_likely,
-    occupancy,
-    within,
-)
+from puckbench.codecs.pcgcv1.cubes import Cubes, Whole, cubes_of, most_likely, occupancy, within
 from puckbench.codecs.pcgcv1.laplace import Chosen
 from puckbench.codecs.pcgcv1.stream import BLOCK, Block, Coded
+from puckbench.codecs.pcgcv1.support import (
+    Bools,
+    Support,
+    blocks_of,
+    everywhere,
+    likeliest,
+    pooled,
+    support_of,
+)
 from puckbench.codecs.pcgcv1.weights import WeightSet
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.errors import InputError
@@ -38,8 +39,6 @@ from puckbench.errors import InputError
 Voxels = NDArray[np.int64]
 Integers = NDArray[np.int32]
 T = TypeVar("T")
-_STRIDE = 4
-"""Of the latent; the hyper-latent has twice as much."""
 
 
 @dataclass(frozen=True)
@@ -67,24 +66,28 @@ class Coder:
         sparse = encode_voxels(cubes.chosen(~dense).voxels()) if self.sparse_cubes else b""
         kept = cubes.chosen(dense)
         counts = np.clip(np.rint(self.rho * kept.counts), 1, side**3).astype(np.int64)
+        placed = blocks_of(kept) if self.weights.shape.supported else kept.positions
+        support = _support(placed, self.weights)
         with crew(self.threads) as workers:
             blocks = tuple(
-                self._encode_block(kept, block, workers) for block in _blocks(len(counts))
+                self._encode_block(kept, support.blocks[block], block, workers)
+                for block in _blocks(len(counts))
             )
-        positions = encode_voxels(kept.positions) if len(counts) else b""
-        return Coded(self.weights.digest, self.rate, self.scale, len(counts), positions,
-                     encode_counts(counts, side**3), sparse, blocks)  # fmt: skip
+        return Coded(self.weights.digest, self.rate, self.scale, len(counts),
+                     encode_voxels(placed), encode_counts(counts, side**3), sparse,
+                     blocks)  # fmt: skip
 
-    def _encode_block(self, cubes: Cubes, block: range, workers: Crew) -> Block:
+    def _encode_block(self, cubes: Cubes, held: Bools, block: slice, workers: Crew) -> Block:
         def one(cube: int) -> tuple[Integers, Integers, Chosen]:
-            occupied = occupancy(cubes.keys_of(cube), cubes.side)
+            occupied = occupancy(cubes.keys_of(block.start + cube), cubes.side)
             latent, hyper = self.weights.network.analyse(occupied, self.rate)
             return latent, hyper, self.weights.hyper_decoder.tables(hyper)
 
-        latents, hypers, tables = zip(*_each(block, one, workers), strict=True)
-        chosen = _joined(tables)
-        coded = encode_hyper(np.stack(hypers), self.weights.tables[self.rate])
-        return Block(checksum(chosen), coded, encode_conditional(np.stack(latents), chosen))
+        latents, hypers, tables = zip(*_each(len(held), one, workers), strict=True)
+        where, chosen = _each_channel(held, latents[0]), _joined(tables)
+        coded = encode_hyper(np.stack(hypers), pooled(held), self.weights.tables[self.rate])
+        values = np.stack(latents)[where]
+        return Block(checksum(chosen), coded, encode_conditional(values, chosen.at(where)))
 
 
 class Decoder:
@@ -97,55 +100,66 @@ class Decoder:
         """The points (m, 3); InputError when the stream is damaged."""
         side = self.weights.shape.side
         counts = decode_counts(coded.counts, coded.cubes, side**3)
-        positions = _positions(coded)
+        support = _support(decode_voxels(coded.positions), self.weights)
+        if len(support.positions) != coded.cubes:
+            raise InputError("the stream is damaged (positions)")
         sparse = decode_voxels(coded.sparse)
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
         parts = [sparse]
         with crew(self.threads) as workers:
             for block, cubes in zip(coded.blocks, _blocks(coded.cubes), strict=True):
-                keys = self._decode_block(coded.rate, block, [counts[k] for k in cubes], workers)
-                parts += [positions[k] * side + within(found, side)
-                          for k, found in zip(cubes, keys, strict=True)]  # fmt: skip
+                held = support.blocks[cubes]
+                keys = self._decode_block(coded.rate, block, held, counts[cubes], workers)
+                corners = support.positions[cubes] * side
+                parts += map(np.add, corners, (within(found, side) for found in keys))
         return np.vstack(parts) / coded.scale
 
     def _decode_block(
-        self, rate: int, block: Block, counts: list[int], workers: Crew
+        self, rate: int, block: Block, held: Bools, counts: list[int], workers: Crew
     ) -> list[Whole]:
-        latents = self._latents(rate, block, len(counts), workers)
+        latents = self._latents(rate, block, held, workers)
 
         def one(cube: int) -> Whole:
             logits = self.weights.network.synthesise(latents[cube], rate)
+            if self.weights.shape.supported:
+                return likeliest(logits, held[cube], counts[cube])
             return most_likely(logits, counts[cube])
 
-        return _each(range(len(counts)), one, workers)
+        return _each(len(held), one, workers)
 
-    def _latents(self, rate: int, block: Block, cubes: int, workers: Crew) -> Integers:
-        side = self.weights.shape.side // (2 * _STRIDE)
-        hypers = decode_hyper(block.hyper, cubes, side, self.weights.tables[rate])
+    def _latents(self, rate: int, block: Block, held: Bools, workers: Crew) -> Integers:
+        hypers = decode_hyper(block.hyper, pooled(held), self.weights.tables[rate])
         decoder = self.weights.hyper_decoder
-        chosen = _joined(_each(range(cubes), lambda k: decoder.tables(hypers[k]), workers))
+        chosen = _joined(_each(len(held), lambda k: decoder.tables(hypers[k]), workers))
         if checksum(chosen) != block.check:
             raise InputError("this machine chose other entropy tables than the encoder's")
-        return decode_conditional(block.latent, chosen)
+        latents = np.zeros(chosen.table.shape, dtype=np.int32)
+        where = _each_channel(held, latents[0])
+        latents[where] = decode_conditional(block.latent, chosen.at(where))
+        return latents
 
 
-def _blocks(cubes: int) -> list[range]:
-    return [range(first, min(first + BLOCK, cubes)) for first in range(0, cubes, BLOCK)]
+def _support(placed: Voxels, weights: WeightSet) -> Support:
+    """The cubes and blocks in positions (n, 3) of blocks, or of cubes."""
+    side = weights.shape.side
+    return support_of(placed, side) if weights.shape.supported else everywhere(placed, side)
 
 
-def _each(cubes: range, work: Callable[[int], T], workers: Crew) -> list[T]:
+def _blocks(cubes: int) -> list[slice]:
+    return [slice(first, min(first + BLOCK, cubes)) for first in range(0, cubes, BLOCK)]
+
+
+def _each(cubes: int, work: Callable[[int], T], workers: Crew) -> list[T]:
     """Results of `work` for each cube, in order; a cube is one thread's from beginning to end."""
-    return workers.over(len(cubes), 1, lambda rows, _: work(cubes[rows.start]))
+    return workers.over(cubes, 1, lambda rows, _: work(rows.start))
+
+
+def _each_channel(held: Bools, latent: Integers) -> Bools:
+    """Blocks (cubes, s, s, s) for each channel of the latent (channels, s, s, s)."""
+    return np.repeat(held[:, None], len(latent), axis=1)
 
 
 def _joined(parts: Iterable[Chosen]) -> Chosen:
     tables, centres = zip(*parts, strict=True)
     return Chosen(np.stack(tables), np.stack(centres))
-
-
-def _positions(coded: Coded) -> Voxels:
-    positions = decode_voxels(coded.positions)
-    if len(positions) != coded.cubes:
-        raise InputError("the stream is damaged (positions)")
-    return in_order(positions)

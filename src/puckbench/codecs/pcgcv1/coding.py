@@ -20,25 +20,29 @@ from puckbench.codecs.pcgcv1.laplace import PLACES, SCALES, Chosen, table
 from puckbench.errors import InputError
 
 Integers = NDArray[np.int32]
+Bools = NDArray[np.bool_]
 _WORD = 4
 
 
-def encode_hyper(hyper: Integers, tables: tuple[Table, ...]) -> bytes:
-    """Hyper-latents (cubes, channels, s, s, s), channel by channel."""
-    return encode_latent(np.moveaxis(hyper, 1, -1).reshape(-1, hyper.shape[1]), tables)
+def encode_hyper(hyper: Integers, where: Bools, tables: tuple[Table, ...]) -> bytes:
+    """Hyper-latents (cubes, channels, s, s, s), channel by channel, where `where` holds.
+
+    where: (cubes, s, s, s).
+    """
+    return encode_latent(np.moveaxis(hyper, 1, -1)[where], tables)
 
 
-def decode_hyper(data: bytes, cubes: int, side: int, tables: tuple[Table, ...]) -> Integers:
-    """Hyper-latents (cubes, channels, side, side, side); InputError when damaged."""
-    rows = decode_latent(data, cubes * side**3, tables)
-    whole = rows.reshape(cubes, side, side, side, len(tables))
+def decode_hyper(data: bytes, where: Bools, tables: tuple[Table, ...]) -> Integers:
+    """Hyper-latents as they were, zeros elsewhere; InputError when damaged."""
+    whole = np.zeros((*where.shape, len(tables)), dtype=np.int32)
+    whole[where] = decode_latent(data, int(where.sum()), tables)
     return np.ascontiguousarray(np.moveaxis(whole, -1, 1))
 
 
 def encode_conditional(latent: Integers, chosen: Chosen) -> bytes:
-    """Integers of any shape with the tables chosen for them, a table after the other."""
+    """Integers (n,) with the tables chosen for them, a table after the other."""
     order, sizes = _by_table(chosen)
-    values = (latent - chosen.centre).ravel()[order]
+    values = (latent - chosen.centre)[order]
     ends = np.cumsum([size for _, size in sizes])
     parts = np.split(values, ends[:-1])
     return encode_groups(
@@ -47,21 +51,20 @@ def encode_conditional(latent: Integers, chosen: Chosen) -> bytes:
 
 
 def decode_conditional(data: bytes, chosen: Chosen) -> Integers:
-    """Integers of `encode_conditional`, shaped like what was chosen; InputError when damaged."""
+    """The integers (n,) of `encode_conditional`; InputError when damaged."""
     order, sizes = _by_table(chosen)
     parts = decode_groups(data, [(size, table(number)) for number, size in sizes])
-    values = np.empty(chosen.table.size, dtype=np.int32)
+    values = np.empty(len(order), dtype=np.int32)
     values[order] = np.concatenate(parts)
-    whole: Integers = values.reshape(chosen.table.shape) + chosen.centre
+    whole: Integers = values + chosen.centre
     return whole
 
 
 def _by_table(chosen: Chosen) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
     """Values in the order of their tables, and for each table in use its number and its values."""
-    flat = chosen.table.ravel()
-    sizes = np.bincount(flat, minlength=SCALES * PLACES)
+    sizes = np.bincount(chosen.table, minlength=SCALES * PLACES)
     used = np.flatnonzero(sizes)
-    return np.argsort(flat, kind="stable"), [(int(k), int(sizes[k])) for k in used]
+    return np.argsort(chosen.table, kind="stable"), [(int(k), int(sizes[k])) for k in used]
 
 
 def checksum(chosen: Chosen) -> int:

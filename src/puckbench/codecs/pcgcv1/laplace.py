@@ -40,6 +40,10 @@ class Chosen(NamedTuple):
     table: NDArray[np.uint16]
     centre: NDArray[np.int32]
 
+    def at(self, where: NDArray[np.bool_]) -> Chosen:
+        """Those (n,) of some of the values."""
+        return Chosen(self.table[where], self.centre[where])
+
 
 def choose(location: Whole, scale: Whole) -> Chosen:
     """The tables of values with locations and scales in whole numbers of 1 / `UNITS`."""

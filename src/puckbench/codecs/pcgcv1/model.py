@@ -25,7 +25,7 @@ class Shape:
 
     side: voxels along a cube's edge, a multiple of eight. widths: features at strides 1, 2 and 4.
     latent: features coded. hyper: width of the hyper-prior's layers and features it codes.
-    blocks: at each scale. rates: gains.
+    blocks: at each scale. rates: gains. supported: the decoder is told which blocks hold voxels.
     """
 
     side: int = 64
@@ -34,6 +34,7 @@ class Shape:
     hyper: tuple[int, int] = (16, 8)
     blocks: int = 3
     rates: int = 1
+    supported: bool = False
 
 
 class Conv(nn.Conv3d):

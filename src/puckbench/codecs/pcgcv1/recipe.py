@@ -48,7 +48,7 @@ class Training(TrainingByAlpha):
         from puckbench.codecs.pcgcv1.training import Trainer
 
         torch.manual_seed(self.seed)
-        model = PCGCv1(Shape(widths=self.widths, rates=len(self.alphas)))
+        model = PCGCv1(Shape(widths=self.widths, rates=len(self.alphas), supported=True))
         level(model, self.side)
         spread_gains(model, self.alphas)
         yield Trainer(on_device(model), self)

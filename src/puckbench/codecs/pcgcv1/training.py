@@ -2,7 +2,8 @@
 
 The loss of cubes at a rate is ``alpha * (beta * cross entropy of empty voxels + cross entropy of
 occupied ones) + bits per point of the latent and of the hyper-latent``, each cross entropy the mean
-over its voxels, in nats, as the original has it; divided by the square root of alpha so that no
+over its voxels, in nats, as the original has it (empty voxels of blocks that the decoder knows to
+be empty do not count); divided by the square root of alpha so that no
 rate outweighs the others where they share weights. While training, rounding is uniform noise, and
 at first the bits count little.
 """
@@ -16,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import softplus
+from torch.nn.functional import interpolate, max_pool3d, softplus
 
 from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv1.laplace import likelihood
 from puckbench.codecs.pcgcv1.model import PCGCv1
 from puckbench.codecs.pcgcv1.recipe import Training
+from puckbench.codecs.pcgcv1.support import STRIDE
 from puckbench.codecs.sparse.voxels import Keys, morton_voxels
 
 BETA = 3.0
@@ -51,17 +53,29 @@ def loss_of(
 
     price: weight of the bits.
     """
-    latent = model.analysis(cubes) * model.gain(rate)
-    hyper = _noisy(model.hyper_encoder(latent), noise)
-    noisy = _noisy(latent, noise)
+    blocks = held(model, cubes)
+    eights = max_pool3d(blocks, 2)
+    latent = model.analysis(cubes) * model.gain(rate) * blocks
+    hyper = _noisy(model.hyper_encoder(latent), noise) * eights
+    noisy = _noisy(latent, noise) * blocks
     masses = likelihood(noisy, *model.hyper_decoder(hyper))
-    hyper_masses = model.bottleneck(rate).likelihood(hyper.movedim(1, -1).flatten(0, 3))
+    rows = hyper.movedim(1, -1).flatten(0, 3)[eights.flatten() > 0]
+    hyper_masses = model.bottleneck(rate).likelihood(rows)
     points = cubes.sum()
-    bpp, hyper_bpp = -masses.log2().sum() / points, -hyper_masses.log2().sum() / points
+    bpp = -(masses.log2() * blocks).sum() / points
+    hyper_bpp = -hyper_masses.log2().sum() / points
     logits, full = model.synthesis(noisy / model.gain(rate)), cubes > 0
-    empty, occupied = softplus(logits[~full]).mean(), softplus(-logits[full]).mean()
+    free = (interpolate(blocks, scale_factor=STRIDE) > 0) & ~full
+    empty = softplus(logits[free]).sum() / free.sum().clamp_min(1)
+    occupied = softplus(-logits[full]).mean()
     total = (alpha * (beta * empty + occupied) + price * (bpp + hyper_bpp)) / math.sqrt(alpha)
     return Loss(total, empty, occupied, bpp, hyper_bpp)
+
+
+def held(model: PCGCv1, cubes: Tensor) -> Tensor:
+    """The blocks (n, 1, s, s, s) of which the decoder has the latent, as zeros and ones."""
+    blocks = max_pool3d(cubes, STRIDE)
+    return blocks if model.shape.supported else torch.ones_like(blocks)
 
 
 def _noisy(values: Tensor, noise: torch.Generator) -> Tensor:
