@@ -22,9 +22,9 @@ _config: Any = numba.config  # its entries come from the environment
 def compiled(function: Function, **options: Any) -> Function:
     """Compile `function` on its first call; later processes load it from the cache.
 
-    The cache holds while no file changes in the folder of the function's file, which is therefore
-    where all that it calls must be. Arithmetic is strict IEEE (no fused or reordered operations)
-    unless numba's `options` say otherwise, so that equal distances stay equal.
+    The cache holds while no file changes in the folder of the function's file and in the one above,
+    which is therefore where all that it calls must be. Arithmetic is strict IEEE (no fused or
+    reordered operations) unless numba's `options` say otherwise: equal distances stay equal.
     """
     folder = Path(function.__code__.co_filename).parent
     chosen = _config.CACHE_DIR
@@ -35,9 +35,18 @@ def compiled(function: Function, **options: Any) -> Function:
         _config.CACHE_DIR = chosen
 
 
+def compiled_in_place(function: Function) -> Function:
+    """Compile a function that makes no arrays and calls none that does, as `compiled` does.
+
+    References to arrays are not counted in it. Where small functions hand records of arrays to each
+    other, as coders of single bits do, counting takes three times as long as their work.
+    """
+    return compiled(function, _nrt=False)
+
+
 @cache
 def _state_of(folder: Path) -> str:
     digest = hashlib.sha256()
-    for file in sorted(folder.glob("*.py")):
+    for file in (*sorted(folder.glob("*.py")), *sorted(folder.parent.glob("*.py"))):
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
     return f"numba-{digest.hexdigest()[:12]}"

@@ -12,14 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from puckbench.codecs.binary import read_to_its_end, written
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.octree_net.coding import (
-    Frequencies,
-    SymbolDecoder,
-    SymbolEncoder,
-    frequencies,
-)
+from puckbench.codecs.octree_net.coding import Frequencies, frequencies
 from puckbench.codecs.octree_net.inference import convolved_rows
+from puckbench.codecs.octree_net.mixing import Known, code_symbols, known_of, reader, writer
 from puckbench.codecs.octree_net.model import Layer, OctreeNet, index
 from puckbench.codecs.octree_net.stream import MOST_VOXELS, Part
 from puckbench.codecs.octree_net.symbols import VALUES, Symbols, groups_of, slots_of, symbols_of
@@ -42,8 +39,9 @@ _MOST_TOP = 64
 """Voxels of the level where the network begins, at most; there the octree coder's bits are few."""
 _ROWS = 4096
 
-Code = Callable[[Frequencies], Symbols]
-"""Codes or reads a run of symbols, given their frequencies, and returns it."""
+Rows = NDArray[np.int64]
+Code = Callable[[Known, int, bool, Rows, Frequencies], Symbols]
+"""Codes or reads the first or second symbols of a group's rows of a level; returns them."""
 
 
 @dataclass(frozen=True)
@@ -58,24 +56,29 @@ class Coder:
         sets = [keys]
         while len(sets[-1]) > _MOST_TOP:
             sets.append(parents_of(sets[-1])[0])
-        coder = SymbolEncoder()
+        mixer = writer(sum(map(len, sets[1:])))
         waiting = chain.from_iterable(map(_runs, sets[:0:-1], sets[-2::-1]))
 
-        def code(known: Frequencies) -> Symbols:
+        def code(level: Known, group: int, second: bool, rows: Rows, said: Frequencies) -> Symbols:
             symbols = next(waiting)
-            coder.encode(symbols, known)
+            code_symbols(mixer, level, group, second, rows, symbols, said)
             return symbols
 
         self._descend(sets[-1], len(sets) - 1, code, len(keys))
         top = encode_voxels(morton_voxels(sets[-1]))
-        return Part(len(keys), len(sets) - 1, top, coder.data())
+        return Part(len(keys), len(sets) - 1, top, written(mixer.bits))
 
     def decode(self, part: Part) -> Keys:
         """The keys of a part; InputError when it is damaged."""
-        coder = SymbolDecoder(part.symbols)
-        keys = self._descend(_top_keys(part), part.levels, coder.decode, part.count)
-        coder.check_end()
-        if len(keys) != part.count:
+        mixer = reader(part.symbols)
+
+        def code(level: Known, group: int, second: bool, rows: Rows, said: Frequencies) -> Symbols:
+            symbols = np.zeros(len(rows), dtype=np.uint8)
+            code_symbols(mixer, level, group, second, rows, symbols, said)
+            return symbols
+
+        keys = self._descend(_top_keys(part), part.levels, code, part.count)
+        if len(keys) != part.count or not read_to_its_end(mixer.bits):
             raise InputError("the stream is damaged (its number of voxels)")
         return keys
 
@@ -101,14 +104,16 @@ class Level:
     def next(self, code: Code, most: int, last: bool) -> Level:
         """The next finer level, of at most `most` voxels; of the `last` one only the keys count."""
         first, second = np.empty((2, len(self.voxels)), dtype=np.uint8)
-        features = self._before()
+        features, level = self._before(), known_of(self.voxels.neighbours)
         for group, rows in enumerate(groups_of(self.voxels.keys)):
             if len(rows):
                 at = torch.from_numpy(rows)
                 own = self._of_group(group, features, rows)
-                first[rows] = code(self._known(self.model.first_heads[group], own))
+                said = self._said(self.model.first_heads[group], own)
+                first[rows] = code(level, group, False, rows, said)
                 own = self.model.with_first(own, index(first[rows], own))
-                second[rows] = code(self._known(self.model.second_heads[group], own))
+                said = self._said(self.model.second_heads[group], own)
+                second[rows] = code(level, group, True, rows, said)
                 features[at] = self.model.with_second(own, index(second[rows], own))
         if ((first == 0) & (second == 0)).any():
             raise InputError("the stream is damaged (a voxel without children)")
@@ -133,15 +138,15 @@ class Level:
         layer = cast(Layer, self.model.between[group - 1])
         return convolved_rows(layer, features, self.voxels.neighbours, rows, self.crew)
 
-    def _known(self, head: nn.Module, features: Tensor) -> Frequencies:
-        """Frequencies of all symbols, some rows at a time."""
-        known = np.empty((len(features), VALUES), dtype=np.float32)
+    def _said(self, head: nn.Module, features: Tensor) -> Frequencies:
+        """What the network says of all symbols, computed some rows at a time."""
+        said = np.empty((len(features), VALUES), dtype=np.float32)
 
         def work(rows: slice, _: Scratch) -> None:
-            known[rows] = frequencies(head(features[rows]).numpy())
+            said[rows] = frequencies(head(features[rows]).numpy())
 
         self.crew.over(len(features), _ROWS, work)
-        return known
+        return said
 
 
 def _runs(keys: Keys, below: Keys) -> Iterator[Symbols]:
