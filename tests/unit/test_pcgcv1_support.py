@@ -96,8 +96,10 @@ def test_the_latent_is_coded_in_blocks_with_voxels_alone(weights: WeightSet) -> 
     occupied[2:6, 9, 9] = 1
     with torch.no_grad():
         model.log_gains.fill_(8)
-    latent, _ = Inference(model).analyse(occupied, 1)
+        model.hyper_encoder.last.weight.mul_(100)
+    latent, hyper = Inference(model).analyse(occupied, 1)
     assert {tuple(place[1:]) for place in np.argwhere(latent)} == {(0, 2, 2), (1, 2, 2)}
+    assert {tuple(place[1:]) for place in np.argwhere(hyper)} == {(0, 1, 1)}
 
 
 def test_threads_change_nothing(weights: WeightSet) -> None:

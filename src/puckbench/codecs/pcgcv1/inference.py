@@ -57,8 +57,10 @@ class Inference:
         with torch.inference_mode():
             features = _through(self._falling[1], self._halved(occupied))
             features = _through(self._falling[2], _lowered(features, self._downs[1]).relu_())
-            latent = self._last.over(features) * self._gains[rate] * self._held(occupied)
-            return _rounded(latent), _rounded(self._hyper_encoded(latent))
+            held = self._held(occupied)
+            latent = self._last.over(features) * self._gains[rate] * held
+            hyper = self._hyper_encoded(latent) * max_pool3d(held, 2)
+            return _rounded(latent), _rounded(hyper)
 
     def _held(self, occupied: Floats32) -> Tensor:
         """Ones in the blocks whose latent is coded, zeros elsewhere."""
