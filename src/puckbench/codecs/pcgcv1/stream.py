@@ -3,7 +3,8 @@
 magic "PCG1", version, CRC-32 of all that follows
 digest of the weights (8 bytes), number of the rate among theirs, scale (double)
 base-128 numbers: bytes of positions, of counts and of sparse voxels, number of cubes
-positions of the cubes (octree), voxels to keep in each, voxels of sparse cubes (octree)
+positions of the cubes, or of their blocks that hold voxels if the weights are `supported` (octree),
+    voxels to keep in each cube, voxels of sparse cubes (octree)
 each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents and of latents,
     the hyper-latents, the latents
 """
