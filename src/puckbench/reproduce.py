@@ -247,10 +247,11 @@ class Reproduction:
     def _kinds_of(self, data: DataSetPlan) -> list[JobKind]:
         count, points = len(data.clouds), data.points
         made = {"sample": ["sample"], "scan": ["scan"], "cloud": []}[data.settings["make"]]
-        kinds = [JobKind(rule, count, points) for rule in (*made, "prepare")]
+        repeats = int(self.config["timing"]["repeats"])
+        further = ["scan_error"] if data.is_scanned_from_truth else []
+        kinds = [JobKind(rule, count, points) for rule in (*made, "prepare", *further)]
         for codec, entry in self.bench.plan.codecs.items():
             for rate in entry["rates"]:
-                kinds += [
-                    JobKind(rule, count, points, codec, rate) for rule in ("encode", "evaluate")
-                ]
+                cell = (count, points, codec, rate, repeats)
+                kinds += [JobKind("encode", *cell), JobKind("evaluate", *cell, data.has_truth)]
         return kinds

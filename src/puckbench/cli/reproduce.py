@@ -29,7 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate",
         type=Path,
         metavar="RUN",
-        help="core-hours of the whole configuration, from the jobs of the run made in this folder",
+        help="core-hours of the whole configuration, from the jobs of the run made in this folder, "
+        "or from a file of benchmarks/job_costs.py",
     )
 
 
