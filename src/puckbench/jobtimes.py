@@ -46,10 +46,9 @@ class JobTime:
     repeats: int = 0
     truth: bool = False
 
-    @property
-    def rest_s(self) -> float:
-        """Seconds beside the timed calls."""
-        return max(0.0, self.seconds - self.repeats * self.call_s)
+    def with_repeats(self, repeats: int) -> float:
+        """Seconds that it would have taken with so many timed calls."""
+        return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s)
 
 
 @dataclass(frozen=True)
@@ -196,8 +195,7 @@ def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
         return Estimate(kind, None)
     alike = [time for time in times if time.truth == kind.truth] or times
     largest = max(time.points for time in alike)
-    seconds = Measurements.of((time.points, time.rest_s) for time in alike).at(kind.points)
-    calls = Measurements.of((time.points, time.call_s) for time in times).at(kind.points)
+    found = Measurements.of((time.points, time.with_repeats(kind.repeats)) for time in alike)
     reach = kind.points / largest if largest else 0.0
     exact = any(time.rate == kind.rate for time in times)
-    return Estimate(kind, seconds + kind.repeats * calls, len(alike), reach, exact)
+    return Estimate(kind, found.at(kind.points), len(alike), reach, exact)
