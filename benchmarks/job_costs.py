@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +26,9 @@ from puckbench.jobtimes import JobTime, job_time
 ROOT = Path(__file__).parents[1]
 NOTING = """
 import atexit
+import time
+
+START = time.perf_counter()
 
 
 @atexit.register
@@ -33,18 +36,20 @@ def note():
     import json, os, resource, sys
 
     usage = resource.getrusage(resource.RUSAGE_SELF)
-    cost = [sys.argv, usage.ru_maxrss / 1024, usage.ru_utime + usage.ru_stime]
+    wall = time.perf_counter() - START
+    cost = [sys.argv, usage.ru_maxrss / 1024, usage.ru_utime + usage.ru_stime, wall]
     with open(os.path.join({folder!r}, str(os.getpid())), "w") as file:
         json.dump(cost, file)
 """
 
 
 class Cost(NamedTuple):
-    """What a process took; words: of its command."""
+    """What a process took; words: of its command. seconds: of the processor; wall_s: in all."""
 
     words: list[str]
     mib: float
     seconds: float
+    wall_s: float
 
     @property
     def is_command(self) -> bool:
@@ -62,7 +67,10 @@ class Cost(NamedTuple):
         return f"{self.words[1]} {name}".rstrip()
 
     def time(self, run: Path, results: str) -> JobTime | None:
-        """Its processor time as the job of a run; None for scripts, which are few and short."""
+        """Its processor time as the job of a run; None for scripts, which are few and short.
+
+        Its timed call is given the same share of the processor as the whole.
+        """
         made = [Path(word) for word in self.words if word.startswith(f"{results}/")]
         if not self.is_command or not made:
             return None
@@ -73,7 +81,8 @@ class Cost(NamedTuple):
             output = Path(self.words[self.words.index("--row") + 1])
             rule = "scan_error" if "scan_errors" in output.parts else rule
         log = Path(results, "logs", *output.relative_to(results).parts).with_suffix(".log")
-        return job_time(run, rule, log, self.seconds)
+        found = job_time(run, rule, log, self.seconds)
+        return replace(found, call_s=found.call_s * min(1.0, self.seconds / self.wall_s))
 
 
 def main() -> None:

@@ -110,6 +110,9 @@ def _line(group: list[Estimate]) -> str:
 
 def _measured(known: list[Estimate]) -> int:
     """Jobs that estimates of a codec rest on: those of a rate that was not measured are others'."""
-    own = {(one.kind.rate, one.kind.truth): one.measured for one in known if one.exact}
-    pooled = {one.kind.truth: one.measured for one in known if not one.exact}
+    kinds = [(one.kind.rule, one.kind.truth, one.kind.rate) for one in known]
+    own = {kind: one.measured for kind, one in zip(kinds, known, strict=True) if one.exact}
+    pooled = {
+        kind[:2]: one.measured for kind, one in zip(kinds, known, strict=True) if not one.exact
+    }
     return max(sum(own.values()), sum(pooled.values()))
