@@ -96,7 +96,8 @@ def _line(group: list[Estimate]) -> str:
     if not known:
         return f"{jobs} jobs, not measured"
     hours, covered = sum(one.hours for one in known), sum(one.kind.jobs for one in known)
-    notes = [f"from {_measured(known)} jobs"]
+    measured = _measured(known)
+    notes = [f"from {measured} job{'s' if measured > 1 else ''}"]
     reach = max(one.reach for one in known)
     if reach > _ABOUT_THE_SAME:
         notes.append(f"extrapolated to {reach:.1f} times their points")
