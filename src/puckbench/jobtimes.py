@@ -1,7 +1,8 @@
 """How long the jobs of a finished run took, and how long those of another would take.
 
-Snakemake keeps a record of each file that it made, with when its job began and ended. What is
-estimated from them is the life of whole processes, imports included, on the machine of that run.
+Snakemake keeps a record of each file that it made, with when its job began and ended: the life of
+whole processes, imports included, on the machine of that run. `benchmarks/job_costs.py --out`
+writes their processor time instead, which other work on the machine does not lengthen.
 """
 
 from __future__ import annotations
@@ -20,30 +21,47 @@ from puckbench.errors import InputError
 from puckbench.files import read_json
 
 _OF_CELLS = ("encode", "evaluate", "decode")
-_OF_CLOUDS = ("sample", "scan", "prepare", *_OF_CELLS)
+_OF_CLOUDS = ("sample", "scan", "prepare", "scan_error", *_OF_CELLS)
 """Rules whose work grows with the points of a cloud."""
+_ONE_SIZE = 0.1
+"""Clouds whose numbers of points differ by less, of their median, count as of one size."""
+_MOST = 1000
+"""Jobs that a line goes through: as many pairs as that squared, halved."""
 
 
 @dataclass(frozen=True)
 class JobTime:
-    """One finished job. codec, rate: empty where it has none. points: of its cloud, 0 if none."""
+    """One finished job. codec, rate: empty where it has none. points: of its cloud, 0 if none.
+
+    call_s, repeats: of the timed call within it, and how often it was made. truth: whether a
+    decoded cloud was measured against the true surface as well.
+    """
 
     rule: str
     codec: str
     rate: str
     points: int
     seconds: float
+    call_s: float = 0.0
+    repeats: int = 0
+    truth: bool = False
+
+    def with_repeats(self, repeats: int) -> float:
+        """Seconds that it would have taken with so many timed calls."""
+        return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s)
 
 
 @dataclass(frozen=True)
 class JobKind:
-    """Jobs of a plan that are alike: so many, with about so many points each."""
+    """Jobs of a plan that are alike: so many, with about so many points each; see JobTime."""
 
     rule: str
     jobs: int
     points: int = 0
     codec: str = ""
     rate: str = ""
+    repeats: int = 0
+    truth: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,35 +92,44 @@ class Measurements:
     seconds: Floats
 
     @classmethod
-    def of(cls, times: Iterable[JobTime]) -> Measurements:
-        """Those of some jobs."""
-        rows = [(time.points, time.seconds) for time in times]
-        table = np.array(rows, dtype=np.float64).reshape(-1, 2)
+    def of(cls, pairs: Iterable[tuple[int, float]]) -> Measurements:
+        """Those of some (points, seconds)."""
+        table = np.array(list(pairs), dtype=np.float64).reshape(-1, 2)
+        table = table[:: 1 + len(table) // _MOST]
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
         """Seconds of a job with so many points: a start and a time for each point.
 
-        With clouds of one size alone, a larger one takes longer in proportion.
+        The line of Theil and Sen, of medians: the first jobs of a run, which compile, do not tilt
+        it. With clouds of about one size alone, a larger one takes longer in proportion.
         """
         start, slope = self._line
         return start + slope * points
 
     @cached_property
     def _line(self) -> tuple[float, float]:
-        x, mean, middle = self.points, float(self.seconds.mean()), float(self.points.mean())
+        x, y = self.points, self.seconds
+        middle, typical = float(np.median(x)), float(np.median(y))
         if middle == 0:
-            return mean, 0.0
-        spread = float(np.sum((x - middle) ** 2))
-        if spread <= (0.01 * middle) ** 2 * len(x):
-            return 0.0, mean / middle
-        slope = float(np.sum((x - middle) * (self.seconds - mean))) / spread
-        slope = min(max(slope, 0.0), mean / middle)  # neither start nor slope is below 0
-        return mean - slope * middle, slope
+            return typical, 0.0
+        steepest = typical / middle
+        first, second = np.triu_indices(len(x), 1)
+        apart = np.abs(x[second] - x[first]) > _ONE_SIZE * middle
+        if not apart.any():
+            return 0.0, steepest
+        slopes = (y[second] - y[first])[apart] / (x[second] - x[first])[apart]
+        slope = min(max(float(np.median(slopes)), 0.0), steepest)
+        return max(0.0, float(np.median(y - slope * x))), slope  # nor is the start below 0
 
 
 def read_job_times(run: Path) -> list[JobTime]:
-    """The jobs of the runs made in a folder; InputError when Snakemake kept no records there."""
+    """The jobs of the runs made in a folder, or those of a file that `job_costs.py` wrote.
+
+    InputError when Snakemake kept no records in the folder.
+    """
+    if run.is_file():
+        return [JobTime(**job) for job in read_json(run)["jobs"]]
     folder = run / ".snakemake" / "metadata"
     records = {}
     for path in sorted(folder.rglob("*")):
@@ -117,13 +144,20 @@ def read_job_times(run: Path) -> list[JobTime]:
 
 def _job_time(run: Path, record: Mapping[str, Any]) -> JobTime:
     rule, log = record["rule"], Path(record["log"][0])
-    seconds = float(record["endtime"]) - float(record["starttime"])
+    return job_time(run, rule, log, float(record["endtime"]) - float(record["starttime"]))
+
+
+def job_time(run: Path, rule: str, log: Path, seconds: float) -> JobTime:
+    """One job of a run, told by its rule and its log; what else is known lies in its results."""
     if rule not in _OF_CLOUDS:
         return JobTime(rule, "", "", 0, seconds)
     results, _, names = str(log.with_suffix("")).partition("/logs/")
-    dataset, cloud, *cell = names.split("/")[1:]
-    codec, rate = cell if rule in _OF_CELLS else ("", "")
-    return JobTime(rule, codec, rate, _points(run / results, dataset, cloud), seconds)
+    cell = names.partition("/")[2]
+    dataset, cloud, *coded = cell.split("/")
+    codec, rate = coded if rule in _OF_CELLS else ("", "")
+    points = _points(run / results, dataset, cloud)
+    call_s, repeats, truth = _timed(run / results, rule, cell)
+    return JobTime(rule, codec, rate, points, seconds, call_s, repeats, truth)
 
 
 def _points(results: Path, dataset: str, cloud: str) -> int:
@@ -131,28 +165,37 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
     return int(read_json(about)["points"]) if about.exists() else 0
 
 
+def _timed(results: Path, rule: str, cell: str) -> tuple[float, int, bool]:
+    """Seconds of a job's timed call, how often it was made, and whether truth was measured."""
+    kept = {
+        "encode": ("encode_s", f"coded/{cell}.bin.json"),
+        "evaluate": ("decode_s", f"metrics/{cell}.json"),
+    }
+    column, file = kept.get(rule, ("", ""))
+    if not file or not (results / file).exists():
+        return 0.0, 0, False
+    row = read_json(results / file)
+    truth = any(name.startswith("truth_") for name in row)
+    return float(row.get(column, 0.0)), int(row.get("repeats", 0)), truth
+
+
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
     """What every kind of job would take, from the times of a run."""
-    by_rate: dict[tuple[str, str, str], list[JobTime]] = {}
-    by_codec: dict[tuple[str, str], list[JobTime]] = {}
-    for time in times:
-        if time.rule in _OF_CLOUDS and not time.points:
-            continue
-        by_rate.setdefault((time.rule, time.codec, time.rate), []).append(time)
-        by_codec.setdefault((time.rule, time.codec), []).append(time)
-    return [_estimate(kind, by_rate, by_codec) for kind in kinds]
+    known = [time for time in times if time.points or time.rule not in _OF_CLOUDS]
+    return [_estimate(kind, known) for kind in kinds]
 
 
-def _estimate(
-    kind: JobKind,
-    by_rate: Mapping[tuple[str, str, str], list[JobTime]],
-    by_codec: Mapping[tuple[str, str], list[JobTime]],
-) -> Estimate:
-    own = by_rate.get((kind.rule, kind.codec, kind.rate))
-    times = own or by_codec.get((kind.rule, kind.codec))
+def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
+    """From jobs of its codec and rate, else of its codec; from those with truth or without it
+    as the kind's are, where there are any.
+    """
+    codecs = [time for time in known if (time.rule, time.codec) == (kind.rule, kind.codec)]
+    times = [time for time in codecs if time.rate == kind.rate] or codecs
     if not times:
         return Estimate(kind, None)
-    found = Measurements.of(times)
-    largest = float(found.points.max())
+    alike = [time for time in times if time.truth == kind.truth] or times
+    largest = max(time.points for time in alike)
+    found = Measurements.of((time.points, time.with_repeats(kind.repeats)) for time in alike)
     reach = kind.points / largest if largest else 0.0
-    return Estimate(kind, found.at(kind.points), len(times), reach, own is not None)
+    exact = any(time.rate == kind.rate for time in times)
+    return Estimate(kind, found.at(kind.points), len(alike), reach, exact)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -124,10 +124,13 @@ class Reproduction:
         return Path(self.config["results"])
 
     def command(self, *targets: str) -> list[str]:
-        """The words of the Snakemake command that makes some targets."""
-        words = ["snakemake", "--cores", str(self.cores), "--configfile", str(self.path)]
+        """The words of the Snakemake command that makes some targets.
+
+        They stand before the options, of which the last two take all words that follow.
+        """
+        words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
-        return [*words, *targets, *(["--config", *settings] if settings else [])]
+        return [*words, *(["--config", *settings] if settings else [])]
 
     def items(self, left: Mapping[str, int] | None = None) -> list[Item]:
         """Every figure and table of the thesis with its state.
@@ -162,8 +165,8 @@ class Reproduction:
             return Item(
                 title, name, "impossible", f"needs the data of {', '.join(absent)}, see below"
             )
-        words = ["snakemake", "--cores", str(self.cores), "--configfile", _CHAPTER_5, str(other)]
-        return Item(title, name, "missing", shlex.join(words))
+        chapter_5 = replace(self, path=Path(_CHAPTER_5), changes={})
+        return Item(title, name, "missing", shlex.join(chapter_5.command(str(other))))
 
     def _file(self, name: str, results: Path) -> Path:
         folder, suffix = ("figures", "pdf") if name in FIGURES else ("tables", "csv")
@@ -247,10 +250,11 @@ class Reproduction:
     def _kinds_of(self, data: DataSetPlan) -> list[JobKind]:
         count, points = len(data.clouds), data.points
         made = {"sample": ["sample"], "scan": ["scan"], "cloud": []}[data.settings["make"]]
-        kinds = [JobKind(rule, count, points) for rule in (*made, "prepare")]
+        repeats = int(self.config["timing"]["repeats"])
+        further = ["scan_error"] if data.is_scanned_from_truth else []
+        kinds = [JobKind(rule, count, points) for rule in (*made, "prepare", *further)]
         for codec, entry in self.bench.plan.codecs.items():
             for rate in entry["rates"]:
-                kinds += [
-                    JobKind(rule, count, points, codec, rate) for rule in ("encode", "evaluate")
-                ]
+                cell = (count, points, codec, rate, repeats)
+                kinds += [JobKind("encode", *cell), JobKind("evaluate", *cell, data.has_truth)]
         return kinds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from snakemake.cli import parse_args
 
 from puckbench.cli import main
 from puckbench.reproduce import Item, Reproduction
@@ -61,10 +63,11 @@ def test_every_figure_and_table_of_the_thesis_is_listed(asked: Reproduction) -> 
 def test_what_is_missing_has_the_command_that_makes_it(asked: Reproduction) -> None:
     item = states(asked)["fig_6_5"]
     assert item.state == "missing"
-    assert shlex.split(item.note) == [
-        *("snakemake", "--cores", "2", "--configfile", "c.yaml"),
-        *("results_stand_in/figures/fig_6_5.pdf", "--config", "stand_in=true"),
-    ]
+    program, *words = shlex.split(item.note)
+    _, read = parse_args(words)  # as Snakemake itself reads them
+    assert (program, read.cores, read.configfile) == ("snakemake", 2, [Path("c.yaml")])
+    assert list(read.targets) == ["results_stand_in/figures/fig_6_5.pdf"]
+    assert read.config == ["stand_in=true"]
     assert states(asked)["fig_6_2"].state == "unplanned"  # it names no raw room
 
 
@@ -125,3 +128,17 @@ def test_the_command_prints_the_list(
     assert "data of objects  data/CAPOD: no such folder" in text
     assert main(["reproduce", "--config", "no.yaml", "--snakefile", str(SNAKEFILE)]) == 2
     assert "no.yaml: no such file" in capsys.readouterr().err
+
+
+def test_an_estimate_says_what_it_rests_on(
+    asked: Reproduction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = {"rule": "encode", "codec": "draco", "rate": "r1", "points": 1000, "seconds": 3600.0}
+    (tmp_path / "costs.json").write_text(json.dumps({"jobs": [job | {"repeats": 3}]}))
+    words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
+    assert main(["reproduce", *words, "--estimate", "costs.json", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    rests = "(from 1 job; some rates from the codec's others)"
+    assert found["encode draco"] == f"4.00 core-hours: 4 jobs of 3600.0 s {rests}"
+    assert found["evaluate draco"] == "4 jobs, not measured"
+    assert found["total"] == "4.0 core-hours"

@@ -35,5 +35,7 @@ def _line(entry: dict[str, Any]) -> str:
         f"{name} " + ", ".join(f"{key} {value}" for key, value in values.items())
         for name, values in entry["rates"].items()
     )
-    about = ", ".join([entry["version"], *(f"weights {weights}" for weights in entry["weights"])])
-    return f"{state} ({about}); {rates}"
+    version = entry["version"]
+    version = f"version {version}" if version.isdigit() else version
+    about = [*filter(None, [version]), *(f"weights {weights}" for weights in entry["weights"])]
+    return f"{state} ({', '.join(about)}); {rates}" if about else f"{state}; {rates}"

@@ -15,6 +15,9 @@ from puckbench.errors import InputError
 from puckbench.jobtimes import Estimate, estimated, read_job_times
 from puckbench.reproduce import Reproduction
 
+_ABOUT_THE_SAME = 1.1
+"""Planned over measured points up to which nothing is said of extrapolation."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -29,7 +32,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate",
         type=Path,
         metavar="RUN",
-        help="core-hours of the whole configuration, from the jobs of the run made in this folder",
+        help="core-hours of the whole configuration, from the jobs of the run made in this folder, "
+        "or from a file of benchmarks/job_costs.py",
     )
 
 
@@ -92,10 +96,10 @@ def _line(group: list[Estimate]) -> str:
     if not known:
         return f"{jobs} jobs, not measured"
     hours, covered = sum(one.hours for one in known), sum(one.kind.jobs for one in known)
-    rested = {(one.kind.rule, one.kind.codec, one.kind.rate): one.measured for one in known}
-    notes = [f"from {sum(rested.values())} jobs"]
+    measured = _measured(known)
+    notes = [f"from {measured} job{'s' if measured > 1 else ''}"]
     reach = max(one.reach for one in known)
-    if reach > 1:
+    if reach > _ABOUT_THE_SAME:
         notes.append(f"extrapolated to {reach:.1f} times their points")
     if covered < jobs:
         notes.append(f"{jobs - covered} jobs not measured")
@@ -103,3 +107,13 @@ def _line(group: list[Estimate]) -> str:
         notes.append("some rates from the codec's others")
     each = 3600 * hours / covered
     return f"{hours:.2f} core-hours: {jobs} jobs of {each:.1f} s ({'; '.join(notes)})"
+
+
+def _measured(known: list[Estimate]) -> int:
+    """Jobs that estimates of a codec rest on: those of a rate that was not measured are others'."""
+    kinds = [(one.kind.rule, one.kind.truth, one.kind.rate) for one in known]
+    own = {kind: one.measured for kind, one in zip(kinds, known, strict=True) if one.exact}
+    pooled = {
+        kind[:2]: one.measured for kind, one in zip(kinds, known, strict=True) if not one.exact
+    }
+    return max(sum(own.values()), sum(pooled.values()))
