@@ -201,8 +201,8 @@ def common_results(name: str, found: Curves, largest: float, below: float) -> It
 def _clouds(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
     for name in options.rooms:
         kind = "captured" if (options.captured / f"{name}.json").exists() else "generated"
-        yield name, "vlp16_divergence", kind
-        yield name, "none", kind
+        for errors in options.scans:
+            yield name, errors, kind
     for name in options.objects:
         yield name, "", "object"
 
@@ -235,6 +235,7 @@ def main() -> None:
     parser.add_argument("--capod", type=Path)
     parser.add_argument("--rooms", nargs="*", default=rd.ROOMS)
     parser.add_argument("--objects", nargs="*", default=["vase_01", "chair_01"])
+    parser.add_argument("--scans", nargs="*", default=["vlp16_divergence", "none"])
     parser.add_argument("--points", type=int, default=500_000)
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))
