@@ -28,8 +28,10 @@ def planes(name: str, rate: str, options: argparse.Namespace) -> tuple[float, di
     stream = codec.encode(found.scan.xyz, rate)
     surface = codec.decode_mesh(stream)
     mesh = rd.scene_of(name, options.captured).mesh
-    assert mesh is not None and mesh.labels is not None
-    assert surface.labels is not None and found.visible.labels is not None
+    assert mesh is not None
+    assert mesh.labels is not None
+    assert surface.labels is not None
+    assert found.visible.labels is not None
     scale, offset = found.scan.about["scale"], np.asarray(found.scan.about["offset"])
 
     moved = tuple(in_metres(one, scale, offset) for one in surface.labels.primitives)

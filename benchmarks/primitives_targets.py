@@ -14,7 +14,8 @@ again, so that a run that was stopped goes on. The targets, distortions being CD
   (d) bits at equal distance to the scan are 25 % (40 %) fewer, over 0.02 to 0.3 bpp of G-PCC's;
   clean scans: at less than 0.1 bpp no farther than G-PCC; scans and objects: at the highest rate
   within 5 % of it; objects: never more than 5 % farther; the curve falls: neither distance grows
-  from a rate to the next, up to r7; processor seconds to encode and decode a full sweep: 20 and 1.5.
+  from a rate to the next, up to r7; seconds of a processor to encode and decode a full sweep: 20
+  and 1.5.
 """
 
 from __future__ import annotations
