@@ -1,11 +1,12 @@
 """What the codec `primitives` is held to, against G-PCC's octree, in one table: met or not.
 
     python benchmarks/primitives_targets.py --captured FOLDER [--capod FOLDER] [--step 0.1]
-        [--rows FILE] [--cache FOLDER]
+        [--rows FILE] [--cache FOLDER] [--curves]
 
 Rooms are swept by a VLP-16 with `vlp16_divergence` (a step of 0.1 deg makes 1,152,000 rays) and
 without errors; objects are sampled at 500,000 points. Rows that FILE has already are not measured
-again, so that a run that was stopped goes on. The targets, distortions being CD(plane):
+again, so that a run that was stopped goes on; `--curves` measures nothing and prints the curves of
+FILE. The targets, distortions being CD(plane):
 
   (a) at some rate of at most 0.3 bpp (generated rooms: 0.1) the distance to the truth is at most
       0.6 (0.5) of the scan's own;
@@ -229,6 +230,26 @@ def results(options: argparse.Namespace) -> Iterator[Result]:
             yield Result(label, f"{what}, CPU s", f"{value:.1f}", f"<= {most}", value <= most)
 
 
+def print_curves(file: Path) -> None:
+    """A table of each cloud whose rows are complete: own distances, and G-PCC's at equal bits."""
+    known = [json.loads(line) for line in file.read_text("utf-8").splitlines()]
+    for cloud in dict.fromkeys(row["cloud"] for row in known):
+        rows = [row for row in known if row["cloud"] == cloud]
+        if len(rows) < 9 + len(SCALES):
+            continue
+        found = curves(rows)
+        own, gpcc = found.own.T, found.gpcc
+        lines = [("bpp", own[0])]
+        for column, kind in ((1, "scan"), (2, "truth")):
+            same = np.array([at(gpcc, column, bpp) for bpp in own[0]])
+            lines += [(f"CD to the {kind}", own[column]), ("times G-PCC's", own[column] / same)]
+        print(f"**{cloud}**, the scan's own distance to the truth {found.scan:.2f}\n")
+        print("| | " + " | ".join(f"r{k}" for k in range(1, 9)) + " |\n|" + "---|" * 9)
+        for name, values in lines:
+            print(f"| {name} | " + " | ".join(f"{value:.3g}" for value in values) + " |")
+        print()
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -241,7 +262,11 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))
     parser.add_argument("--rows", type=Path, default=Path("results/primitives_targets.jsonl"))
+    parser.add_argument("--curves", action="store_true")
     options = parser.parse_args()
+    if options.curves:
+        print_curves(options.rows)
+        return
     print("| cloud | target | measured | wanted | |\n|---|---|---|---|---|", flush=True)
     for each in results(options):
         verdict = "met" if each.met else "not met"

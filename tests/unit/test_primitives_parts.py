@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from puckbench.codecs.primitives import voxels
 from puckbench.codecs.primitives.axes import STEP, best_turn, rotation
 from puckbench.codecs.primitives.judge import Judge
-from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.shifts import best_table, moved
 from puckbench.codecs.primitives.stream import BINS, Place, Table, Voxels, unpack
 
@@ -133,13 +132,3 @@ def test_the_judge_weighs_samples_by_their_points() -> None:
     judge = Judge.of(samples, samples, up, shares)
     lifted = samples + np.where(dense, 0.0, 1.0)[:, None] * [0.0, 0.0, 1.0]
     assert judge.to_surface(lifted) == pytest.approx((0.1 + 0.5) / 2, abs=0.01)
-
-
-def test_columns_are_no_finer_than_the_noise() -> None:
-    fine = Settings(leaf=4, cell=2, step=1, price=0.7)
-    assert fine.coarsened(0.2) == fine
-    coarse = fine.coarsened(1.0)
-    assert (coarse.cell, coarse.leaf) == (3.0, 6.0)
-    assert (coarse.step, coarse.price) == (fine.step, fine.price)
-    noisy = Settings(leaf=8, cell=4).coarsened(2.6)
-    assert (noisy.cell, noisy.leaf, noisy.price) == (8.0, 16.0, 40.0)

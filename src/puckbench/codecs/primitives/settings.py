@@ -15,10 +15,6 @@ _USUAL_NOISE = 1.3
 """Noise that the rates are made for: a VLP-16 in a room of six metres, by `noise.spread`."""
 
 
-_CELL_OF_NOISE = 3.0
-"""Least side of a bitmap's column, in standard deviations of the noise: finer ones follow it."""
-
-
 @dataclass(frozen=True)
 class Settings:
     """Parameters of a rate, lengths in units.
@@ -42,9 +38,8 @@ class Settings:
     def coarsened(self, noise: float) -> Settings:
         """For a noise (units) above the usual: finer planes than these would follow it."""
         factor = max(noise / _USUAL_NOISE, 1.0)
-        wider = max(factor, _CELL_OF_NOISE * noise / self.cell)
-        grown = replace(self, leaf=wider * self.leaf, cell=wider * self.cell)
-        return replace(grown, step=factor * self.step, price=factor**2 * self.price)
+        lengths = {name: factor * getattr(self, name) for name in ("leaf", "cell", "step")}
+        return replace(self, **lengths, price=factor**2 * self.price)
 
 
 def settings_of(parameters: Mapping[str, Any]) -> Settings:
