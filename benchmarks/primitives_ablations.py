@@ -4,6 +4,7 @@
 
 Prints, for a scanned room, bpp, CD(plane) to the scan and to the truth: as shipped, with parts of
 the codec switched off, with fewer points, and with other noise (bias and ray sigma alike, m).
+`voxels always, not moved` is the coder of bitmaps alone: G-PCC's octree of occupied cells.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ import numpy as np
 import primitives_rate_distortion as rd
 from puckbench.cloud import PointCloud
 from puckbench.codecs.primitives import encoder, grids, rivals, voxels
+from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.registry import entries, open_codec
 from puckbench.metrics.closest import mesh_in_frame
 from puckbench.prepare.preparation import Returns, prepare
@@ -30,7 +33,10 @@ from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
 
 SIGMAS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
-POINTS = (50_000, 150_000, 500_000)
+POINTS = (50_000, 150_000, 500_000, 1_150_000)
+PARTS = ("switches", "turned", "points", "noise")
+_TURN = (0, 0, 6000)
+"""About the vertical by 33 degrees, so that walls do not lie along the cloud's axes."""
 
 
 @cache
@@ -50,9 +56,8 @@ def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
         stream = codec.encode(found.scan.xyz, rate)
         to_scan, to_truth, _ = rd.errors(found, codec.decode(stream))
         bpp = 8 * len(stream) / len(found.scan)
-        own = own_error(found)
-        values = f"{bpp:8.4f} {to_scan:8.3f} {to_truth:8.3f} {own:8.3f}"
-        print(f"| {label} | {rate} | {values.replace('  ', ' ')} |", flush=True)
+        values = f"{bpp:.4f} | {to_scan:.3f} | {to_truth:.3f} | {own_error(found):.3f}"
+        print(f"| {label} | {rate} | {values} |", flush=True)
 
 
 def noisy(options: argparse.Namespace, sigma: float) -> rd.Room:
@@ -82,6 +87,16 @@ def thinned(found: rd.Room, points: int) -> rd.Room:
     return rd.Room(cloud, found.visible.select(rows), found.mesh)
 
 
+def turned(found: rd.Room) -> rd.Room:
+    """The room turned about the vertical."""
+    turn = rotation(_TURN).T
+    scan, visible = (
+        PointCloud(cloud.xyz @ turn, cloud.normals @ turn, labels=cloud.labels, about=cloud.about)
+        for cloud in (found.scan, found.visible)
+    )
+    return rd.Room(scan, visible, replace(found.mesh, vertices=found.mesh.vertices @ turn))
+
+
 @contextmanager
 def switched(owner: Any, name: str, function: Any) -> Iterator[None]:
     """Have another function in a module or a class for a while."""
@@ -93,17 +108,21 @@ def switched(owner: Any, name: str, function: Any) -> Iterator[None]:
         setattr(owner, name, kept)
 
 
+_OWN_AXES = (grids, "best_turn", lambda normals: (0, 0, 0))
+
+
 def ablate(found: rd.Room, rates: list[str]) -> None:
     """Print a line for each part switched off."""
     line("as shipped", found, rates)
     line("no smoothing", found, rates, reach=0)
+    with switched(encoder, "spread", lambda points, cell: 0.0):
+        line("no model of the noise", found, rates)
     line("no larger leaves", found, rates, largest=0)
-    edge, encoder._EDGE_BITS = encoder._EDGE_BITS, 0.0
-    line("bitmaps without a price", found, rates)
-    encoder._EDGE_BITS = edge
+    with switched(encoder, "_EDGE_BITS", 0.0):
+        line("bitmaps without a price", found, rates)
     nothing_else = ("wins_in_sum", lambda match: False)
     for label, *switches in (
-        ("axes of the cloud, not of its walls", (grids, "best_turn", lambda normals: (0, 0, 0))),
+        ("axes of the cloud, not of its walls", _OWN_AXES),
         ("one place of the grid", (grids, "_coarse", lambda cloud: False)),
         ("no cylinders, spheres, cones", (rivals, "round_surfaces", lambda cloud: ())),
         ("voxels never", (rivals._Match, "wins", lambda match: True)),
@@ -134,12 +153,18 @@ def main() -> None:
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))
+    parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
     options = parser.parse_args()
     found = rd.room(options.room, options)
-    ablate(found, options.rates)
-    for points in POINTS:
+    if "switches" in options.parts:
+        ablate(found, options.rates)
+    if "turned" in options.parts:
+        line("turned", turned(found), options.rates)
+        with switched(*_OWN_AXES):
+            line("turned, axes of the cloud", turned(found), options.rates)
+    for points in POINTS if "points" in options.parts else ():
         line(f"{points} points", thinned(found, points), options.rates)
-    for sigma in SIGMAS_M:
+    for sigma in SIGMAS_M if "noise" in options.parts else ():
         line(f"sigma {sigma} m", noisy(options, sigma), options.rates)
 
 

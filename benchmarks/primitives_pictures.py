@@ -90,7 +90,8 @@ def main() -> None:
     patches = read_patches(header, bits)
     planes, rounds = int(patches.leaves.counts[1]), len(patches.rounds)
     print(f"{8 * len(stream) / len(points):.4f} bpp, {planes} planes, {rounds} round surfaces")
-    Image.fromarray(tile(panels(points, truth, top, stream), 2)).save(options.out, optimize=True)
+    picture = Image.fromarray(tile(panels(points, truth, top, stream), 2))
+    picture.quantize(128).save(options.out, optimize=True)
 
 
 if __name__ == "__main__":

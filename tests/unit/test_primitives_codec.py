@@ -115,7 +115,7 @@ def test_the_sides_of_a_box_are_six_segments() -> None:
     largest = np.sort(areas)[::-1]
     sides = np.repeat([1023 * 700, 1023 * 500, 700 * 500], 2)
     assert largest[:6] == pytest.approx(sides, rel=0.15)
-    assert largest[6:].sum() < 0.07 * areas.sum()
+    assert largest[6:].sum() < 0.05 * areas.sum()
 
 
 def test_voxels_have_no_mesh() -> None:

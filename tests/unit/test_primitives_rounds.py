@@ -47,6 +47,7 @@ def test_places_on_a_surface_have_their_coordinates(surface: Round) -> None:
     assert np.allclose(found_turn, turn)
     assert np.allclose(off, 0.5)
     assert np.allclose(own, normals)
+    assert np.allclose(surface.distances(xyz + 0.5 * normals), 0.5)
 
 
 def test_points_of_a_cylinder_are_at_its_radius() -> None:

@@ -52,9 +52,10 @@ def detected(xyz: Floats, normals: Floats, cell: float, tolerance: float) -> lis
 
 def explained(surface: Round, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
     """Which samples lie on a surface between its ends."""
-    along = surface.coordinates(xyz)[0]
-    inside = (along >= surface.first - 1) & (along <= surface.first + surface.rows + 1)
-    return inside & _held(surface, xyz, normals, tolerance)
+    held = _held(surface, xyz, normals, tolerance)
+    along = surface.coordinates(xyz[held])[0]
+    held[held] = (along >= surface.first - 1) & (along <= surface.first + surface.rows + 1)
+    return held
 
 
 def _curved(tree: Any, xyz: Floats, normals: Floats, cell: float) -> Ints:
@@ -124,9 +125,11 @@ def _round(kind: int, origin: Floats, axis: Floats, radius: float, angle: float)
 
 def _held(surface: Round, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
     """Which samples lie on a surface, wherever it ends, with its normal."""
-    _, _, off, own = surface.coordinates(xyz)
-    along = np.abs(np.einsum("ij,ij->i", own, normals))
-    return np.asarray((np.abs(off) < tolerance) & (along > _NORMALS))
+    near = np.flatnonzero(np.abs(surface.distances(xyz)) < tolerance)
+    own = surface.coordinates(xyz[near])[3]
+    held = np.zeros(len(xyz), bool)
+    held[near] = np.abs(np.einsum("ij,ij->i", own, normals[near])) > _NORMALS
+    return held
 
 
 def _chosen(
@@ -175,7 +178,7 @@ def _fitted(surface: Round, xyz: Floats, normals: Floats, free: Mask, tolerance:
 
 def _distances(change: Floats, surface: Round, xyz: Floats) -> Floats:
     """Distances of points (n, 3) from a changed surface."""
-    return _changed(surface, change).coordinates(xyz)[2]
+    return _changed(surface, change).distances(xyz)
 
 
 def _middle(surface: Round, near: Floats) -> Floats:
@@ -212,8 +215,7 @@ def bounded(surface: Round, xyz: Floats, normals: Floats, free: Mask, tolerance:
     held = free & _held(surface, xyz, normals, tolerance)
     if held.sum() < _FEWEST / 2:
         return surface._replace(rows=0)
-    along = surface.coordinates(xyz)[0]
-    low, high = np.quantile(along[held], [0.01, 0.99])
+    low, high = np.quantile(surface.coordinates(xyz[held])[0], [0.01, 0.99])
     first = int(np.floor(low))
     return surface._replace(first=first, rows=min(int(np.ceil(high)) - first, 4000))
 

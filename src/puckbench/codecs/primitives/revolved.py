@@ -74,6 +74,19 @@ class Round(NamedTuple):
             return xyz, (xyz - self.origin) / self.radius
         return xyz, out * np.cos(self.angle) - self.axis * np.sin(self.angle)
 
+    def distances(self, xyz: Floats) -> Floats:
+        """Signed distances of points (n, 3), as `coordinates` has them, in less time."""
+        u, v = across(self.axis)
+        vector = xyz - self.origin
+        height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
+        return self._off(height, radius)
+
+    def _off(self, height: Floats, radius: Floats) -> Floats:
+        if self.kind == SPHERE:
+            return np.asarray(np.maximum(np.hypot(radius, height), 1e-9) - self.radius)
+        off = (radius - self.radius) * np.cos(self.angle) - height * np.sin(self.angle)
+        return np.asarray(off)
+
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Place along the profile, angle, signed distance and normal of points (n, 3)."""
         u, v = across(self.axis)
@@ -83,12 +96,11 @@ class Round(NamedTuple):
         if self.kind == SPHERE:
             length = np.maximum(np.hypot(radius, height), 1e-9)
             along = self.radius * np.arcsin(np.clip(height / length, -1, 1))
-            return along, turn, length - self.radius, vector / length[:, None]
+            return along, turn, self._off(height, radius), vector / length[:, None]
         sine, cosine = np.sin(self.angle), np.cos(self.angle)
         out = (vector - height[:, None] * self.axis) / np.maximum(radius, 1e-9)[:, None]
-        off = (radius - self.radius) * cosine - height * sine
         along = (radius - self.radius) * sine + height * cosine
-        return along, turn, off, out * cosine - self.axis * sine
+        return along, turn, self._off(height, radius), out * cosine - self.axis * sine
 
 
 def across(axis: Floats) -> tuple[Floats, Floats]:

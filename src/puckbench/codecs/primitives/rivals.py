@@ -80,6 +80,10 @@ _MOST_REFUSED = 3
 """Round surfaces in a row that cost more than they save, after which no more are tried."""
 
 
+_SAVING = 0.98
+"""Cost, times another's, below which the grid is moved: less may be chance."""
+
+
 class _Try(NamedTuple):
     """A way to code a surface, what it costs (error + price x bits), and the stream."""
 
@@ -111,9 +115,10 @@ def _best_grid(cloud: Cloud, judge: Judge) -> _Try:
 
 
 def _best_of(cloud: Cloud, judge: Judge, ways: Iterable[Way], known: _Try | None) -> _Try:
-    """The cheapest way of some and of one that is known."""
+    """The cheapest way of some; one that is known unless another saves enough."""
     tries = [_tried(cloud, judge, way) for way in ways]
-    return min([*([known] if known else []), *tries], key=lambda found: found.cost)
+    best = min([*tries, *([known] if known else [])], key=lambda found: found.cost)
+    return best if known is None or best.cost < _SAVING * known.cost else known
 
 
 def _tried(cloud: Cloud, judge: Judge, way: Way) -> _Try:
