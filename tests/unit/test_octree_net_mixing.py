@@ -5,11 +5,18 @@ import zlib
 import numpy as np
 import pytest
 
-from puckbench.codecs.binary import ONE, bit_reader, bit_writer, code, read_to_its_end, written
+from puckbench.codecs.binary import (
+    ONE,
+    bit_reader,
+    bit_writer,
+    code,
+    logistic_tables,
+    read_to_its_end,
+    written,
+)
 from puckbench.codecs.octree_net.mixing import (
     code_symbols,
     known_of,
-    logistic_tables,
     reader,
     writer,
 )

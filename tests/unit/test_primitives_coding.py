@@ -3,17 +3,9 @@
 import numpy as np
 import pytest
 
+from puckbench.codecs.binary import PAST_THE_END, POSITION, written
 from puckbench.codecs.primitives.columns import choose
-from puckbench.codecs.primitives.entropy import (
-    PAST_THE_END,
-    POSITION,
-    Coder,
-    code_bit,
-    code_number,
-    reader,
-    writer,
-    written,
-)
+from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number, reader, writer
 from puckbench.codecs.primitives.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.planes import plane_from, quantised
 from puckbench.codecs.primitives.stream import (
@@ -62,14 +54,14 @@ def test_coded_bits_come_near_their_entropy() -> None:
     bits, context, entropy = _skewed(50_000)
     coder = writer(13, 1, 50_000)
     _code_bits(coder, bits, context)
-    assert entropy * 0.99 < 8 * len(written(coder)) < entropy * 1.03
+    assert entropy * 0.99 < 8 * len(written(coder.bits)) < entropy * 1.03
 
 
 def test_coded_bits_come_back() -> None:
     bits, context, _ = _skewed(5000)
     coder = writer(13, 1, 5000)
     _code_bits(coder, bits, context)
-    found = _code_bits(reader(written(coder), 13, 1), np.zeros_like(bits), context)
+    found = _code_bits(reader(written(coder.bits), 13, 1), np.zeros_like(bits), context)
     assert np.array_equal(found, bits)
 
 
@@ -77,11 +69,11 @@ def test_a_reader_of_a_whole_stream_stays_near_its_end_even_where_it_ends_in_zer
     ones, context = np.ones(200_000, np.int64), np.zeros(200_000, np.int64)
     coder = writer(13, 1, 1000)
     _code_bits(coder, ones, context)
-    assert coder.registers[POSITION] > PAST_THE_END + 4
-    stream = written(coder)
+    assert coder.bits.registers[POSITION] > PAST_THE_END + 4
+    stream = written(coder.bits)
     back = reader(stream, 13, 1)
     assert _code_bits(back, np.zeros_like(ones), context).all()
-    assert back.registers[POSITION] <= len(stream) + PAST_THE_END
+    assert back.bits.registers[POSITION] <= len(stream) + PAST_THE_END
 
 
 def test_coded_numbers_come_back_large_ones_too() -> None:
@@ -89,7 +81,7 @@ def test_coded_numbers_come_back_large_ones_too() -> None:
     numbers = np.concatenate([rng.integers(-20, 20, 500), [0, 12, 13, -13, 4000, -30000]])
     coder = writer(80, 3, 10_000)
     _code_numbers(coder, numbers)
-    found = _code_numbers(reader(written(coder), 80, 3), np.zeros_like(numbers))
+    found = _code_numbers(reader(written(coder.bits), 80, 3), np.zeros_like(numbers))
     assert np.array_equal(found, numbers)
 
 

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from puckbench.codecs.binary import written
 from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_surface
 from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.encoder import Way, encode_surface, prepared, round_surfaces
-from puckbench.codecs.primitives.entropy import reader, writer, written
+from puckbench.codecs.primitives.entropy import reader, writer
 from puckbench.codecs.primitives.revolved import (
     CONE,
     CONTEXTS,
@@ -100,7 +101,7 @@ def test_bitmaps_come_back_in_few_bits() -> None:
     bits = (place < 0.4 * np.repeat(columns, columns)).astype(np.uint8)
     coder = writer(CONTEXTS, MIXERS, 10_000)
     code_round(coder, columns, bits.copy())
-    stream = written(coder)
+    stream = written(coder.bits)
     found = np.zeros_like(bits)
     code_round(reader(stream, CONTEXTS, MIXERS), columns, found)
     assert np.array_equal(found, bits)

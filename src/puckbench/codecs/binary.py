@@ -6,6 +6,7 @@ it writes the bit it is given, or reads one and returns it.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,14 @@ from numpy.typing import NDArray
 
 from puckbench.compiling import compiled_in_place
 
-ONE_BITS = 16
-ONE = 1 << ONE_BITS
+ONE = 1 << 16
 """Probability 1 in fixed point."""
+UNIT = 256
+"""1.0 of the logistic domain in fixed point."""
+ENDS = 8 * UNIT
+"""Logits are kept between these."""
+LEAST = 32
+"""Probability of a mixture, at least: no bit of one costs less than 0.0007 bits."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
@@ -59,6 +65,15 @@ def written(coder: BitCoder) -> bytes:
 def read_to_its_end(coder: BitCoder) -> bool:
     """Whether a reader has read what a writer wrote, no less and no more."""
     return 0 <= int(coder.registers[POSITION]) - len(coder.buffer) <= PAST_THE_END
+
+
+@cache
+def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of probabilities in 1 / 4096 their logits, and of logits the probabilities in 1 / ONE."""
+    chances = (np.arange(4096) + 0.5) / 4096
+    stretch = np.rint(UNIT * np.log(chances / (1 - chances))).astype(np.int64)
+    squash = np.rint(ONE / (1 + np.exp(-np.arange(-ENDS, ENDS) / UNIT))).astype(np.int64)
+    return stretch.clip(-ENDS, ENDS - 1), squash.clip(LEAST, ONE - LEAST)
 
 
 @compiled_in_place

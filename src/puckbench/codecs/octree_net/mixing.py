@@ -9,26 +9,28 @@ result. All arithmetic is on integers, so that every machine decodes the same.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.binary import ONE, BitCoder, bit_reader, bit_writer, code
+from puckbench.codecs.binary import (
+    ENDS,
+    ONE,
+    BitCoder,
+    bit_reader,
+    bit_writer,
+    code,
+    logistic_tables,
+)
 from puckbench.codecs.octree_net.coding import Frequencies
 from puckbench.codecs.octree_net.symbols import EVEN, GROUPS, ODD, VALUES, Symbols
 from puckbench.codecs.sparse.voxels import OFFSETS, Table
 from puckbench.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
-_UNIT = 256
-"""1.0 of the logistic domain in fixed point; it ends at +-8."""
-_END = 8 * _UNIT
 _FINE_BITS = 22
 """Adaptive probabilities are multiples of 2**-22."""
-_LEAST = 32
-"""Of 65,536: no bit costs less than 0.0007 bits."""
 _SLOWEST = 160
 """A context's probability follows its last so many bits."""
 _NODES = VALUES - 1
@@ -108,7 +110,7 @@ def _mixer(bits: BitCoder) -> Mixer:
     weights = np.zeros((_KINDS, _INPUTS), np.int64)
     weights[:, 0] = ONE
     stretch, squash = logistic_tables()
-    steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * _END - 1)
+    steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,
         np.full(_STARTS[-1], half, np.int64),
@@ -121,15 +123,6 @@ def _mixer(bits: BitCoder) -> Mixer:
         np.zeros(len(_SIZES), np.int64),
         np.zeros(_INPUTS, np.int64),
     )
-
-
-@cache
-def logistic_tables() -> tuple[Ints, Ints]:
-    """Of probabilities in 1 / 4096 their logits, and of logits the probabilities in 1 / ONE."""
-    chances = (np.arange(4096) + 0.5) / 4096
-    stretch = np.rint(_UNIT * np.log(chances / (1 - chances))).astype(np.int64)
-    squash = np.rint(ONE / (1 + np.exp(-np.arange(-_END, _END) / _UNIT))).astype(np.int64)
-    return stretch.clip(-_END, _END - 1), squash.clip(_LEAST, ONE - _LEAST)
 
 
 @compiled_in_place

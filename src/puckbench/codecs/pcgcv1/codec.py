@@ -54,7 +54,7 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
             raise InputError("coordinates exceed 30-bit integers")
         scaled = points * float(parameters.get("scale", 1))
-        halved = 0 if self.as_published else dense_halvings(scaled, parameters)
+        halved = 0.0 if self.as_published else dense_halvings(scaled, parameters)
         return self._written(self._coder(parameters, halved).encode(points))
 
     def _written(self, coded: Coded) -> bytes:
@@ -70,7 +70,7 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         coded = read_stream(stream)
         return Decoder(self._of_rate(coded.digest, coded.rate), self.threads).decode(coded)
 
-    def _coder(self, parameters: Mapping[str, Any], halvings: int) -> Coder:
+    def _coder(self, parameters: Mapping[str, Any], halvings: float) -> Coder:
         from puckbench.codecs.pcgcv1.coder import Coder
 
         weights, rate = self._numbered(parameters)

@@ -42,13 +42,16 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
     def __init__(self, *, as_published: bool = False, **entry: Any) -> None:
         super().__init__(**entry)
         self.as_published = as_published
+        for rate, parameters in self.rates.items():
+            if float(parameters.get("coarser", 0)) % 1:
+                raise InputError(f"codec {self.name}: {rate}: coarser is no whole number")
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         if len(points) <= _FEW:
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        halved = 0 if self.as_published else dense_halvings(points, parameters)
+        halved = 0 if self.as_published else int(dense_halvings(points, parameters))
         voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
         return write_coded(self._coder(parameters).encode(voxels, halved))
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.binary import PAST_THE_END, POSITION
 from puckbench.codecs.primitives import voxels
 from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.columns import NO_CHOICE
-from puckbench.codecs.primitives.entropy import PAST_THE_END, POSITION, reader
+from puckbench.codecs.primitives.entropy import reader
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
 from puckbench.codecs.primitives.revolved import (
     CONTEXTS,
@@ -117,7 +118,7 @@ def read_patches(header: Header, bits: bytes) -> Patches:
         code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
         for surface, columns in rounds:
             code_round(coder, surface.columns(), columns)
-    if not whole or coder.registers[POSITION] > len(bits) + PAST_THE_END:
+    if not whole or coder.bits.registers[POSITION] > len(bits) + PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
     return Patches(header, frame, leaves, owner, cover, rounds)
 

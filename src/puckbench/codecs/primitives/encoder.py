@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.binary import written
 from puckbench.codecs.primitives.axes import Turn, rotation
 from puckbench.codecs.primitives.columns import Choice
 from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
 from puckbench.codecs.primitives.detect import detected
-from puckbench.codecs.primitives.entropy import writer, written
+from puckbench.codecs.primitives.entropy import writer
 from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
 from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.revolved import (
@@ -147,7 +148,9 @@ def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
     density = _density(frame, leaves, cover, (columns, len(points)), cell)
     if density is None:
         return None
-    return pack_surface(_complete(header, cloud, way, low, density, cell, wraps), written(coder))
+    return pack_surface(
+        _complete(header, cloud, way, low, density, cell, wraps), written(coder.bits)
+    )
 
 
 def _surface(points: Floats, noise: float, settings: Settings) -> Surface:

@@ -48,7 +48,7 @@ def code_plane(
     if count > 0:
         quantised(leaves.planes[found[0]], cube, predicted)
     chosen = count
-    if coder.registers[4] == 1:
+    if coder.bits.registers[4] == 1:
         moments = nodes.moments[node[3]]
         chosen = _choice(frame, moments, leaves, found[:count], cube, predicted, wanted)
     chosen = _code_choice(coder, base, chosen, count, down)

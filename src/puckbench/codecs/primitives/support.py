@@ -22,7 +22,7 @@ from puckbench.codecs.primitives.layout import (
 )
 from puckbench.codecs.primitives.walk import CONTEXTS as TREE_CONTEXTS
 from puckbench.codecs.primitives.walk import MIXERS as TREE_MIXERS
-from puckbench.compiling import compiled
+from puckbench.compiling import compiled, compiled_in_place
 
 # States of a column, also in the grid of cells.
 _UNKNOWN, _EMPTY, _SURFACE = 0, 1, 2
@@ -54,12 +54,12 @@ def code_support(
         side = leaves.side[i]
         if side == 1:
             continue
-        if coder.registers[4] == 1:
+        if coder.bits.registers[4] == 1:
             _choose_columns(frame, leaves, i, owner, cover, choice, bits[:side, :side])
         _code_columns(coder, frame, leaves, i, owner, bits[:side, :side], cover)
 
 
-@compiled
+@compiled_in_place
 def cell_of(frame: Frame, plane: Floats, axis: int, a: int, b: int, at: Ints) -> bool:
     """Write the cell in which a plane crosses a column's middle; false outside the grid."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -72,7 +72,7 @@ def cell_of(frame: Frame, plane: Floats, axis: int, a: int, b: int, at: Ints) ->
     return True
 
 
-@compiled
+@compiled_in_place
 def in_leaf(frame: Frame, leaves: Leaves, i: int, axis: int, a: int, b: int, at: Ints) -> bool:
     """Whether the plane of leaf i crosses column (a, b) within the leaf; `at` is the cell there."""
     if not cell_of(frame, leaves.planes[leaves.plane[i]], axis, a, b, at):
@@ -147,7 +147,7 @@ def _code_columns(
                 cover[at[0], at[1], at[2]] = _SURFACE if bit else _EMPTY
 
 
-@compiled
+@compiled_in_place
 def _contexts(
     frame: Frame,
     plane: Floats,
@@ -174,7 +174,7 @@ def _contexts(
     return by_size, _AROUND + faces + 81 * diagonals, _COUNTS + 16 * count + size
 
 
-@compiled
+@compiled_in_place
 def _state(
     frame: Frame,
     plane: Floats,

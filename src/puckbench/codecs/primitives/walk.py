@@ -13,7 +13,7 @@ from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes
 from puckbench.codecs.primitives.planes import CONTEXTS as PLANE_CONTEXTS
 from puckbench.codecs.primitives.planes import MIXERS as PLANE_MIXERS
 from puckbench.codecs.primitives.planes import code_plane
-from puckbench.compiling import compiled
+from puckbench.compiling import compiled, compiled_in_place
 
 # States of the nodes of a level.
 _UNKNOWN, _EMPTY, _FULL, _SPLIT = 0, 1, 2, 3
@@ -79,7 +79,7 @@ def _code_leaves(
     return True
 
 
-@compiled
+@compiled_in_place
 def _code_splits(
     coder: Coder,
     frame: Frame,
@@ -120,7 +120,7 @@ def _finer_states(frame: Frame, level: int, leaves: Leaves) -> Bytes:
     return states
 
 
-@compiled
+@compiled_in_place
 def _code_leaf_flag(
     coder: Coder, frame: Frame, level: int, node: Ints, states: Bytes, nodes: Nodes
 ) -> bool:
@@ -135,13 +135,13 @@ def _code_leaf_flag(
             z = node[2] + (side if axis == 2 else 1)
             full += states[x, y, z] == _FULL
             split += states[x, y, z] == _SPLIT
-    leaf = 1 if coder.registers[4] == 1 and nodes.leaf[node[3]] else 0
+    leaf = 1 if coder.bits.registers[4] == 1 and nodes.leaf[node[3]] else 0
     size = min(frame.depth - level, 15)
     contexts = (_LEAF + 7 * full + split, _LEAF + 49 + size, _LEAF + 65 + size)
     return bool(code_bit(coder, leaf, _LEAF_MIXER, contexts) == 1)
 
 
-@compiled
+@compiled_in_place
 def _code_children(
     coder: Coder,
     frame: Frame,
@@ -153,7 +153,7 @@ def _code_children(
     made: int,
 ) -> int:
     """Code which children of a split node are occupied, and list them; the new length."""
-    writing = coder.registers[4] == 1
+    writing = coder.bits.registers[4] == 1
     child, end = (nodes.first[node[3]], nodes.first[node[3] + 1]) if writing else (0, 0)
     down = frame.depth - level - 1
     pattern = 0
@@ -176,7 +176,7 @@ def _code_children(
     return made
 
 
-@compiled
+@compiled_in_place
 def _code_occupancy(
     coder: Coder,
     bit: int,
@@ -199,7 +199,7 @@ def _code_occupancy(
     return code_bit(coder, bit, _OCTANT_MIXER + octant, (_FACES + faces, siblings, counts))
 
 
-@compiled
+@compiled_in_place
 def _child_state(levels: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
     """0 empty, 1 not known but the parent is occupied, 2 occupied."""
     states, finer = levels
