@@ -25,12 +25,12 @@ from puckbench.errors import InputError
 from puckbench.files import read_json
 
 SMALL: dict[str, dict[str, Any]] = {
-    "pcgcv1": {"side": 32, "cubes": 1, "widths": [4, 8, 8], "alphas": [6, 0.75]},
+    "pcgcv1": {"side": 32, "cubes": 1, "widths": [4, 8, 8], "alphas": [10, 2]},
     "pcgcv2": {"side": 32, "cubes": 1, "widths": [4, 8, 8, 8], "alphas": [4, 1]},
     "sparse_octree_net": {"side": 32, "cubes": 1, "width": 8},
 }
 TRAINED = {
-    "pcgcv1": ["r2", "r4"],
+    "pcgcv1": [f"r{number}" for number in range(1, 7)],
     "pcgcv2": ["r2", "r4"],
     "sparse_octree_net": [f"r{number}" for number in range(1, 9)],
 }
