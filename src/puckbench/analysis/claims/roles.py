@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from puckbench.analysis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
-from puckbench.plan import Plan
+from puckbench.plan import Plan, ScenePlan
 
 SAMPLED = "sampled rooms"
 """Rooms whose points were drawn on their meshes: their counts are a setting, not a measurement."""
@@ -37,13 +37,20 @@ def dataset_roles(plan: Plan) -> dict[str, str]:
     """Data set -> one of `DATASETS`.
 
     A scan is clean where its error model is ``none``. Clouds that were captured are rooms, and so
-    are samples of scenes that another data set scans; other samples are objects.
+    are samples of scenes that come from where those come from that another data set scans; other
+    samples are objects.
     """
-    scanned = {data.scenes for data in plan.datasets.values() if data.settings["make"] == "scan"}
+    sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
+    scans = [name for name, data in plan.datasets.items() if data.settings["make"] == "scan"]
+    scanned = [sources[name] for name in scans]
     return {
-        name: _dataset_role(data.settings, data.scenes in scanned)
+        name: _dataset_role(data.settings, sources[name] in scanned)
         for name, data in plan.datasets.items()
     }
+
+
+def _source(scenes: ScenePlan) -> tuple[str, int, dict[str, Any]]:
+    return scenes.loader, scenes.seed, scenes.options
 
 
 def _dataset_role(settings: Mapping[str, Any], scanned: bool) -> str:
