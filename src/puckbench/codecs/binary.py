@@ -22,6 +22,8 @@ ENDS = 8 * UNIT
 """Logits are kept between these."""
 LEAST = 32
 """Probability of a mixture, at least: no bit of one costs less than 0.0007 bits."""
+SLOWEST = 160
+"""An adaptive probability follows its last so many bits."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
@@ -74,6 +76,11 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     stretch = np.rint(UNIT * np.log(chances / (1 - chances))).astype(np.int64)
     squash = np.rint(ONE / (1 + np.exp(-np.arange(-ENDS, ENDS) / UNIT))).astype(np.int64)
     return stretch.clip(-ENDS, ENDS - 1), squash.clip(LEAST, ONE - LEAST)
+
+
+def learning_rates() -> NDArray[np.int64]:
+    """How far, in 1 / ONE, a probability moves to a bit after so many bits, (SLOWEST + 1,)."""
+    return np.rint(ONE / (np.arange(SLOWEST + 1) + 1.6)).astype(np.int64)
 
 
 @compiled_in_place

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from puckbench.codecs.binary import (
     ENDS,
     ONE,
+    SLOWEST,
     BitCoder,
     bit_reader,
     bit_writer,
     code,
+    learning_rates,
     logistic_tables,
 )
 from puckbench.codecs.octree_net.coding import Frequencies
@@ -31,8 +33,6 @@ from puckbench.compiling import compiled_in_place
 Ints = NDArray[np.int64]
 _FINE_BITS = 22
 """Adaptive probabilities are multiples of 2**-22."""
-_SLOWEST = 160
-"""A context's probability follows its last so many bits."""
 _NODES = VALUES - 1
 """Of the tree of a symbol's four bits."""
 _KINDS = 2 * GROUPS * _NODES
@@ -119,7 +119,7 @@ def _mixer(bits: BitCoder) -> Mixer:
         np.tile(squash[steps] << _FINE_BITS - 16, (_KINDS, 1)),
         stretch,
         squash,
-        np.rint(ONE / (np.arange(_SLOWEST + 1) + 1.6)).astype(np.int64),
+        learning_rates(),
         np.zeros(len(_SIZES), np.int64),
         np.zeros(_INPUTS, np.int64),
     )
@@ -245,5 +245,5 @@ def _code_mixed(mixer: Mixer, bit: int, kind: int, guess: int) -> int:
 def _learn(mixer: Mixer, context: int, target: int) -> None:
     seen = mixer.seen[context]
     mixer.chances[context] += ((target - mixer.chances[context]) * mixer.rates[seen]) >> 16
-    if seen < 160:
+    if seen < SLOWEST:
         mixer.seen[context] = seen + 1

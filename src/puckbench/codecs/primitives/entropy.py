@@ -15,17 +15,18 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.binary import (
     ONE,
+    SLOWEST,
     UNIT,
     BitCoder,
     bit_reader,
     bit_writer,
     code,
+    learning_rates,
     logistic_tables,
 )
 from puckbench.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
-_SLOWEST = 160
 _RATE = 14
 
 
@@ -62,7 +63,7 @@ def _coder(bits: BitCoder, contexts: int, mixers: int) -> Coder:
         np.zeros(contexts, np.int64),
         np.full((mixers, 3), int(0.4 * ONE), np.int64),
         *logistic_tables(),
-        np.rint(ONE / (np.arange(_SLOWEST + 1) + 1.6)).astype(np.int64),
+        learning_rates(),
     )
 
 
@@ -91,7 +92,7 @@ def code_bit(coder: Coder, bit: int, mixer: int, contexts: tuple[int, int, int])
 def _learn(coder: Coder, context: int, bit: int) -> None:
     seen = coder.seen[context]
     coder.chances[context] += ((bit * 65535 - coder.chances[context]) * coder.rates[seen]) >> 16
-    if seen < 160:
+    if seen < SLOWEST:
         coder.seen[context] = seen + 1
 
 
