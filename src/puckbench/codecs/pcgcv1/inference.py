@@ -19,8 +19,15 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import conv3d, max_pool3d, pad
 
-from puckbench.codecs.pcgcv1.model import Conv, Down, PCGCv1, Pointwise, Up, VoxceptionResNet
-from puckbench.codecs.pcgcv1.support import STRIDE
+from puckbench.codecs.pcgcv1.model import (
+    Conv,
+    Down,
+    PCGCv1,
+    Pointwise,
+    Up,
+    VoxceptionResNet,
+    held,
+)
 
 _LANES = 16
 _TILE = 4
@@ -41,7 +48,7 @@ class Inference:
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
             self._empties: dict[tuple[int, ...], Tensor] = {}
-            self._supported = model.shape.supported
+            self._shape = model.shape
             self._gains = [model.gain(rate).detach() for rate in range(model.shape.rates)]
             analysis, synthesis, hyper = model.analysis, model.synthesis, model.hyper_encoder
             self._first, self._last = _strips(analysis.first), _strips(analysis.last)
@@ -57,15 +64,10 @@ class Inference:
         with torch.inference_mode():
             features = _through(self._falling[1], self._halved(occupied))
             features = _through(self._falling[2], _lowered(features, self._downs[1]).relu_())
-            held = self._held(occupied)
-            latent = self._last.over(features) * self._gains[rate] * held
-            hyper = self._hyper_encoded(latent) * max_pool3d(held, 2)
+            blocks = held(self._shape, torch.from_numpy(occupied)[None, None])
+            latent = self._last.over(features) * self._gains[rate] * blocks
+            hyper = self._hyper_encoded(latent) * max_pool3d(blocks, 2)
             return _rounded(latent), _rounded(hyper)
-
-    def _held(self, occupied: Floats32) -> Tensor:
-        """Ones in the blocks whose latent is coded, zeros elsewhere."""
-        blocks = max_pool3d(torch.from_numpy(occupied)[None, None], STRIDE)
-        return blocks if self._supported else torch.ones_like(blocks)
 
     def _halved(self, occupied: Floats32) -> Tensor:
         """Features at stride 2; beyond the reach of any voxel they are an empty cube's."""

@@ -14,9 +14,10 @@ from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import linear, pad
+from torch.nn.functional import linear, max_pool3d, pad
 
 from puckbench.codecs.learned.gains import Gained
+from puckbench.codecs.pcgcv1.support import STRIDE
 
 
 @dataclass(frozen=True)
@@ -194,3 +195,12 @@ class PCGCv1(Gained):
     def gain(self, rate: int) -> Tensor:
         """What the latent is multiplied by, (latent, 1, 1, 1); ones where there is one rate."""
         return super().gain(rate)[:, None, None, None]
+
+
+def held(shape: Shape, occupied: Tensor) -> Tensor:
+    """Ones in the blocks (n, 1, s, s, s) whose latent is coded, zeros elsewhere.
+
+    occupied: cubes of zeros and ones (n, 1, side, side, side).
+    """
+    blocks = max_pool3d(occupied, STRIDE)
+    return blocks if shape.supported else torch.ones_like(blocks)

@@ -22,7 +22,7 @@ from torch.nn.functional import interpolate, max_pool3d, softplus
 from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.training import Trainer as AnyTrainer
 from puckbench.codecs.pcgcv1.laplace import likelihood
-from puckbench.codecs.pcgcv1.model import PCGCv1
+from puckbench.codecs.pcgcv1.model import PCGCv1, held
 from puckbench.codecs.pcgcv1.recipe import Training
 from puckbench.codecs.pcgcv1.support import STRIDE
 from puckbench.codecs.sparse.voxels import Keys, morton_voxels
@@ -53,7 +53,7 @@ def loss_of(
 
     price: weight of the bits.
     """
-    blocks = held(model, cubes)
+    blocks = held(model.shape, cubes)
     eights = max_pool3d(blocks, 2)
     latent = model.analysis(cubes) * model.gain(rate) * blocks
     hyper = _noisy(model.hyper_encoder(latent), noise) * eights
@@ -70,12 +70,6 @@ def loss_of(
     occupied = softplus(-logits[full]).mean()
     total = (alpha * (beta * empty + occupied) + price * (bpp + hyper_bpp)) / math.sqrt(alpha)
     return Loss(total, empty, occupied, bpp, hyper_bpp)
-
-
-def held(model: PCGCv1, cubes: Tensor) -> Tensor:
-    """The blocks (n, 1, s, s, s) of which the decoder has the latent, as zeros and ones."""
-    blocks = max_pool3d(cubes, STRIDE)
-    return blocks if model.shape.supported else torch.ones_like(blocks)
 
 
 def _noisy(values: Tensor, noise: torch.Generator) -> Tensor:
