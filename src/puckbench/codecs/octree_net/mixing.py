@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.binary import (
     ENDS,
+    LEAST,
     ONE,
     SLOWEST,
     BitCoder,
@@ -223,17 +224,17 @@ def _code_mixed(mixer: Mixer, bit: int, kind: int, guess: int) -> int:
     for place in range(5):
         inputs[place + 1] = mixer.stretch[mixer.chances[mixer.at[place]] >> 10]
         mixed += weights[kind, place + 1] * inputs[place + 1]
-    level = min(max(mixed >> 16, -2048), 2047) + 2048
+    level = min(max(mixed >> 16, -ENDS), ENDS - 1) + ENDS
     chance = mixer.squash[level]
     corrected, bucket, share = mixer.corrected, level >> 7, level & 127
     left, right = corrected[kind, bucket], corrected[kind, bucket + 1]
     seen = (left * (128 - share) + right * share) >> 13
-    final = min(max((chance + seen) >> 1, 32), 65504)
+    final = min(max((chance + seen) >> 1, LEAST), ONE - LEAST)
     bit = code(mixer.bits, bit, final)
     target = bit * 4194303
     corrected[kind, bucket] += ((target - left) * (128 - share)) >> 14
     corrected[kind, bucket + 1] += ((target - right) * share) >> 14
-    error = bit * 65536 - chance
+    error = bit * ONE - chance
     for place in range(7):
         weights[kind, place] += (inputs[place] * error * 8 + (1 << 17)) >> 18
     for place in range(5):

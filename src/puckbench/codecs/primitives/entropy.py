@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.binary import (
+    ENDS,
     ONE,
     SLOWEST,
-    UNIT,
     BitCoder,
     bit_reader,
     bit_writer,
@@ -76,7 +76,7 @@ def code_bit(coder: Coder, bit: int, mixer: int, contexts: tuple[int, int, int])
     s_b = stretch[coder.chances[b] >> 4]
     s_c = stretch[coder.chances[c] >> 4]
     mixed = (weights[0] * s_a + weights[1] * s_b + weights[2] * s_c) >> 16
-    chance = coder.squash[min(max(mixed, -8 * UNIT), 8 * UNIT - 1) + 8 * UNIT]
+    chance = coder.squash[min(max(mixed, -ENDS), ENDS - 1) + ENDS]
     bit = code(coder.bits, bit, chance)
     error = (bit * ONE - chance) * _RATE
     weights[0] += (s_a * error + (1 << 17)) >> 18
