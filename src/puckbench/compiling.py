@@ -35,13 +35,13 @@ def compiled(function: Function, **options: Any) -> Function:
         _config.CACHE_DIR = chosen
 
 
-def compiled_in_place(function: Function) -> Function:
+def compiled_in_place(function: Function, **options: Any) -> Function:
     """Compile a function that makes no arrays and calls none that does, as `compiled` does.
 
     References to arrays are not counted in it. Where small functions hand records of arrays to each
     other, as coders of single bits do, counting takes three times as long as their work.
     """
-    return compiled(function, _nrt=False)
+    return compiled(function, _nrt=False, **options)
 
 
 @cache

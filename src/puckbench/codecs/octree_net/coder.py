@@ -4,23 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
-from typing import cast
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
 
 from puckbench.codecs.binary import read_to_its_end, written
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.octree_net.coding import Frequencies, frequencies
-from puckbench.codecs.octree_net.inference import convolved_rows
+from puckbench.codecs.octree_net.coding import Frequencies
+from puckbench.codecs.octree_net.inference import (
+    Features,
+    Group,
+    Network,
+    before_groups,
+    below,
+    chunks_of,
+    group_of,
+    network_of,
+    start,
+)
 from puckbench.codecs.octree_net.mixing import Known, code_symbols, known_of, reader, writer
-from puckbench.codecs.octree_net.model import Layer, OctreeNet, index
+from puckbench.codecs.octree_net.model import OctreeNet
+from puckbench.codecs.octree_net.rows import Rows
 from puckbench.codecs.octree_net.stream import MOST_VOXELS, Part
-from puckbench.codecs.octree_net.symbols import VALUES, Symbols, groups_of, slots_of, symbols_of
-from puckbench.codecs.sparse.crew import Crew, Scratch, crew
+from puckbench.codecs.octree_net.symbols import Symbols, groups_of, slots_of, symbols_of
+from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import (
     AXIS_BITS,
     Keys,
@@ -37,11 +46,10 @@ from puckbench.errors import InputError
 
 _MOST_TOP = 64
 """Voxels of the level where the network begins, at most; there the octree coder's bits are few."""
-_ROWS = 4096
 
-Rows = NDArray[np.int64]
 Code = Callable[[Known, int, bool, Rows, Frequencies], Symbols]
-"""Codes or reads the first or second symbols of a group's rows of a level; returns them."""
+"""Codes or reads the first or second symbols of some rows of a level's group; returns them."""
+CodeRun = Callable[[int, bool, Rows, Frequencies], Symbols]
 
 
 @dataclass(frozen=True)
@@ -84,9 +92,9 @@ class Coder:
 
     def _descend(self, top: Keys, levels: int, code: Code, most: int) -> Keys:
         """From the top level to the finest; InputError where one has more than `most` voxels."""
-        with crew(self.threads) as workers, torch.no_grad():
-            voxels = pyramid(top, 0)[0][0]
-            level = Level(self.model, workers, voxels, self.model.start(len(top)))
+        network = network_of(self.model)
+        with crew(self.threads) as workers:
+            level = Level(network, workers, pyramid(top, 0)[0][0], start(network, len(top)))
             for depth in range(levels, 0, -1):
                 level = level.next(code, most, last=depth == 1)
         return level.voxels.keys
@@ -96,66 +104,57 @@ class Coder:
 class Level:
     """Voxels of a level, and the features that those above have left them."""
 
-    model: OctreeNet
+    network: Network
     crew: Crew
     voxels: Voxels
-    features: Tensor
+    features: Features
 
     def next(self, code: Code, most: int, last: bool) -> Level:
         """The next finer level, of at most `most` voxels; of the `last` one only the keys count."""
-        first, second = np.empty((2, len(self.voxels)), dtype=np.uint8)
-        features, level = self._before(), known_of(self.voxels.neighbours)
-        for group, rows in enumerate(groups_of(self.voxels.keys)):
-            if len(rows):
-                at = torch.from_numpy(rows)
-                own = self._of_group(group, features, rows)
-                said = self._said(self.model.first_heads[group], own)
-                first[rows] = code(level, group, False, rows, said)
-                own = self.model.with_first(own, index(first[rows], own))
-                said = self._said(self.model.second_heads[group], own)
-                second[rows] = code(level, group, True, rows, said)
-                features[at] = self.model.with_second(own, index(second[rows], own))
-        if ((first == 0) & (second == 0)).any():
-            raise InputError("the stream is damaged (a voxel without children)")
-        slots = slots_of(first, second)
+        features, slots = self._coded(code)
         if len(slots) > most:
             raise InputError("the stream is damaged (its number of voxels)")
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
-            return Level(self.model, self.crew, _keys_only(keys), features[:0])
-        below = self.model.below(features, torch.from_numpy(slots))
-        return Level(self.model, self.crew, children_voxels(self.voxels, keys, self.crew), below)
+            return Level(self.network, self.crew, _keys_only(keys), features)
+        handed = below(self.network, features, slots, self.crew)
+        voxels = children_voxels(self.voxels, keys, self.crew)
+        return Level(self.network, self.crew, voxels, handed)
 
-    def _before(self) -> Tensor:
-        features, table = self.features, self.voxels.neighbours
-        for layer in self.model.before:
-            features = convolved_rows(cast(Layer, layer), features, table, None, self.crew)
-        return features
+    def _coded(self, code: Code) -> tuple[Features, Rows]:
+        """Code all symbols: features that know them, and the slots of the children."""
+        table = self.voxels.neighbours
+        features = before_groups(self.network, self.features, table, self.crew)
+        symbols, known = np.empty((2, len(self.voxels)), dtype=np.uint8), known_of(table)
+        for number, rows in enumerate(groups_of(self.voxels.keys)):
+            group = group_of(self.network, number, rows)
+            self._code(group, features, symbols, lambda *run: code(known, *run))
+        if (symbols == 0).all(axis=0).any():
+            raise InputError("the stream is damaged (a voxel without children)")
+        return features, slots_of(*symbols)
 
-    def _of_group(self, group: int, features: Tensor, rows: NDArray[np.int64]) -> Tensor:
-        if group == 0:
-            return features[torch.from_numpy(rows)]
-        layer = cast(Layer, self.model.between[group - 1])
-        return convolved_rows(layer, features, self.voxels.neighbours, rows, self.crew)
-
-    def _said(self, head: nn.Module, features: Tensor) -> Frequencies:
-        """What the network says of all symbols, computed some rows at a time."""
-        said = np.empty((len(features), VALUES), dtype=np.float32)
-
-        def work(rows: slice, _: Scratch) -> None:
-            said[rows] = frequencies(head(features[rows]).numpy())
-
-        self.crew.over(len(features), _ROWS, work)
-        return said
+    def _code(self, group: Group, features: Features, symbols: Symbols, code: CodeRun) -> None:
+        """Code a group's symbols. While those of a chunk are coded the crew is at work on others."""
+        chunks, begin, table = chunks_of(len(group.rows)), self.crew.begin, self.voxels.neighbours
+        at = [group.rows[chunk] for chunk in chunks]
+        said = [begin(partial(group.say_first, features, table, chunk)) for chunk in chunks]
+        for i, chunk in enumerate(chunks):
+            first = symbols[0, at[i]] = code(group.number, False, at[i], said[i]())
+            said[i] = begin(partial(group.say_second, chunk, first))
+        finished = []
+        for i, chunk in enumerate(chunks):
+            second = symbols[1, at[i]] = code(group.number, True, at[i], said[i]())
+            finished.append(begin(partial(group.finish, chunk, second, features)))
+        for wait in finished:
+            wait()
 
 
 def _runs(keys: Keys, below: Keys) -> Iterator[Symbols]:
     """The symbols of a level's voxels in the order in which they are coded."""
     first, second = symbols_of(below)
     for rows in groups_of(keys):
-        if len(rows):
-            yield first[rows]
-            yield second[rows]
+        for symbols in (first, second):
+            yield from (symbols[rows[chunk]] for chunk in chunks_of(len(rows)))
 
 
 def _keys_only(keys: Keys) -> Voxels:

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from puckbench.codecs.octree_net.fixed import UNITS
 
 Logits = NDArray[np.float32]
-Frequencies = NDArray[np.float32]
-"""Whole numbers (n, 16)."""
+Frequencies = NDArray[np.int32]
+"""(n, 16)."""
 _BITS = 16
 _LEAST = 8
 
 
 @cache
-def _powers() -> Frequencies:
+def powers() -> Frequencies:
     """2**16 times 2**(-d / UNITS), rounded, for d = 0, 1, .. until `_LEAST` is left."""
     steps = range((_BITS - 3) * UNITS + 1)
-    powers = [Decimal(2) ** (_BITS - Decimal(d) / UNITS) for d in steps]
-    return np.array([round(power) for power in powers], dtype=np.float32)
+    exact = [Decimal(2) ** (_BITS - Decimal(d) / UNITS) for d in steps]
+    return np.array([round(power) for power in exact], dtype=np.int32)
 
 
 def frequencies(logits: Logits) -> Frequencies:
@@ -32,6 +32,6 @@ def frequencies(logits: Logits) -> Frequencies:
     """
     units = logits * np.float32(UNITS)
     below = (units.max(axis=1, keepdims=True) - units).astype(np.int32)
-    powers = _powers()
-    np.minimum(below, len(powers) - 1, out=below)
-    return np.asarray(powers[below])
+    table = powers()
+    np.minimum(below, len(table) - 1, out=below)
+    return np.asarray(table[below])

@@ -20,7 +20,7 @@ UNITS = 2**5
 MOST_WEIGHT = 2**11 - 1
 """In units: such integers are exact in half precision, in which weights are kept."""
 MOST_ACTIVATION = 255
-_MOST_STREAM = 2**11
+MOST_STREAM = 2**11
 MOST_SUM = 2**24
 
 
@@ -50,7 +50,7 @@ def weight(values: Tensor) -> Tensor:
 
 def streamed(values: Tensor) -> Tensor:
     """Sums as the residual stream carries them on."""
-    most = _MOST_STREAM / UNITS
+    most = MOST_STREAM / UNITS
     return rounded(values.clamp(-most, most))
 
 
@@ -66,4 +66,4 @@ def largest_sum(kernel: Tensor, bias: Tensor) -> int:
     """
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     most = rows * MOST_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
-    return int(most.max()) + _MOST_STREAM * WEIGHT_UNITS
+    return int(most.max()) + MOST_STREAM * WEIGHT_UNITS

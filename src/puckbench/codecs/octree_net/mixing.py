@@ -9,6 +9,7 @@ result. All arithmetic is on integers, so that every machine decodes the same.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -126,7 +127,7 @@ def _mixer(bits: BitCoder) -> Mixer:
     )
 
 
-@compiled_in_place
+@partial(compiled_in_place, nogil=True)
 def _code_symbols(
     mixer: Mixer, level: Known, group: int, half: int, rows: Ints, symbols: Symbols,
     frequencies: Frequencies, children: Ints, starts: Ints,

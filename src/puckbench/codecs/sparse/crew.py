@@ -57,6 +57,13 @@ class Crew:
             return [one(chunk) for chunk in chunks]
         return list(self._pool.map(one, chunks))
 
+    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
+        """Begin a work; what is returned waits for its result."""
+        if self._pool is None:
+            result = work()
+            return lambda: result
+        return self._pool.submit(work).result
+
 
 @contextmanager
 def crew(threads: int | None = None) -> Iterator[Crew]:
