@@ -57,10 +57,15 @@ class Examples:
         return np.unique(morton_keys(turned(inside, self.side, rng)))
 
 
-def turned(voxels: Voxels, side: int, rng: np.random.Generator) -> Voxels:
-    """Voxels of a cube in one of its 48 symmetries."""
-    mirrored = np.where(rng.integers(0, 2, 3) == 1, side - 1 - voxels, voxels)
-    return mirrored[:, rng.permutation(3)]
+def turned(voxels: Voxels, side: int, rng: np.random.Generator, upright: bool = False) -> Voxels:
+    """Voxels of a cube in one of its 48 symmetries, or of the 8 that leave the z axis alone."""
+    axes = 2 if upright else 3
+    found = voxels.copy()
+    mirrored = np.where(
+        rng.integers(0, 2, axes) == 1, side - 1 - voxels[:, :axes], voxels[:, :axes]
+    )
+    found[:, :axes] = mirrored[:, rng.permutation(axes)]
+    return found
 
 
 def batch(clouds: Sequence[Keys]) -> Keys:

@@ -29,7 +29,7 @@ class SparseOctreeNet(Learned["Weights"]):
     unit: step of the input's grid, on which ``scale`` 1 works.
     """
 
-    version = "sparse_octree_net, stream version 2"
+    version = "sparse_octree_net, stream version 3"
     network = NETWORK
 
     def __init__(self, *, unit: float = 1.0, **entry: Any) -> None:

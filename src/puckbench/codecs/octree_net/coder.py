@@ -24,10 +24,11 @@ from puckbench.codecs.octree_net.inference import (
     network_of,
     start,
 )
-from puckbench.codecs.octree_net.mixing import Known, code_symbols, known_of, reader, writer
+from puckbench.codecs.octree_net.mixing import code_symbols, reader, writer
 from puckbench.codecs.octree_net.model import OctreeNet
 from puckbench.codecs.octree_net.rows import Rows
 from puckbench.codecs.octree_net.stream import MOST_VOXELS, Part
+from puckbench.codecs.octree_net.surroundings import Known, known_of, look_around
 from puckbench.codecs.octree_net.symbols import Symbols, groups_of, slots_of, symbols_of
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import (
@@ -49,7 +50,6 @@ _MOST_TOP = 64
 
 Code = Callable[[Known, int, bool, Rows, Frequencies], Symbols]
 """Codes or reads the first or second symbols of some rows of a level's group; returns them."""
-CodeRun = Callable[[int, bool, Rows, Frequencies], Symbols]
 
 
 @dataclass(frozen=True)
@@ -128,22 +128,29 @@ class Level:
         symbols, known = np.empty((2, len(self.voxels)), dtype=np.uint8), known_of(table)
         for number, rows in enumerate(groups_of(self.voxels.keys)):
             group = group_of(self.network, number, rows)
-            self._code(group, features, symbols, lambda *run: code(known, *run))
+            self._code(group, features, known, symbols, code)
         if (symbols == 0).all(axis=0).any():
             raise InputError("the stream is damaged (a voxel without children)")
         return features, slots_of(*symbols)
 
-    def _code(self, group: Group, features: Features, symbols: Symbols, code: CodeRun) -> None:
-        """Code a group's symbols. While those of a chunk are coded the crew is at work on others."""
-        chunks, begin, table = chunks_of(len(group.rows)), self.crew.begin, self.voxels.neighbours
+    def _code(
+        self, group: Group, features: Features, known: Known, symbols: Symbols, code: Code
+    ) -> None:
+        """Code a group's symbols; while those of a chunk are coded the crew works on others."""
+
+        def say(chunk: slice) -> Frequencies:
+            look_around(known, group.rows[chunk])
+            return group.say_first(features, known.neighbours, chunk)
+
+        chunks, begin = chunks_of(len(group.rows)), self.crew.begin
         at = [group.rows[chunk] for chunk in chunks]
-        said = [begin(partial(group.say_first, features, table, chunk)) for chunk in chunks]
+        said = [begin(partial(say, chunk)) for chunk in chunks]
         for i, chunk in enumerate(chunks):
-            first = symbols[0, at[i]] = code(group.number, False, at[i], said[i]())
+            first = symbols[0, at[i]] = code(known, group.number, False, at[i], said[i]())
             said[i] = begin(partial(group.say_second, chunk, first))
         finished = []
         for i, chunk in enumerate(chunks):
-            second = symbols[1, at[i]] = code(group.number, True, at[i], said[i]())
+            second = symbols[1, at[i]] = code(known, group.number, True, at[i], said[i]())
             finished.append(begin(partial(group.finish, chunk, second, features)))
         for wait in finished:
             wait()

@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.codecs.learned.examples import Examples as CutCubes
-from puckbench.codecs.learned.examples import turned
+from puckbench.codecs.learned.examples import Voxels, turned
 from puckbench.codecs.sparse.voxels import Keys, distinct, morton_keys
 
 
@@ -18,7 +18,7 @@ class Examples(CutCubes):
     """Batches of cubes, each batch made from its number and the seed alone.
 
     clouds: points (n, 3). side: a power of two. finest, coarsest: scales of the grids, drawn evenly
-    on a logarithmic axis.
+    on a logarithmic axis. upright: turn cubes about the vertical axis alone.
     """
 
     side: int = 128
@@ -26,23 +26,22 @@ class Examples(CutCubes):
     fewest: int = 500
     finest: float = 1.0
     coarsest: float = 0.125
+    upright: bool = False
     kind: ClassVar[str] = "octree training cubes"
 
     def _cut(self, points: Floats, rng: np.random.Generator) -> Keys | None:
         scale = self.finest * (self.coarsest / self.finest) ** rng.random()
         centre = points[rng.integers(len(points))]
         least = centre * scale - rng.random(3) * self.side
-        keys = _voxels(points, least / scale, scale, self.side, rng)
+        voxels = _voxels(points, least / scale, scale, self.side)
+        keys = distinct(morton_keys(turned(voxels, self.side, rng, self.upright)))
         return keys if len(keys) >= self.fewest else None
 
 
-def _voxels(
-    points: Floats, least: Floats, scale: float, side: int, rng: np.random.Generator
-) -> Keys:
-    """The voxels of a cube of a cloud, in one of the 48 symmetries of a cube."""
+def _voxels(points: Floats, least: Floats, scale: float, side: int) -> Voxels:
+    """The voxels of a cube of a cloud, one for each point."""
     inside = np.ones(len(points), dtype=bool)
     for axis in range(3):
         column = points[:, axis]
         inside &= (column > least[axis]) & (column < least[axis] + side / scale)
-    voxels = np.floor((points[inside] - least) * scale).astype(np.int64).clip(0, side - 1)
-    return distinct(morton_keys(turned(voxels, side, rng)))
+    return np.floor((points[inside] - least) * scale).astype(np.int64).clip(0, side - 1)

@@ -91,7 +91,6 @@ def start(network: Network, count: int) -> Features:
 
 def before_groups(network: Network, features: Features, table: Table, crew: Crew) -> Features:
     """Features of all voxels before anything of their children is known."""
-    rows = np.arange(table.shape[1])
     for layer in network.before:
         features = _before_group(network, layer, features, table, crew)
     return features

@@ -51,7 +51,8 @@ class _Writer:
         pairs = [builder.add(first, self.number(i)) for i in range(many)]
         targets = [self.vector(0, self.row(1, pair, self.wider)) for pair in pairs]
         sources = [self.row(3, pair, self.width) for pair in pairs]
-        sums = [cgutils.alloca_once(builder, target.type.pointee) for target in targets]
+        alloca: Any = cgutils.alloca_once
+        sums = [alloca(builder, target.type.pointee) for target in targets]
         for total, target in zip(sums, targets, strict=True):
             builder.store(builder.load(target, align=_FLOAT_BYTES), total)
         with cgutils.for_range(builder, self.number(self.width)) as loop:
@@ -98,6 +99,7 @@ def _add_products(
 add_products: Any = intrinsic(prefer_literal=True)(_add_products)
 """``add_products(sums, targets, read, sources, pairs, kernel, at, width, wider)``, unchecked.
 
-For each of the `pairs` first targets and sources, rows of the flat arrays `sums` and `read`:
-``sums[target] += read[source] @ matrix``, a (width, wider) matrix that begins at ``kernel[at]``.
+For each of the `pairs` first targets, all different, and sources, which are rows of the flat arrays
+`sums` and `read`: ``sums[target] += read[source] @ matrix``. The (width, wider) matrix begins at
+``kernel[at]``.
 """

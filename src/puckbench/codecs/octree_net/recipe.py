@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.codecs.learned.recipe import Training as AnyTraining
+from puckbench.errors import InputError
 
 if TYPE_CHECKING:
     from puckbench.cloud import Floats
@@ -21,7 +22,8 @@ class Training(AnyTraining):
     """A training of the learned octree coder.
 
     side: a power of two. scales: of the grids that cubes are cut on, coarsest and finest. width:
-    of the features. before: convolutions before a level's first group.
+    of the features. before: convolutions before a level's first group. symmetries: of a cube in
+    which it may be met, all 48 or the 8 that keep what is upright so.
     """
 
     steps: int = 3000
@@ -31,6 +33,12 @@ class Training(AnyTraining):
     scales: tuple[float, float] = (0.1, 1.1)
     width: int = 32
     before: int = 1
+    symmetries: int = 48
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.symmetries not in (8, 48):
+            raise InputError(f"training: symmetries cannot be {self.symmetries}")
 
     @contextmanager
     def trainer(self) -> Iterator[Trainer]:
@@ -53,8 +61,9 @@ class Training(AnyTraining):
 
         coarsest, finest = self.scales
         return Examples(
-            clouds, self.side, self.cubes, seed=self.seed, coarsest=coarsest, finest=finest
-        )
+            clouds, self.side, self.cubes, seed=self.seed, coarsest=coarsest, finest=finest,
+            upright=self.symmetries == 8,
+        )  # fmt: skip
 
     def state(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
         """Parameters from the whole numbers that a set keeps."""

@@ -19,12 +19,12 @@ from puckbench.codecs.gpcc.grid import Frame
 from puckbench.codecs.sparse.voxels import AXIS_BITS
 from puckbench.errors import InputError
 
-MAGIC, VERSION = b"PBON", 2
+MAGIC, VERSION = b"PBON", 3
 MOST_VOXELS = 2**21
 """Of a part; larger clouds are cut, so that working memory is bounded."""
 _MOST_IN_ALL = 2**25
 _VOXELS_A_BYTE = 2**14
-"""More cannot be: eight bits, of 0.0007 bits at least (see `mixing`), bring at most 8 voxels."""
+"""More cannot be: eight bits, of 0.0007 bits at least (see `binary`), bring at most 8 voxels."""
 _LEAST_SCALE = 2.0**-400
 """With less, and the largest unit, coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
