@@ -29,26 +29,29 @@ _PLACES = 8
 """Of bits: by first or second symbol, by the number of the bit."""
 _STATES = 27
 """Of three cells: empty, unknown or occupied."""
+_NEAR = 7 * 4
+"""Numbers of occupied and of unknown cells at a child's faces."""
 _GUESSES = 25
 """Of the network: steps of half a unit of the logistic domain."""
 _SIZES = (
     64 * _KINDS,
     7 * VALUES * _KINDS,
     _PLACES * _STATES * 8,
-    2 * 7 * 4 * 8 * 8 * 4,
+    2 * _NEAR * 8 * 8 * 4,
     _PLACES * _STATES * _STATES,
-    _PLACES * 16 * 7 * 4 * 4,
+    _PLACES * 16 * _NEAR * 4,
     _PLACES * _STATES * _STATES * 8,
     _PLACES * _STATES * 729,
     2 * _GUESSES * _STATES * _STATES,
     _PLACES * 8,
+    _PLACES * 27 * _STATES,
 )
-"""Contexts of ten kinds: see `_contexts`."""
+"""Contexts of eleven kinds: see `_contexts`."""
 _STARTS = np.cumsum((0, *_SIZES))
 _CONTEXTS = int(_STARTS[-1])
-_ROWS = (_KINDS, 2 * 7 * 4, _PLACES * _STATES)
-"""Sets of weights: by kind, by what is known of the faces in numbers, and cell by cell."""
-_FIRST_ROWS = (0, _ROWS[0], _ROWS[0] + _ROWS[1])
+_ROWS = (_KINDS, 2 * _NEAR, _PLACES * _STATES)
+"""Sets of weights: by kind, by what is known at the child's faces in numbers, and cell by cell."""
+_BY_NEAR, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
 _MOST_BYTES = 11
 """That the eight bits of a voxel take, each at most log2(65,536 / 32) bits."""
 _CHILDREN = np.array([EVEN, ODD])
@@ -102,11 +105,12 @@ def _code_symbols(
             for value in range(middle, high):
                 upper += frequencies[i, value]
             guess = mixer.stretch[(upper << 12) // total]
-            kind, place = (2 * group + half) * 15 + node, half * 4 + bit
-            guessed = half * 25 + min(max((guess + 1536) >> 7, 0), 24)
+            kind, place = (2 * group + half) * _NODES + node, half * 4 + bit
+            guessed = half * _GUESSES + min(max((guess + 1536) >> 7, 0), 24)
             _contexts(mixer, cells, starts, child, place, guessed, occupied, unknown)
             mixer.at[0] += kind * 64 + seen[0]
             mixer.at[1] += (kind * 16 + first) * 7 + seen[1]
+            mixer.at[10] += int(level.spread[row]) * _STATES
             mixer.rows[0] = kind
             found = code_blended(mixer, symbol >> (3 - bit) & 1, guess)
             own |= found << child
@@ -145,7 +149,7 @@ def _contexts(
     at its faces outside and two steps away; in numbers those far away and near; the cells at its
     faces and at the edges outside; at its faces outside and the six beside these; what the network
     says, the cells at its faces outside and two steps away; those at its faces inside alone, which
-    says how full the cloud is here.
+    says how full the cloud is here; how the voxel's neighbours lie, and the cells two steps away.
     """
     half = place >> 2
     beyond, second, edges, across, inside, joined = 0, 0, 0, 0, 0, 0
@@ -163,18 +167,19 @@ def _contexts(
     )
     ring, open_ring = count_of(occupied & cells.ring[child]), count_of(unknown & cells.ring[child])
     corners, far = count_of(occupied & cells.corners[child]), count_of(occupied & cells.far[child])
-    near, at = faces * 4 + open_faces, place * 27 + beyond
+    near, at = faces * 4 + open_faces, place * _STATES + beyond
     numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)
     mixer.at[0], mixer.at[1] = starts[0], starts[1]
     mixer.at[2] = starts[2] + at * 8 + inside
-    mixer.at[3] = starts[3] + (half * 28 * 64 + numbers) * 4 + min(corners, 3)
-    mixer.at[4] = starts[4] + at * 27 + second
-    mixer.at[5] = starts[5] + ((place * 16 + min(far, 15)) * 28 + near) * 4 + joined
-    mixer.at[6] = starts[6] + (at * 27 + edges) * 8 + inside
+    mixer.at[3] = starts[3] + (half * _NEAR * 64 + numbers) * 4 + min(corners, 3)
+    mixer.at[4] = starts[4] + at * _STATES + second
+    mixer.at[5] = starts[5] + ((place * 16 + min(far, 15)) * _NEAR + near) * 4 + joined
+    mixer.at[6] = starts[6] + (at * _STATES + edges) * 8 + inside
     mixer.at[7] = starts[7] + at * 729 + across
-    mixer.at[8] = starts[8] + (guessed * 27 + beyond) * 27 + second
+    mixer.at[8] = starts[8] + (guessed * _STATES + beyond) * _STATES + second
     mixer.at[9] = starts[9] + place * 8 + inside
-    mixer.rows[1], mixer.rows[2] = 120 + half * 28 + near, 176 + at
+    mixer.at[10] = starts[10] + place * 27 * _STATES + second
+    mixer.rows[1], mixer.rows[2] = _BY_NEAR + half * _NEAR + near, _BY_CELLS + at
 
 
 @compiled_in_place
