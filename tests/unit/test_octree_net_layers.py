@@ -142,5 +142,5 @@ def test_cells_of_a_child_are_where_they_are_said_to_be() -> None:
 
 
 def test_cells_are_counted() -> None:
-    numbers = np.random.default_rng(3).integers(0, 2**63, 50)
-    assert [count_of(int(n)) for n in numbers] == [int(n).bit_count() for n in numbers]
+    sets = [*np.random.default_rng(3).integers(-(2**63), 2**63, 50).tolist(), 0, -1]
+    assert [count_of(cells) for cells in sets] == [(cells % 2**64).bit_count() for cells in sets]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from puckbench.codecs.learned.examples import turned
 from puckbench.codecs.learned.training import train
 from puckbench.codecs.octree_net.examples import Examples
 from puckbench.codecs.octree_net.fixed import MOST_SUM, largest_sum, rounded, weight
@@ -98,3 +99,17 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(InputError, match="no cube of 8 voxels' side holds 5000"):
         Examples([_room()], side=8, fewest=5000).batch(0)
+
+
+@pytest.mark.parametrize(("upright", "symmetries"), [(False, 48), (True, 8)])
+def test_cubes_are_met_in_so_many_symmetries(upright: bool, symmetries: int) -> None:
+    rng, voxel = np.random.default_rng(0), np.array([[0, 1, 2]])
+    found = {tuple(turned(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
+    assert len(found) == symmetries
+    assert not upright or {z for _, _, z in found} == {2}
+
+
+def test_other_numbers_of_symmetries_are_refused() -> None:
+    assert Training(symmetries=8).examples([_room()]).upright
+    with pytest.raises(InputError, match="symmetries cannot be 7"):
+        Training(symmetries=7)

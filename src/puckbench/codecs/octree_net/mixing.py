@@ -133,15 +133,9 @@ def _first_symbol(code: int, half: int) -> int:
 
 @compiled_in_place
 def _contexts(
-    mixer: Blender,
-    cells: Cells,
-    starts: Ints,
-    child: int,
-    place: int,
-    guessed: int,
-    occupied: int,
-    unknown: int,
-) -> None:
+    mixer: Blender, cells: Cells, starts: Ints, child: int, place: int, guessed: int,
+    occupied: int, unknown: int,
+) -> None:  # fmt: skip
     """The contexts of a child and its rows of weights, but for what depends on the kind of the bit.
 
     In their order: neighbours at the voxel's faces; its first symbol and how many neighbours it
@@ -161,11 +155,9 @@ def _contexts(
         joined += occupied >> cells.own[child ^ 7 ^ 1 << axis] & 1
     for side in range(6):
         across = 3 * across + _state(occupied, unknown, cells.across[child, side])
-    faces, open_faces = (
-        count_of(occupied & cells.faces[child]),
-        count_of(unknown & cells.faces[child]),
-    )
-    ring, open_ring = count_of(occupied & cells.ring[child]), count_of(unknown & cells.ring[child])
+    faces, ring = count_of(occupied & cells.faces[child]), count_of(occupied & cells.ring[child])
+    open_faces = count_of(unknown & cells.faces[child])
+    open_ring = count_of(unknown & cells.ring[child])
     corners, far = count_of(occupied & cells.corners[child]), count_of(occupied & cells.far[child])
     near, at = faces * 4 + open_faces, place * _STATES + beyond
     numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)

@@ -110,7 +110,7 @@ def _spread(beside: int, crowd: int) -> int:
 
 @compiled_in_place
 def count_of(cells: int) -> int:
-    """How many of at most 63 cells are in a set."""
+    """How many cells are in a set."""
     pairs = cells - ((cells >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
     eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
