@@ -31,11 +31,12 @@ _FEW = 64
 class Pcgcv2(LearnedByAlpha["WeightSet"]):
     """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept.
 
-    as_published: as the authors' program, leave each grid as it is, and let the likeliest voxels be
-    kept wherever they are: those of thin parts then vanish.
+    as_published: as the authors' program, leave each grid as it is, code the latent with the
+    weights' tables alone, and let the likeliest voxels be kept wherever they are: those of thin
+    parts then vanish.
     """
 
-    version = "PCGCv2, stream version 2"
+    version = "PCGCv2, stream version 3"
     network = NETWORK
     grid = 1.0
 
@@ -60,8 +61,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        families = not self.as_published
-        return Coder(weights, rate, rho=rho, threads=self.threads, families=families)
+        return Coder(weights, rate, rho, threads=self.threads, as_published=self.as_published)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.pcgcv2.coder import Coder

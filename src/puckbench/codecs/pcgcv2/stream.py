@@ -3,7 +3,7 @@
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
 kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
-    whether families are kept, origin (3 int32), number of blocks; each block: voxels at strides
+    whether as published, origin (3 int32), number of blocks; each block: voxels at strides
     1, 2, 4 and 8 (4 uint32), bytes of coordinates and of features (2 uint32), the coordinates,
     the features
 """
@@ -20,7 +20,7 @@ from puckbench.cloud import Floats
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
-VERSION = 2
+VERSION = 3
 MOST_HALVINGS = 20
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
@@ -45,7 +45,8 @@ class Coded:
     """A cloud coded by a network.
 
     origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
-    families: each voxel keeps its likeliest child at least.
+    as_published: the latent is coded with the weights' tables alone, and a voxel may lose all its
+    children; else in contexts, and each voxel keeps its likeliest child at least.
     """
 
     digest: bytes
@@ -53,7 +54,7 @@ class Coded:
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
     halvings: int = 0
-    families: bool = True
+    as_published: bool = False
 
 
 def write_few(points: Floats) -> bytes:
@@ -65,7 +66,7 @@ def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when it has too many blocks."""
     if len(coded.blocks) > _MOST_BLOCKS:
         raise InputError("the cloud is too large for one stream")
-    rules = (coded.rate, coded.halvings, coded.families)
+    rules = (coded.rate, coded.halvings, coded.as_published)
     parts = [_HEADER.pack(coded.digest, *rules, *coded.origin, len(coded.blocks))]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.features))
@@ -105,8 +106,8 @@ def _read_few(body: bytes) -> Floats:
 def _read_coded(body: bytes) -> Coded:
     if len(body) < _HEADER.size:
         raise InputError("the stream is truncated")
-    digest, rate, halvings, families, *origin, count = _HEADER.unpack_from(body)
-    if halvings > MOST_HALVINGS or families > 1:
+    digest, rate, halvings, as_published, *origin, count = _HEADER.unpack_from(body)
+    if halvings > MOST_HALVINGS or as_published > 1:
         raise InputError("the stream is damaged (its header)")
     blocks, at = [], _HEADER.size
     for _ in range(count):
@@ -117,7 +118,7 @@ def _read_coded(body: bytes) -> Coded:
     if sum(block.counts[0] for block in blocks) > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
     x, y, z = origin
-    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, bool(families))
+    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, bool(as_published))
 
 
 def _most_voxels(body: bytes) -> int:
