@@ -1,10 +1,11 @@
 """Latents coded in contexts: of the tables, of the neighbours, of the channels before."""
 
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -31,6 +32,7 @@ def _drawn(count: int, channels: int) -> np.ndarray:
     return rng.choice(np.arange(-6, 7), size=(count, channels), p=shares).astype(np.int32)
 
 
+@settings(deadline=None)  # the first example compiles
 @given(arrays(np.int32, (16, 3), elements=st.integers(-65_555, 65_555)))
 def test_any_integers_come_back(latent: np.ndarray) -> None:
     around, tables = _plane(4).neighbours, (LAPLACE, Table(3, np.array([1, 1])), LAPLACE)
@@ -80,7 +82,7 @@ def test_every_machine_writes_the_same_bytes() -> None:
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-12], lambda data: data + bytes(12)])
-def test_data_that_end_early_or_late_are_refused(damage) -> None:
+def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes]) -> None:
     around = _plane(16).neighbours
     data = encode_in_context(_drawn(256, 2), around, (LAPLACE,) * 2)
     with pytest.raises(InputError, match="damaged"):

@@ -14,7 +14,7 @@ from puckbench.codecs.learned.coding import decode_latent, encode_latent
 from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
-from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, Block, Coded
+from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, OURS, Block, Coded, Rules
 from puckbench.codecs.pcgcv2.weights import WeightSet
 from puckbench.codecs.sparse.crew import Crew, crew
 from puckbench.codecs.sparse.voxels import (
@@ -38,7 +38,7 @@ class Coder:
     """Codes voxels at one rate of a set of weights.
 
     rho: share of the occupied voxels that the decoder keeps at the last scale. most_voxels: of a
-    block. threads: as many as PyTorch would use by default. as_published: see `Coded`.
+    block. threads: as many as PyTorch would use by default. rules: what the stream says of itself.
     """
 
     weights: WeightSet
@@ -46,7 +46,7 @@ class Coder:
     rho: float = 1.0
     most_voxels: int = MOST_VOXELS
     threads: int | None = None
-    as_published: bool = False
+    rules: Rules = OURS
 
     def encode(self, voxels: Triples, halvings: int = 0) -> Coded:
         """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much.
@@ -63,13 +63,12 @@ class Coder:
             )
         x, y, z = origin.tolist()
         digest = self.weights.digest
-        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.as_published)
+        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules)
 
     def decode(self, coded: Coded) -> Triples:
         """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
-            published = coded.as_published
-            parts = [self._decode_block(block, published, workers) for block in coded.blocks]
+            parts = [self._decode_block(block, coded.rules, workers) for block in coded.blocks]
         voxels: Triples = np.vstack(parts) + np.array(coded.origin)
         return voxels << coded.halvings
 
@@ -82,21 +81,22 @@ class Coder:
         return Block(counts, coordinates, self._features(latent, found.coarse))
 
     def _features(self, latent: Integers, coarse: Voxels) -> bytes:
-        if self.as_published:
-            return encode_latent(latent, self._tables())
-        return encode_in_context(latent, coarse.neighbours, self._tables())
+        if Rules.CONTEXTS in self.rules:
+            return encode_in_context(latent, coarse.neighbours, self._tables())
+        return encode_latent(latent, self._tables())
 
-    def _decode_block(self, block: Block, as_published: bool, workers: Crew) -> Triples:
+    def _decode_block(self, block: Block, rules: Rules, workers: Crew) -> Triples:
         coarse = pyramid(_coarse_keys(block), 0, workers)[0][0]
-        features = self._latent(block, coarse, as_published).astype(np.float32) / self._gain()
+        features = self._latent(block, coarse, rules).astype(np.float32) / self._gain()
         network, counts = self.weights.model, block.counts[:3]
-        families = not as_published
-        return morton_voxels(synthesise(network, features, coarse, counts, workers, families))
+        families = Rules.FAMILIES in rules
+        keys = synthesise(network, features, coarse, counts, workers, families)
+        return morton_voxels(keys)
 
-    def _latent(self, block: Block, coarse: Voxels, as_published: bool) -> Integers:
-        if as_published:
-            return decode_latent(block.features, len(coarse), self._tables())
-        return decode_in_context(block.features, coarse.neighbours, self._tables())
+    def _latent(self, block: Block, coarse: Voxels, rules: Rules) -> Integers:
+        if Rules.CONTEXTS in rules:
+            return decode_in_context(block.features, coarse.neighbours, self._tables())
+        return decode_latent(block.features, len(coarse), self._tables())
 
     def _tables(self) -> tuple[Table, ...]:
         return self.weights.tables[self.rate]

@@ -3,9 +3,9 @@
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
 kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
-    whether as published, origin (3 int32), number of blocks; each block: voxels at strides
-    1, 2, 4 and 8 (4 uint32), bytes of coordinates and of features (2 uint32), the coordinates,
-    the features
+    rules (1: families, 2: contexts), origin (3 int32), number of blocks; each block: voxels at
+    strides 1, 2, 4 and 8 (4 uint32), bytes of coordinates and of features (2 uint32), the
+    coordinates, the features
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from enum import IntFlag
 
 import numpy as np
 
@@ -40,13 +41,23 @@ class Block:
     features: bytes
 
 
+class Rules(IntFlag):
+    """Where a stream differs from the authors' program."""
+
+    FAMILIES = 1
+    """Each voxel keeps its likeliest child at least; in the original it may lose all of them."""
+    CONTEXTS = 2
+    """The latent is coded in contexts, not with the weights' tables alone."""
+
+
+OURS = Rules.FAMILIES | Rules.CONTEXTS
+
+
 @dataclass(frozen=True)
 class Coded:
     """A cloud coded by a network.
 
     origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
-    as_published: the latent is coded with the weights' tables alone, and a voxel may lose all its
-    children; else in contexts, and each voxel keeps its likeliest child at least.
     """
 
     digest: bytes
@@ -54,7 +65,7 @@ class Coded:
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
     halvings: int = 0
-    as_published: bool = False
+    rules: Rules = OURS
 
 
 def write_few(points: Floats) -> bytes:
@@ -66,8 +77,8 @@ def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when it has too many blocks."""
     if len(coded.blocks) > _MOST_BLOCKS:
         raise InputError("the cloud is too large for one stream")
-    rules = (coded.rate, coded.halvings, coded.as_published)
-    parts = [_HEADER.pack(coded.digest, *rules, *coded.origin, len(coded.blocks))]
+    numbers = (coded.rate, coded.halvings, coded.rules, *coded.origin, len(coded.blocks))
+    parts = [_HEADER.pack(coded.digest, *numbers)]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.features))
         parts += [_BLOCK.pack(*block.counts, *sizes), block.coordinates, block.features]
@@ -106,8 +117,8 @@ def _read_few(body: bytes) -> Floats:
 def _read_coded(body: bytes) -> Coded:
     if len(body) < _HEADER.size:
         raise InputError("the stream is truncated")
-    digest, rate, halvings, as_published, *origin, count = _HEADER.unpack_from(body)
-    if halvings > MOST_HALVINGS or as_published > 1:
+    digest, rate, halvings, rules, *origin, count = _HEADER.unpack_from(body)
+    if halvings > MOST_HALVINGS or rules > OURS:
         raise InputError("the stream is damaged (its header)")
     blocks, at = [], _HEADER.size
     for _ in range(count):
@@ -118,7 +129,7 @@ def _read_coded(body: bytes) -> Coded:
     if sum(block.counts[0] for block in blocks) > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
     x, y, z = origin
-    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, bool(as_published))
+    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, Rules(rules))
 
 
 def _most_voxels(body: bytes) -> int:
