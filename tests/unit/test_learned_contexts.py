@@ -11,7 +11,12 @@ from hypothesis.extra.numpy import arrays
 
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import encode_latent
-from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context
+from puckbench.codecs.learned.contexts import (
+    Expected,
+    decode_in_context,
+    encode_in_context,
+    everywhere,
+)
 from puckbench.codecs.sparse.voxels import Voxels, morton_keys, pyramid
 from puckbench.errors import InputError
 
@@ -32,38 +37,48 @@ def _drawn(count: int, channels: int) -> np.ndarray:
     return rng.choice(np.arange(-6, 7), size=(count, channels), p=shares).astype(np.int32)
 
 
+def _encoded(latent: np.ndarray, voxels: Voxels) -> bytes:
+    return encode_in_context(latent, voxels.neighbours, _tables(latent))
+
+
+def _decoded(data: bytes, voxels: Voxels, channels: int) -> np.ndarray:
+    expected = everywhere((LAPLACE,) * channels, len(voxels))
+    return decode_in_context(data, voxels.neighbours, expected)
+
+
+def _tables(latent: np.ndarray) -> Expected:
+    return everywhere((LAPLACE,) * latent.shape[1], len(latent))
+
+
+def _alone(latent: np.ndarray) -> int:
+    """Bytes that the tables alone take."""
+    return len(encode_latent(latent, (LAPLACE,) * latent.shape[1]))
+
+
 @settings(deadline=None)  # the first example compiles
 @given(arrays(np.int32, (16, 3), elements=st.integers(-65_555, 65_555)))
 def test_any_integers_come_back(latent: np.ndarray) -> None:
-    around, tables = _plane(4).neighbours, (LAPLACE, Table(3, np.array([1, 1])), LAPLACE)
-    assert np.array_equal(
-        decode_in_context(encode_in_context(latent, around, tables), around, tables), latent
-    )
+    assert np.array_equal(_decoded(_encoded(latent, _plane(4)), _plane(4), 3), latent)
 
 
 def test_a_single_voxel_comes_back() -> None:
-    around, latent = _plane(1).neighbours, np.array([[2, -1]], np.int32)
-    data = encode_in_context(latent, around, (LAPLACE,) * 2)
-    assert np.array_equal(decode_in_context(data, around, (LAPLACE,) * 2), latent)
+    latent = np.array([[2, -1]], np.int32)
+    assert np.array_equal(_decoded(_encoded(latent, _plane(1)), _plane(1), 2), latent)
 
 
 def test_where_neighbours_say_nothing_contexts_cost_little() -> None:
-    latent, tables = _drawn(64**2, 4), (LAPLACE,) * 4
-    alone = len(encode_latent(latent, tables))
-    assert len(encode_in_context(latent, _plane(64).neighbours, tables)) < 1.04 * alone
+    latent = _drawn(64**2, 4)
+    assert len(_encoded(latent, _plane(64))) < 1.04 * _alone(latent)
 
 
 def test_a_latent_like_its_neighbours_takes_fewer_bits() -> None:
-    voxels, tables = _plane(64), (LAPLACE,)
     latent = _drawn(8**2, 1).repeat(64, axis=0)  # the same in blocks of 8 x 8, in Morton order
-    alone = len(encode_latent(latent, tables))
-    assert len(encode_in_context(latent, voxels.neighbours, tables)) < 0.4 * alone
+    assert len(_encoded(latent, _plane(64))) < 0.4 * _alone(latent)
 
 
 def test_a_channel_like_the_one_before_takes_fewer_bits() -> None:
-    latent, tables = _drawn(64**2, 1).repeat(2, axis=1), (LAPLACE,) * 2
-    alone = len(encode_latent(latent, tables))
-    assert len(encode_in_context(latent, _plane(64).neighbours, tables)) < 0.65 * alone
+    latent = _drawn(64**2, 1).repeat(2, axis=1)
+    assert len(_encoded(latent, _plane(64))) < 0.65 * _alone(latent)
 
 
 def test_latents_follow_from_which_neighbours_there_are() -> None:
@@ -72,18 +87,27 @@ def test_latents_follow_from_which_neighbours_there_are() -> None:
     kept = np.vstack([pairs, pairs[np.random.default_rng(1).random(len(x)) < 0.5] + [0, 1, 0]])
     voxels = pyramid(np.sort(morton_keys(kept)), 0)[0][0]
     latent = np.where((voxels.neighbours >= 0).sum(axis=0) > 1, 2, -2).astype(np.int32)[:, None]
-    alone = len(encode_latent(latent, (LAPLACE,)))
-    assert len(encode_in_context(latent, voxels.neighbours, (LAPLACE,))) < 0.1 * alone
+    assert len(_encoded(latent, voxels)) < 0.1 * _alone(latent)
+
+
+def test_what_is_expected_may_differ_from_value_to_value() -> None:
+    """Integers far from zero that the network knows cost next to nothing."""
+    centre = np.random.default_rng(0).integers(-15, 16, (64**2, 2))
+    surely = Table(-1, np.array([1, 2**20, 1, 1], np.int32))
+    expected = Expected((LAPLACE, surely), np.ones_like(centre), centre)
+    voxels, latent = _plane(64), centre.astype(np.int32)
+    data = encode_in_context(latent, voxels.neighbours, expected)
+    assert len(data) < 0.06 * latent.size  # half a bit
+    assert np.array_equal(decode_in_context(data, voxels.neighbours, expected), latent)
 
 
 def test_every_machine_writes_the_same_bytes() -> None:
-    data = encode_in_context(_drawn(64, 2).cumsum(axis=0), _plane(8).neighbours, (LAPLACE,) * 2)
+    data = _encoded(_drawn(64, 2).cumsum(axis=0), _plane(8))
     assert (len(data), zlib.crc32(data)) == (61, 1006217149)
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-12], lambda data: data + bytes(12)])
 def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes]) -> None:
-    around = _plane(16).neighbours
-    data = encode_in_context(_drawn(256, 2), around, (LAPLACE,) * 2)
+    data = _encoded(_drawn(256, 2), _plane(16))
     with pytest.raises(InputError, match="damaged"):
-        decode_in_context(damage(data), around, (LAPLACE,) * 2)
+        _decoded(damage(data), _plane(16), 2)

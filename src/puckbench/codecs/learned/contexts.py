@@ -1,6 +1,6 @@
-"""Entropy coding of a latent value by value: the bottleneck's tables, mixed with contexts.
+"""Entropy coding of a latent value by value: what the network expects, mixed with contexts.
 
-The tables take each channel for itself, and all places alike. But a latent of a surface is much
+The network's tables take each value for itself. But a latent of a surface is much
 like that of the surface beside it, and which of a voxel's neighbours are occupied, which is known
 before, says how the surface lies: adaptive contexts of both learn that from the cloud itself. Each
 value becomes a few bits: zero or not, the sign, one more or not. All arithmetic is on integers, so
@@ -9,7 +9,7 @@ that every machine decodes the same.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,15 +45,17 @@ _MOST_BYTES = 80
 
 
 class _Tables(NamedTuple):
-    """Tables of the channels one after the other, without the escapes.
+    """The tables one after the other, without the escapes.
 
-    below: sums of the frequencies before each integer. first: where in them a channel's begin; its
-    integers count from `lowest`.
+    below: sums of the frequencies before each integer. first: where in them a table's begin; its
+    integers count from `lowest`. number, centre: of `Expected`.
     """
 
     lowest: Ints
     first: Ints
     below: Ints
+    number: Integers
+    centre: Integers
 
 
 class _Around(NamedTuple):
@@ -71,40 +73,59 @@ class _Around(NamedTuple):
     contexts: Ints
 
 
-def encode_in_context(latent: Integers, neighbours: Neighbours, tables: tuple[Table, ...]) -> bytes:
+class Expected(NamedTuple):
+    """What is expected of values (n, channels): the table of each, and where its zero is.
+
+    tables: those in use. number, centre: (n, channels), which of them, and the value that its zero
+    stands for.
+    """
+
+    tables: tuple[Table, ...]
+    number: NDArray[np.integer[Any]]
+    centre: NDArray[np.integer[Any]]
+
+
+def everywhere(tables: tuple[Table, ...], count: int) -> Expected:
+    """A table for each channel, at all places."""
+    number = np.tile(np.arange(len(tables)), (count, 1))
+    return Expected(tables, number, np.zeros_like(number))
+
+
+def encode_in_context(latent: Integers, neighbours: Neighbours, expected: Expected) -> bytes:
     """Code integers (n, channels) at voxels in order, with their neighbours (27, n).
 
     Values beyond 16 bits are clipped.
     """
     values = np.clip(latent, -_MOST, _MOST).astype(np.int64)
     bits = bit_writer(_MOST_BYTES * values.size + 16)
-    _code(bits, values, neighbours, tables)
+    _code(bits, values, neighbours, expected)
     return written(bits)
 
 
-def decode_in_context(data: bytes, neighbours: Neighbours, tables: tuple[Table, ...]) -> Integers:
+def decode_in_context(data: bytes, neighbours: Neighbours, expected: Expected) -> Integers:
     """Integers (n, channels) of `encode_in_context`; InputError when the data are damaged."""
-    values = np.zeros((neighbours.shape[1], len(tables)), np.int64)
+    values = np.zeros(expected.number.shape, np.int64)
     bits = bit_reader(data)
-    _code(bits, values, neighbours, tables)
+    _code(bits, values, neighbours, expected)
     if not read_to_its_end(bits):
         raise InputError("the stream is damaged (features)")
     return values.astype(np.int32)
 
 
-def _code(bits: BitCoder, values: Ints, neighbours: Neighbours, tables: tuple[Table, ...]) -> None:
-    kinds = _NODES * len(tables)
+def _code(bits: BitCoder, values: Ints, neighbours: Neighbours, expected: Expected) -> None:
+    kinds = _NODES * values.shape[1]
     starts = np.cumsum((0, *(kinds * size for size in _SIZES)))
     mixed = mixer(bits, starts[-1], kinds, len(_SIZES), _FIRST_WEIGHTS, _PACE)
     around = _Around(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
-    _code_values(mixed, values, neighbours, _joined(tables), around, starts)
+    _code_values(mixed, values, neighbours, _joined(expected), around, starts)
 
 
-def _joined(tables: tuple[Table, ...]) -> _Tables:
-    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in tables]
+def _joined(expected: Expected) -> _Tables:
+    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in expected.tables]
+    lowest = np.array([table.lowest for table in expected.tables], np.int64)
     first = np.cumsum((0, *map(len, sums)))
-    lowest = np.array([table.lowest for table in tables], np.int64)
-    return _Tables(lowest, first, np.concatenate(sums))
+    number, centre = (np.ascontiguousarray(a, np.int32) for a in expected[1:])
+    return _Tables(lowest, first, np.concatenate(sums), number, centre)
 
 
 @compiled_in_place
@@ -116,8 +137,9 @@ def _code_values(
         _look_around(around, neighbours, row)
         for channel in range(values.shape[1]):
             _find_contexts(around, values, row, channel)
-            value = _code_value(mixer, tables, around, starts, channel, values[row, channel])
-            values[row, channel] = value
+            values[row, channel] = _code_value(
+                mixer, tables, around, starts, row, channel, values[row, channel]
+            )
 
 
 @compiled_in_place
@@ -204,18 +226,18 @@ def _rounded(total: int, count: int, most: int, unknown: int) -> int:
 
 @compiled_in_place
 def _code_value(
-    mixer: Mixer, tables: _Tables, around: _Around, starts: Ints, channel: int, value: int
+    mixer: Mixer, tables: _Tables, around: _Around, starts: Ints, row: int, channel: int, value: int
 ) -> int:
     """Code a value: whether it is zero, its sign, whether its magnitude is 1, 2, and so on."""
-    zero, least, most = _mass(tables, channel, 0, 0), -_MOST, _MOST
-    above, below = _mass(tables, channel, 1, most), _mass(tables, channel, least, -1)
     kind = _NODES * channel
+    zero = _mass(tables, row, channel, 0, 0)
+    above, below = _mass(tables, row, channel, 1, _MOST), _mass(tables, row, channel, -_MOST, -1)
     if _code_node(mixer, around, starts, kind, zero, above + below, value == 0) == 1:
         return 0
     sign = 2 * _code_node(mixer, around, starts, kind + 1, above, below, value > 0) - 1
     rest = above if sign == 1 else below
     for size in range(1, _UNARY + 1):
-        this = _mass(tables, channel, sign * size, sign * size)
+        this = _mass(tables, row, channel, sign * size, sign * size)
         rest -= this
         node = kind + 1 + min(size, 5) + (5 if sign == 1 else 0)
         if _code_node(mixer, around, starts, node, this, rest, abs(value) == size) == 1:
@@ -224,11 +246,13 @@ def _code_value(
 
 
 @compiled_in_place
-def _mass(tables: _Tables, channel: int, first: int, last: int) -> int:
-    """Frequency of a channel's integers from `first` to `last`."""
-    start, end = tables.first[channel], tables.first[channel + 1] - 1
-    low = min(max(start + first - tables.lowest[channel], start), end)
-    high = min(max(start + last + 1 - tables.lowest[channel], start), end)
+def _mass(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
+    """Frequency of the values from `first` to `last`."""
+    number = tables.number[row, channel]
+    start, end = tables.first[number], tables.first[number + 1] - 1
+    zero = start - tables.lowest[number] - tables.centre[row, channel]
+    low = min(max(zero + first, start), end)
+    high = min(max(zero + last + 1, start), end)
     return int(tables.below[high] - tables.below[low])
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import decode_latent, encode_latent
-from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context
+from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context, everywhere
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
 from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, OURS, Block, Coded, Rules
@@ -82,7 +82,8 @@ class Coder:
 
     def _features(self, latent: Integers, coarse: Voxels) -> bytes:
         if Rules.CONTEXTS in self.rules:
-            return encode_in_context(latent, coarse.neighbours, self._tables())
+            expected = everywhere(self._tables(), len(coarse))
+            return encode_in_context(latent, coarse.neighbours, expected)
         return encode_latent(latent, self._tables())
 
     def _decode_block(self, block: Block, rules: Rules, workers: Crew) -> Triples:
@@ -95,7 +96,8 @@ class Coder:
 
     def _latent(self, block: Block, coarse: Voxels, rules: Rules) -> Integers:
         if Rules.CONTEXTS in rules:
-            return decode_in_context(block.features, coarse.neighbours, self._tables())
+            expected = everywhere(self._tables(), len(coarse))
+            return decode_in_context(block.features, coarse.neighbours, expected)
         return decode_latent(block.features, len(coarse), self._tables())
 
     def _tables(self) -> tuple[Table, ...]:
