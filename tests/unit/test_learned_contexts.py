@@ -2,12 +2,14 @@
 
 import zlib
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from learned_codecs import changes, save_tiny, shell
 
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import encode_latent
@@ -17,6 +19,7 @@ from puckbench.codecs.learned.contexts import (
     encode_in_context,
     everywhere,
 )
+from puckbench.codecs.registry import open_codec
 from puckbench.codecs.sparse.voxels import Voxels, morton_keys, pyramid
 from puckbench.errors import InputError
 
@@ -111,3 +114,24 @@ def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes
     data = _encoded(_drawn(256, 2), _plane(16))
     with pytest.raises(InputError, match="damaged"):
         _decoded(damage(data), _plane(16), 2)
+
+
+@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+def test_a_stream_says_whether_it_was_coded_in_contexts(name: str, tmp_path: Path) -> None:
+    save_tiny(name, tmp_path / "tiny.pcgw")
+    with_them, without = (
+        open_codec(name, changes(name, tmp_path, contexts=contexts)) for contexts in (True, False)
+    )
+    streams = with_them.encode(shell(), "r2"), without.encode(shell(), "r2")
+    assert streams[0] != streams[1]
+    points = without.decode(streams[0]), with_them.decode(streams[1])
+    assert np.array_equal(*points)
+
+
+def test_cubes_too_far_apart_for_contexts_are_coded_without(tmp_path: Path) -> None:
+    save_tiny("pcgcv1", tmp_path / "tiny.pcgw")
+    codec = open_codec("pcgcv1", changes("pcgcv1", tmp_path))
+    far = np.array([2.0**24, 0, 0])
+    decoded = codec.decode(codec.encode(np.vstack([shell(), shell() + far]), "r2"))
+    near, beyond = np.split(decoded, 2)
+    assert np.array_equal(near + far, beyond)

@@ -2,11 +2,11 @@
 
 magic "PCG1", version, CRC-32 of all that follows
 digest of the weights (8 bytes), number of the rate among theirs, scale (double)
-base-128 numbers: bytes of positions, of counts and of sparse voxels, number of cubes
+whether the latent is coded in contexts (1 byte)
+base-128 numbers: bytes of positions, of counts, of sparse voxels and of the latent, number of cubes
 positions of the cubes, or of their blocks that hold voxels if the weights are `supported` (octree),
-    voxels to keep in each cube, voxels of sparse cubes (octree)
-each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents and of latents,
-    the hyper-latents, the latents
+    voxels to keep in each cube, voxels of sparse cubes (octree), the latent
+each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents, these
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from puckbench.errors import InputError
 
 MAGIC = b"PCG1"
-VERSION = 1
+VERSION = 2
 BLOCK = 32
 """Cubes of a block; the last one may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
 """What a scale is between; with a smaller one coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
-_HEADER = struct.Struct("<8sBd")
+_HEADER = struct.Struct("<8sBdB")
 _CHECK = struct.Struct("<I")
 _LONGEST_NUMBER = 5
 
@@ -35,28 +35,32 @@ class Block:
 
     check: int
     hyper: bytes
-    latent: bytes
 
 
 @dataclass(frozen=True)
 class Coded:
-    """A cloud coded by a network. scale: voxels per unit. sparse: voxels coded without it."""
+    """A cloud coded by a network.
+
+    scale: voxels per unit. contexts: the latent is coded in them. sparse: voxels coded without it.
+    """
 
     digest: bytes
     rate: int
     scale: float
     cubes: int
+    contexts: bool
     positions: bytes
     counts: bytes
     sparse: bytes
+    latent: bytes
     blocks: tuple[Block, ...]
 
 
 def write_stream(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when its cubes are too many for its size."""
-    parts = (coded.positions, coded.counts, coded.sparse)
+    parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
-    body = _HEADER.pack(coded.digest, coded.rate, coded.scale)
+    body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.contexts)
     body += b"".join(map(_base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_written, coded.blocks))
     if coded.cubes > _most_cubes(body):
@@ -65,8 +69,7 @@ def write_stream(coded: Coded) -> bytes:
 
 
 def _written(block: Block) -> bytes:
-    sizes = _base_128(len(block.hyper)) + _base_128(len(block.latent))
-    return _CHECK.pack(block.check) + sizes + block.hyper + block.latent
+    return _CHECK.pack(block.check) + _base_128(len(block.hyper)) + block.hyper
 
 
 def _most_cubes(body: bytes) -> int:
@@ -114,20 +117,21 @@ class _Reader:
 
     def block(self) -> Block:
         check = _CHECK.unpack(self.take(_CHECK.size))[0]
-        hyper, latent = self.number(), self.number()
-        return Block(check, self.take(hyper), self.take(latent))
+        return Block(check, self.take(self.number()))
 
 
 def _read_body(reader: _Reader) -> Coded:
-    digest, rate, scale = _HEADER.unpack(reader.take(_HEADER.size))
-    *sizes, cubes = (reader.number() for _ in range(4))
-    if cubes > _most_cubes(reader.body) or not _SCALES[0] < scale < _SCALES[1]:
+    digest, rate, scale, contexts = _HEADER.unpack(reader.take(_HEADER.size))
+    *sizes, cubes = (reader.number() for _ in range(5))
+    fits = contexts <= 1 and _SCALES[0] < scale < _SCALES[1]
+    if cubes > _most_cubes(reader.body) or not fits:
         raise InputError("the stream is damaged (its header)")
-    positions, counts, sparse = (reader.take(size) for size in sizes)
+    positions, counts, sparse, latent = (reader.take(size) for size in sizes)
     blocks = tuple(reader.block() for _ in range(-(-cubes // BLOCK)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
-    return Coded(digest, rate, scale, cubes, positions, counts, sparse, blocks)
+    return Coded(digest, rate, scale, cubes, bool(contexts), positions, counts, sparse,
+                 latent, blocks)  # fmt: skip
 
 
 def _base_128(number: int) -> bytes:
