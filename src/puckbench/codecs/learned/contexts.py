@@ -87,7 +87,7 @@ class Expected(NamedTuple):
 
 def everywhere(tables: tuple[Table, ...], count: int) -> Expected:
     """A table for each channel, at all places."""
-    number = np.tile(np.arange(len(tables)), (count, 1))
+    number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Expected(tables, number, np.zeros_like(number))
 
 

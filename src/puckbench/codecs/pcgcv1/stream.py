@@ -15,6 +15,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+from puckbench.codecs.learned.reader import Reader, base_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG1"
@@ -26,7 +27,6 @@ _SCALES = (2.0**-400, 2.0**16)
 _START = struct.Struct("<4sBI")
 _HEADER = struct.Struct("<8sBdB")
 _CHECK = struct.Struct("<I")
-_LONGEST_NUMBER = 5
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def write_stream(coded: Coded) -> bytes:
     parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
     body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.contexts)
-    body += b"".join(map(_base_128, numbers)) + b"".join(parts)
+    body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_written, coded.blocks))
     if coded.cubes > _most_cubes(body):
         raise InputError("too many cubes with too little in them")
@@ -69,7 +69,7 @@ def write_stream(coded: Coded) -> bytes:
 
 
 def _written(block: Block) -> bytes:
-    return _CHECK.pack(block.check) + _base_128(len(block.hyper)) + block.hyper
+    return _CHECK.pack(block.check) + base_128(len(block.hyper)) + block.hyper
 
 
 def _most_cubes(body: bytes) -> int:
@@ -90,52 +90,23 @@ def read_stream(stream: bytes) -> Coded:
     body = stream[_START.size :]
     if zlib.crc32(body) != check:
         raise InputError("the stream is damaged or truncated")
-    return _read_body(_Reader(body))
+    return _read_body(Reader(body))
 
 
-class _Reader:
-    """Takes a body apart from its beginning."""
-
-    def __init__(self, body: bytes) -> None:
-        self.body, self.at = body, 0
-
-    def take(self, size: int) -> bytes:
-        self.at += size
-        if self.at > len(self.body):
-            raise InputError("the stream is truncated")
-        return self.body[self.at - size : self.at]
-
-    def number(self) -> int:
-        """A base-128 number: the lowest bits first, the top bit says that more follow."""
-        number = 0
-        for k in range(_LONGEST_NUMBER):
-            byte = self.take(1)[0]
-            number |= (byte & 127) << 7 * k
-            if byte < 128:
-                return number
-        raise InputError("the stream is damaged (a number)")
-
-    def block(self) -> Block:
-        check = _CHECK.unpack(self.take(_CHECK.size))[0]
-        return Block(check, self.take(self.number()))
-
-
-def _read_body(reader: _Reader) -> Coded:
+def _read_body(reader: Reader) -> Coded:
     digest, rate, scale, contexts = _HEADER.unpack(reader.take(_HEADER.size))
     *sizes, cubes = (reader.number() for _ in range(5))
     fits = contexts <= 1 and _SCALES[0] < scale < _SCALES[1]
     if cubes > _most_cubes(reader.body) or not fits:
         raise InputError("the stream is damaged (its header)")
     positions, counts, sparse, latent = (reader.take(size) for size in sizes)
-    blocks = tuple(reader.block() for _ in range(-(-cubes // BLOCK)))
+    blocks = tuple(_read_block(reader) for _ in range(-(-cubes // BLOCK)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
     return Coded(digest, rate, scale, cubes, bool(contexts), positions, counts, sparse,
                  latent, blocks)  # fmt: skip
 
 
-def _base_128(number: int) -> bytes:
-    groups = [number & 127]
-    while number := number >> 7:
-        groups.append(number & 127)
-    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
+def _read_block(reader: Reader) -> Block:
+    check = _CHECK.unpack(reader.take(_CHECK.size))[0]
+    return Block(check, reader.take(reader.number()))
