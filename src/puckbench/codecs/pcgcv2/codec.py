@@ -49,12 +49,14 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
                 raise InputError(f"codec {self.name}: {rate}: coarser is no whole number")
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+        from puckbench.codecs.learned.density import on_grid
+
         if len(points) <= _FEW:
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
         halved = 0 if self.as_published else int(dense_halvings(points, parameters))
-        voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
+        voxels = on_grid(points, halved)
         return write_coded(self._coder(parameters).encode(voxels, halved))
 
     def _coder(self, parameters: Mapping[str, Any]) -> Coder:
