@@ -1,10 +1,10 @@
 """Entropy coding of a latent value by value: what the network expects, mixed with contexts.
 
-The network's tables take each value for itself. But a latent of a surface is much
-like that of the surface beside it, and which of a voxel's neighbours are occupied, which is known
-before, says how the surface lies: adaptive contexts of both learn that from the cloud itself. Each
-value becomes a few bits: zero or not, the sign, one more or not. All arithmetic is on integers, so
-that every machine decodes the same.
+The network's tables take each value for itself. But the latent of a surface is much like that of
+the surface beside it, and which of a voxel's neighbours are occupied, which is known before, says
+how the surface lies: adaptive contexts of both learn that from the cloud itself. Each value becomes
+a few bits: zero or not, the sign, one more or not. All arithmetic is on integers, so that every
+machine decodes the same.
 """
 
 from __future__ import annotations
