@@ -14,6 +14,8 @@ from puckbench.codecs.pcgcv1.support import Support
 from puckbench.codecs.sparse.voxels import AXIS_BITS, Table, morton_keys, pyramid
 
 Integers = NDArray[np.int32]
+_MOST = 2**20
+"""Cells, whose latent and contexts take some 500 bytes each."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ class Cells:
 
 
 def cells_of(support: Support) -> Cells | None:
-    """The cells of cubes; None if there are none, or they span too much for their keys."""
+    """The cells of cubes; None if there are none, too many, or too far apart for their keys."""
     cube, *inside = np.nonzero(support.blocks)
-    if not len(cube):
+    if not 0 < len(cube) <= _MOST:
         return None
     corners = support.positions - support.positions.min(axis=0)
     cells = corners[cube] * support.blocks.shape[-1] + np.column_stack(inside)
