@@ -62,7 +62,7 @@ def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
 
 def noisy(options: argparse.Namespace, sigma: float) -> rd.Room:
     """The room scanned with another noise."""
-    scene = rd.scene_of(options.room, options.captured)
+    scene = rd.scene_of(options.room, options.captured, options.furniture)
     assert scene.mesh is not None
     table = scan(
         scene.mesh,
@@ -149,6 +149,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("room")
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
+    parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--rates", nargs="+", default=["r4", "r5"])
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.1)

@@ -79,6 +79,7 @@ def main() -> None:
     parser.add_argument("--rate", default="r5")
     parser.add_argument("--points", type=int, default=500_000)
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
+    parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))

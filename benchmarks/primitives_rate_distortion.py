@@ -1,10 +1,12 @@
 """Rate and distortion of codecs on scanned rooms: to the scan, and to the true surface.
 
     python benchmarks/primitives_rate_distortion.py --captured FOLDER [--rooms NAME ...]
-        [--codecs primitives draco ...] [--step 0.4] [--errors vlp16_divergence] [--cache FOLDER]
+        [--furniture FOLDER] [--codecs primitives draco ...] [--step 0.4]
+        [--errors vlp16_divergence] [--cache FOLDER]
 
-Rooms are captured ones (of FOLDER) and generated ones, by name. Each is swept by a VLP-16 (a step
-of 0.4 deg makes 288,000 rays, the sensor's own 0.1 deg 1,152,000), cropped and scaled to 1023.
+Rooms are captured ones (of FOLDER) and generated ones, by name; `office_1_furnished` is `office_1`
+with Sweet Home 3D's furniture (`--furniture`). Each is swept by a VLP-16 (a step of 0.4 deg makes
+288,000 rays, the sensor's own 0.1 deg 1,152,000), cropped and scaled to 1023.
 One line a codec and rate: bpp, CD(plane) to the scan, CD(plane) and CD(point) to the truth,
 seconds to encode and decode; first the scan's own error to the truth. `--cache` keeps the clouds.
 """
@@ -36,6 +38,8 @@ from puckbench.sensor.sensor import load_sensor
 from puckbench.sensor.sweep import open_sweep
 
 ROOMS = ("living_room", "meeting_room", "office_1", "storage_1")
+FURNISHED = "_furnished"
+"""What a generated room's name ends in when catalogues' models take the place of its furniture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +51,12 @@ class Room:
     mesh: Mesh
 
 
-def scene_of(name: str, captured: Path) -> Scene:
-    """A captured room if the folder has it, else a generated one."""
+def scene_of(name: str, captured: Path, furniture: Path | None = None) -> Scene:
+    """A captured room if the folder has it, else a generated one, with real furniture if asked."""
     if (captured / f"{name}.json").exists():
         return CapturedRooms(str(captured)).load(name)
+    if name.endswith(FURNISHED):
+        return EmbeddedRooms(furniture=str(furniture)).load(name.removesuffix(FURNISHED))
     return EmbeddedRooms().load(name)
 
 
@@ -73,7 +79,7 @@ def scanned(scene: Scene, errors: str, step: float) -> Returns:
 
 def room(name: str, options: argparse.Namespace) -> Room:
     """The room as the benchmark prepares it, from the cache if it is there."""
-    scene = scene_of(name, options.captured)
+    scene = scene_of(name, options.captured, options.furniture)
     assert scene.mesh is not None
     kept = options.cache / f"{name}_{options.errors}_{options.step:g}.npz"
     if not kept.exists():
@@ -119,6 +125,7 @@ def main() -> None:
     """Print a table for each room."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
+    parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--rooms", nargs="+", default=ROOMS)
     parser.add_argument("--codecs", nargs="+", default=list(entries()))
     parser.add_argument("--rates", nargs="+", default=[])

@@ -27,7 +27,7 @@ def planes(name: str, rate: str, options: argparse.Namespace) -> tuple[float, di
     codec = open_codec("primitives")
     stream = codec.encode(found.scan.xyz, rate)
     surface = codec.decode_mesh(stream)
-    mesh = rd.scene_of(name, options.captured).mesh
+    mesh = rd.scene_of(name, options.captured, options.furniture).mesh
     assert mesh is not None
     assert mesh.labels is not None
     assert surface.labels is not None
@@ -47,6 +47,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
+    parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--rooms", nargs="+", default=["office_1", "storage_1"])
     parser.add_argument("--rates", nargs="+", default=["r3", "r5", "r7"])
     parser.add_argument("--errors", default="vlp16_divergence")

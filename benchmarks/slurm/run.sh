@@ -6,6 +6,7 @@ set -eu
 cd "$(dirname "$0")/../.."
 root=$(pwd -P)
 config=$(realpath "${1:-benchmarks/small.yaml}")
+python -c 'import snakemake_executor_plugin_slurm' 2>/dev/null || { echo 'run: make slurm first' >&2; exit 2; }
 place=$(mktemp -d)
 trap '"$root/benchmarks/slurm/one_node.sh" stop "$place/cluster"; rm -rf "$place"' EXIT
 
@@ -15,8 +16,8 @@ run() { # folder, further arguments: the tables, made from nothing
         --configfile "$config" --config results=results "$@")
 }
 
-run local --cores 2
 "$root/benchmarks/slurm/one_node.sh" start "$place/cluster"
+run local --cores 2
 run slurm --profile "$root/workflow/profiles/slurm" --cores 2 --slurm-status-command squeue \
     --slurm-init-seconds-before-status-checks 5 --slurm-no-account
 python benchmarks/same_results.py "$place/slurm/results" "$place/local/results"

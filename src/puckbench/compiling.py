@@ -16,6 +16,11 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+IN_PLACE: dict[str, Any] = {"_nrt": False}
+"""Numba's options for a function that makes no arrays and calls none that does: references to those
+that it is given are not counted. Where small functions hand records of arrays to each other, as
+coders of single bits do, counting takes three times as long as their work."""
+
 _config: Any = numba.config  # its entries come from the environment
 
 
@@ -36,12 +41,8 @@ def compiled(function: Function, **options: Any) -> Function:
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
-    """Compile a function that makes no arrays and calls none that does, as `compiled` does.
-
-    References to arrays are not counted in it. Where small functions hand records of arrays to each
-    other, as coders of single bits do, counting takes three times as long as their work.
-    """
-    return compiled(function, _nrt=False, **options)
+    """Compile a function that makes no arrays (`IN_PLACE`), as `compiled` does."""
+    return compiled(function, **IN_PLACE, **options)
 
 
 @cache

@@ -67,11 +67,15 @@ def test_a_set_is_trained_resumed_exported_and_measured(codec: str, cloud: Path)
     assert _train(cloud, codec, 3) == 2
 
 
-def test_an_ended_training_is_exported_again_as_it_was(cloud: Path) -> None:
+def test_an_ended_training_is_exported_again_as_it_was(
+    cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert _train(cloud, "pcgcv2", 3) == 0
+    assert "going on" not in capsys.readouterr().err
     first = cloud.with_name("set.pcgw").read_bytes()
     assert load_weights(cloud.with_name("set.pcgw")).alphas == ALPHAS
     assert _train(cloud, "pcgcv2", 3) == 0
+    assert "set.pt: going on after step 3\n" in capsys.readouterr().err
     assert cloud.with_name("set.pcgw").read_bytes() == first
 
 

@@ -369,8 +369,8 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
 
 
 def _coded() -> Coded:
-    block = Block(7, b"hyper", b"latent")
-    return Coded(b"12345678", 1, 0.625, 40, b"where", b"howmany", b"few", (block, block))
+    blocks = (Block(7, b"hyper"), Block(9, b"latent"))
+    return Coded(b"12345678", 1, 0.625, 40, True, b"where", b"many", b"few", b"latent", blocks)
 
 
 def test_streams_come_back() -> None:
@@ -384,7 +384,7 @@ def test_a_stream_without_a_scale_is_refused(scale: float) -> None:
 
 
 def test_a_small_stream_cannot_promise_many_cubes() -> None:
-    few = replace(_coded(), cubes=64 + 32 * 40, blocks=(Block(0, b"", b""),) * 42)
+    few = replace(_coded(), cubes=64 + 32 * 40, blocks=(Block(0, b""),) * 42)
     with pytest.raises(InputError, match="too many cubes"):
         write_stream(few)
 

@@ -12,7 +12,7 @@ from sensor_scenes import ROOM, room
 
 from puckbench.errors import InputError
 from puckbench.sensor import ScanTable, load_sensor, open_error_model, open_sweep, scan
-from puckbench.sensor.capture import CaptureTable, read_capture
+from puckbench.sensor.capture import CaptureTable, decode_packets, read_capture
 from puckbench.sensor.capture.writing import scan_packets, write_pcap
 
 SPIN = {"duration_s": 0.4, "pitch_start_deg": 0.0, "pitch_end_deg": 0.0, "azimuth_step_deg": 2.0}
@@ -47,6 +47,18 @@ def test_every_return_comes_back(table: ScanTable, read: CaptureTable) -> None:
     assert np.abs(read["elevation"] - rows["pitch"]).max() < 1e-12
 
 
+def test_lasers_that_fire_one_after_another_come_back_at_their_own_azimuths() -> None:
+    sensor, model = load_sensor("vlp16"), open_error_model("vlp16")
+    level = {key: SPIN[key] for key in ("pitch_start_deg", "pitch_end_deg")}
+    sweep = open_sweep({**level, "duration_s": 0.01, "rotation_hz": 10.0, "timing": "firing"})
+    table = scan(room(), sensor, sweep, model, ROOM / 2, np.random.default_rng(0))
+    read, rows = decode_packets(scan_packets(table).payloads), as_fired_clockwise(table)
+    turned = np.mod(read["azimuth"] + rows["yaw"] + np.pi, 2 * np.pi) - np.pi
+    assert read["laser_id"].tolist() == rows["laser_id"].tolist()
+    assert len(np.unique(rows["yaw"])) == len(rows)
+    assert np.abs(np.degrees(turned)).max() < 0.0051
+
+
 def test_points_of_a_level_spin_come_back(table: ScanTable, read: CaptureTable) -> None:
     correction = np.asarray(load_sensor("vlp16").vertical_correction_mm) / 1000
     level = read.xyz
@@ -69,8 +81,6 @@ def test_clean_distances_on_demand(table: ScanTable) -> None:
 
 
 def test_reflectivity_is_written_where_the_scan_has_it(table: ScanTable) -> None:
-    from puckbench.sensor.capture import decode_packets
-
     bright = replace(table, columns={**table.columns, "reflectivity": np.full(len(table), 0.37)})
     assert set(decode_packets(scan_packets(bright).payloads)["reflectivity"]) == {37}
     assert set(decode_packets(scan_packets(table).payloads)["reflectivity"]) == {100}

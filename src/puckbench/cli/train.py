@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     with training.trainer() as trainer:
         _begin(trainer, training, options)
         _resume(trainer, checkpoint, options)
+        examples = training.examples([read_cloud(path).xyz for path in options.clouds])
         curve = Curve(trainer, options.out.with_suffix(".csv"), options.every)
 
         def report(step: int, loss: Any) -> None:
@@ -66,7 +67,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             if options.validate_every and step % options.validate_every == 0:
                 _measure_now(options, training, trainer)
 
-        examples = training.examples([read_cloud(path).xyz for path in options.clouds])
         train(trainer, examples.batch, checkpoint, options.every, report)
         curve.write()
     return _export(options, training, trainer, curve.seconds)
@@ -100,6 +100,8 @@ def _resume(trainer: Trainer[Any, Any], checkpoint: Path, options: argparse.Name
             if options.code is None:
                 raise
             checkpoint.unlink()
+        else:
+            print(f"{checkpoint}: going on after step {trainer.done}", file=sys.stderr)  # noqa: T201
 
 
 def _export(

@@ -112,3 +112,19 @@ def _next_byte(coder: BitCoder) -> int:
     position = coder.registers[3]
     coder.registers[3] = position + 1
     return int(coder.buffer[position]) if position < len(coder.buffer) else 0
+
+
+@compiled_in_place
+def code_gamma(coder: BitCoder, value: int) -> int:
+    """Elias-gamma code of a number of at least 1 (below 2^16)."""
+    bits = 0
+    if coder.registers[WRITING] == 1:
+        while value >> (bits + 1):
+            bits += 1
+    length = 0
+    while length < 16 and code(coder, 1 if length < bits else 0, ONE // 2) == 1:
+        length += 1
+    found = 1
+    for k in range(length - 1, -1, -1):
+        found = (found << 1) | code(coder, (value >> k) & 1, ONE // 2)
+    return found

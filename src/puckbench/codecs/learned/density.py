@@ -50,4 +50,10 @@ def halvings_of(points: Floats, children: float) -> int:
 def on_dense_grids(points: Floats, children: Sequence[float]) -> list[Voxels]:
     """The voxels of points (n, 3) on each of the grids that halvings for `children` lead to."""
     found = sorted({halvings_of(points, least) for least in children})
-    return [np.unique(np.rint(np.ldexp(points, -k)).astype(np.int64), axis=0) for k in found]
+    return [np.unique(on_grid(points, k), axis=0) for k in found]
+
+
+def on_grid(points: Floats, halved: int) -> Voxels:
+    """The voxel (n, 3) of each point (n, 3) on the grid of integers, halved so many times."""
+    voxels: Voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
+    return voxels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.pcgcv1.cells import Cells, cells_of
 from puckbench.codecs.pcgcv1.coding import (
     checksum,
     decode_conditional,
@@ -21,7 +22,7 @@ from puckbench.codecs.pcgcv1.coding import (
     encode_hyper,
 )
 from puckbench.codecs.pcgcv1.cubes import Cubes, Whole, cubes_of, most_likely, occupancy, within
-from puckbench.codecs.pcgcv1.laplace import Chosen
+from puckbench.codecs.pcgcv1.laplace import Chosen, joined
 from puckbench.codecs.pcgcv1.stream import BLOCK, Block, Coded
 from puckbench.codecs.pcgcv1.support import (
     Bools,
@@ -30,6 +31,7 @@ from puckbench.codecs.pcgcv1.support import (
     everywhere,
     likeliest,
     pooled,
+    rows_of,
     support_of,
 )
 from puckbench.codecs.pcgcv1.weights import WeightSet
@@ -47,7 +49,8 @@ class Coder:
 
     scale: voxels per unit. rho: voxels kept for each one that was occupied. min_points: of a cube
     for the network. sparse_cubes: code the points of smaller cubes without loss of voxels; the
-    original drops them. threads: as many as PyTorch would use by default.
+    original drops them. threads: as many as PyTorch would use by default. contexts: of the latent;
+    otherwise it is coded with the tables that the hyper-latent chooses alone.
     """
 
     weights: WeightSet
@@ -57,6 +60,7 @@ class Coder:
     min_points: int = 20
     sparse_cubes: bool = True
     threads: int | None = None
+    contexts: bool = True
 
     def encode(self, points: Floats) -> Coded:
         """Code points (n, 3), n >= 1; InputError when they are too far apart."""
@@ -69,25 +73,27 @@ class Coder:
         placed = blocks_of(kept) if self.weights.shape.supported else kept.positions
         support = _support(placed, self.weights)
         with crew(self.threads) as workers:
-            blocks = tuple(
-                self._encode_block(kept, support.blocks[block], block, workers)
+            parts = [
+                self._analyse(kept, support.blocks[block], block.start, workers)
                 for block in _blocks(len(counts))
-            )
-        return Coded(self.weights.digest, self.rate, self.scale, len(counts),
+            ]
+        cells = cells_of(support) if self.contexts else None
+        return Coded(self.weights.digest, self.rate, self.scale, len(counts), cells is not None,
                      encode_voxels(placed), encode_counts(counts, side**3), sparse,
-                     blocks)  # fmt: skip
+                     _encode_latents(parts, cells),
+                     tuple(part.block for part in parts))  # fmt: skip
 
-    def _encode_block(self, cubes: Cubes, held: Bools, block: slice, workers: Crew) -> Block:
+    def _analyse(self, cubes: Cubes, held: Bools, first: int, workers: Crew) -> _Part:
         def one(cube: int) -> tuple[Integers, Integers, Chosen]:
-            occupied = occupancy(cubes.keys_of(block.start + cube), cubes.side)
+            occupied = occupancy(cubes.keys_of(first + cube), cubes.side)
             latent, hyper = self.weights.network.analyse(occupied, self.rate)
             return latent, hyper, self.weights.hyper_decoder.tables(hyper)
 
         latents, hypers, tables = zip(*_each(len(held), one, workers), strict=True)
-        where, chosen = _each_channel(held, latents[0]), _joined(tables)
+        chosen = joined(np.stack, tables)
         coded = encode_hyper(np.stack(hypers), pooled(held), self.weights.tables[self.rate])
-        values = np.stack(latents)[where]
-        return Block(checksum(chosen), coded, encode_conditional(values, chosen.at(where)))
+        block = Block(checksum(chosen), coded)
+        return _Part(block, rows_of(np.stack(latents), held), chosen.rows(held))
 
 
 class Decoder:
@@ -108,36 +114,70 @@ class Decoder:
             raise InputError("the stream is damaged (it holds no points)")
         parts = [sparse]
         with crew(self.threads) as workers:
-            for block, cubes in zip(coded.blocks, _blocks(coded.cubes), strict=True):
-                held = support.blocks[cubes]
-                keys = self._decode_block(coded.rate, block, held, counts[cubes], workers)
+            blocks = [support.blocks[cubes] for cubes in _blocks(coded.cubes)]
+            chosen = [
+                self._chosen(coded.rate, block, held, workers)
+                for block, held in zip(coded.blocks, blocks, strict=True)
+            ]
+            latents = _decode_latents(coded, chosen, support)
+            for cubes, held, rows in zip(_blocks(coded.cubes), blocks, latents, strict=True):
+                keys = self._synthesise(coded.rate, held, rows, counts[cubes], workers)
                 corners = support.positions[cubes] * side
                 parts += map(np.add, corners, (within(found, side) for found in keys))
         return np.vstack(parts) / coded.scale
 
-    def _decode_block(
-        self, rate: int, block: Block, held: Bools, counts: list[int], workers: Crew
+    def _chosen(self, rate: int, block: Block, held: Bools, workers: Crew) -> Chosen:
+        """The tables (n, channels) of a block's latent; InputError when damaged."""
+        hypers = decode_hyper(block.hyper, pooled(held), self.weights.tables[rate])
+        decoder = self.weights.hyper_decoder
+        chosen = joined(np.stack, _each(len(held), lambda k: decoder.tables(hypers[k]), workers))
+        if checksum(chosen) != block.check:
+            raise InputError("this machine chose other entropy tables than the encoder's")
+        return chosen.rows(held)
+
+    def _synthesise(
+        self, rate: int, held: Bools, rows: Integers, counts: list[int], workers: Crew
     ) -> list[Whole]:
-        latents = self._latents(rate, block, held, workers)
+        latents = np.zeros((*held.shape, rows.shape[1]), dtype=np.int32)
+        latents[held] = rows
 
         def one(cube: int) -> Whole:
-            logits = self.weights.network.synthesise(latents[cube], rate)
+            latent = np.ascontiguousarray(np.moveaxis(latents[cube], -1, 0))
+            logits = self.weights.network.synthesise(latent, rate)
             if self.weights.shape.supported:
                 return likeliest(logits, held[cube], counts[cube])
             return most_likely(logits, counts[cube])
 
         return _each(len(held), one, workers)
 
-    def _latents(self, rate: int, block: Block, held: Bools, workers: Crew) -> Integers:
-        hypers = decode_hyper(block.hyper, pooled(held), self.weights.tables[rate])
-        decoder = self.weights.hyper_decoder
-        chosen = _joined(_each(len(held), lambda k: decoder.tables(hypers[k]), workers))
-        if checksum(chosen) != block.check:
-            raise InputError("this machine chose other entropy tables than the encoder's")
-        latents = np.zeros(chosen.table.shape, dtype=np.int32)
-        where = _each_channel(held, latents[0])
-        latents[where] = decode_conditional(block.latent, chosen.at(where))
-        return latents
+
+@dataclass(frozen=True)
+class _Part:
+    """What the encoder makes of a block of cubes. latent: (n, channels), where blocks count."""
+
+    block: Block
+    latent: Integers
+    chosen: Chosen
+
+
+def _encode_latents(parts: list[_Part], cells: Cells | None) -> bytes:
+    if not parts:
+        return b""
+    latent = np.concatenate([part.latent for part in parts])
+    chosen = joined(np.concatenate, [part.chosen for part in parts])
+    return encode_conditional(latent, chosen) if cells is None else cells.encode(latent, chosen)
+
+
+def _decode_latents(coded: Coded, parts: list[Chosen], support: Support) -> list[Integers]:
+    if not parts:
+        return []
+    chosen = joined(np.concatenate, parts)
+    cells = cells_of(support) if coded.contexts else None
+    if coded.contexts and cells is None:
+        raise InputError("the stream is damaged (contexts)")
+    decode = decode_conditional if cells is None else cells.decode
+    ends = np.cumsum([len(part.table) for part in parts])
+    return np.split(decode(coded.latent, chosen), ends[:-1])
 
 
 def _support(placed: Voxels, weights: WeightSet) -> Support:
@@ -153,13 +193,3 @@ def _blocks(cubes: int) -> list[slice]:
 def _each(cubes: int, work: Callable[[int], T], workers: Crew) -> list[T]:
     """Results of `work` for each cube, in order; a cube is one thread's from beginning to end."""
     return workers.over(cubes, 1, lambda rows, _: work(rows.start))
-
-
-def _each_channel(held: Bools, latent: Integers) -> Bools:
-    """Blocks (cubes, s, s, s) for each channel of the latent (channels, s, s, s)."""
-    return np.repeat(held[:, None], len(latent), axis=1)
-
-
-def _joined(parts: Iterable[Chosen]) -> Chosen:
-    tables, centres = zip(*parts, strict=True)
-    return Chosen(np.stack(tables), np.stack(centres))

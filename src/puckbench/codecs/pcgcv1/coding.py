@@ -40,9 +40,9 @@ def decode_hyper(data: bytes, where: Bools, tables: tuple[Table, ...]) -> Intege
 
 
 def encode_conditional(latent: Integers, chosen: Chosen) -> bytes:
-    """Integers (n,) with the tables chosen for them, a table after the other."""
+    """Integers of any shape with the tables chosen for them, a table after the other."""
     order, sizes = _by_table(chosen)
-    values = (latent - chosen.centre)[order]
+    values = (latent - chosen.centre).ravel()[order]
     ends = np.cumsum([size for _, size in sizes])
     parts = np.split(values, ends[:-1])
     return encode_groups(
@@ -51,20 +51,21 @@ def encode_conditional(latent: Integers, chosen: Chosen) -> bytes:
 
 
 def decode_conditional(data: bytes, chosen: Chosen) -> Integers:
-    """The integers (n,) of `encode_conditional`; InputError when damaged."""
+    """The integers of `encode_conditional`; InputError when damaged."""
     order, sizes = _by_table(chosen)
     parts = decode_groups(data, [(size, table(number)) for number, size in sizes])
     values = np.empty(len(order), dtype=np.int32)
     values[order] = np.concatenate(parts)
-    whole: Integers = values + chosen.centre
+    whole: Integers = values.reshape(chosen.centre.shape) + chosen.centre
     return whole
 
 
 def _by_table(chosen: Chosen) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
     """Values in the order of their tables, and for each table in use its number and its values."""
-    sizes = np.bincount(chosen.table, minlength=SCALES * PLACES)
+    tables = chosen.table.ravel()
+    sizes = np.bincount(tables, minlength=SCALES * PLACES)
     used = np.flatnonzero(sizes)
-    return np.argsort(chosen.table, kind="stable"), [(int(k), int(sizes[k])) for k in used]
+    return np.argsort(tables, kind="stable"), [(int(k), int(sizes[k])) for k in used]
 
 
 def checksum(chosen: Chosen) -> int:

@@ -8,9 +8,10 @@ rounded exponential and with multiplications, so that every machine has the same
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from decimal import Context, Decimal
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from puckbench.codecs.learned.bottleneck import LEAST, Table
+from puckbench.codecs.pcgcv1.support import rows_of
 
 UNIT_BITS = 12
 UNITS = 2**UNIT_BITS
@@ -40,9 +42,17 @@ class Chosen(NamedTuple):
     table: NDArray[np.uint16]
     centre: NDArray[np.int32]
 
-    def at(self, where: NDArray[np.bool_]) -> Chosen:
-        """Those (n,) of some of the values."""
-        return Chosen(self.table[where], self.centre[where])
+    def rows(self, blocks: NDArray[np.bool_]) -> Chosen:
+        """Those of blocks that count: see `rows_of`."""
+        return Chosen(rows_of(self.table, blocks), rows_of(self.centre, blocks))
+
+
+Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
+
+
+def joined(join: Join, parts: Sequence[Chosen]) -> Chosen:
+    """Several parts as one, joined by a function of arrays."""
+    return Chosen(join([part.table for part in parts]), join([part.centre for part in parts]))
 
 
 def choose(location: Whole, scale: Whole) -> Chosen:

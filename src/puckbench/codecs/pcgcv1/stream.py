@@ -2,11 +2,11 @@
 
 magic "PCG1", version, CRC-32 of all that follows
 digest of the weights (8 bytes), number of the rate among theirs, scale (double)
-base-128 numbers: bytes of positions, of counts and of sparse voxels, number of cubes
+whether the latent is coded in contexts (1 byte)
+base-128 numbers: bytes of positions, of counts, of sparse voxels and of the latent, number of cubes
 positions of the cubes, or of their blocks that hold voxels if the weights are `supported` (octree),
-    voxels to keep in each cube, voxels of sparse cubes (octree)
-each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents and of latents,
-    the hyper-latents, the latents
+    voxels to keep in each cube, voxels of sparse cubes (octree), the latent
+each block: check of the chosen tables (uint32), base-128 bytes of hyper-latents, these
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+from puckbench.codecs.learned.reader import Reader, base_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG1"
-VERSION = 1
+VERSION = 2
 BLOCK = 32
 """Cubes of a block; the last one may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
 """What a scale is between; with a smaller one coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
-_HEADER = struct.Struct("<8sBd")
+_HEADER = struct.Struct("<8sBdB")
 _CHECK = struct.Struct("<I")
-_LONGEST_NUMBER = 5
 
 
 @dataclass(frozen=True)
@@ -35,29 +35,33 @@ class Block:
 
     check: int
     hyper: bytes
-    latent: bytes
 
 
 @dataclass(frozen=True)
 class Coded:
-    """A cloud coded by a network. scale: voxels per unit. sparse: voxels coded without it."""
+    """A cloud coded by a network.
+
+    scale: voxels per unit. contexts: the latent is coded in them. sparse: voxels coded without it.
+    """
 
     digest: bytes
     rate: int
     scale: float
     cubes: int
+    contexts: bool
     positions: bytes
     counts: bytes
     sparse: bytes
+    latent: bytes
     blocks: tuple[Block, ...]
 
 
 def write_stream(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when its cubes are too many for its size."""
-    parts = (coded.positions, coded.counts, coded.sparse)
+    parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
-    body = _HEADER.pack(coded.digest, coded.rate, coded.scale)
-    body += b"".join(map(_base_128, numbers)) + b"".join(parts)
+    body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.contexts)
+    body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_written, coded.blocks))
     if coded.cubes > _most_cubes(body):
         raise InputError("too many cubes with too little in them")
@@ -65,8 +69,7 @@ def write_stream(coded: Coded) -> bytes:
 
 
 def _written(block: Block) -> bytes:
-    sizes = _base_128(len(block.hyper)) + _base_128(len(block.latent))
-    return _CHECK.pack(block.check) + sizes + block.hyper + block.latent
+    return _CHECK.pack(block.check) + base_128(len(block.hyper)) + block.hyper
 
 
 def _most_cubes(body: bytes) -> int:
@@ -87,51 +90,23 @@ def read_stream(stream: bytes) -> Coded:
     body = stream[_START.size :]
     if zlib.crc32(body) != check:
         raise InputError("the stream is damaged or truncated")
-    return _read_body(_Reader(body))
+    return _read_body(Reader(body))
 
 
-class _Reader:
-    """Takes a body apart from its beginning."""
-
-    def __init__(self, body: bytes) -> None:
-        self.body, self.at = body, 0
-
-    def take(self, size: int) -> bytes:
-        self.at += size
-        if self.at > len(self.body):
-            raise InputError("the stream is truncated")
-        return self.body[self.at - size : self.at]
-
-    def number(self) -> int:
-        """A base-128 number: the lowest bits first, the top bit says that more follow."""
-        number = 0
-        for k in range(_LONGEST_NUMBER):
-            byte = self.take(1)[0]
-            number |= (byte & 127) << 7 * k
-            if byte < 128:
-                return number
-        raise InputError("the stream is damaged (a number)")
-
-    def block(self) -> Block:
-        check = _CHECK.unpack(self.take(_CHECK.size))[0]
-        hyper, latent = self.number(), self.number()
-        return Block(check, self.take(hyper), self.take(latent))
-
-
-def _read_body(reader: _Reader) -> Coded:
-    digest, rate, scale = _HEADER.unpack(reader.take(_HEADER.size))
-    *sizes, cubes = (reader.number() for _ in range(4))
-    if cubes > _most_cubes(reader.body) or not _SCALES[0] < scale < _SCALES[1]:
+def _read_body(reader: Reader) -> Coded:
+    digest, rate, scale, contexts = _HEADER.unpack(reader.take(_HEADER.size))
+    *sizes, cubes = (reader.number() for _ in range(5))
+    fits = contexts <= 1 and _SCALES[0] < scale < _SCALES[1]
+    if cubes > _most_cubes(reader.body) or not fits:
         raise InputError("the stream is damaged (its header)")
-    positions, counts, sparse = (reader.take(size) for size in sizes)
-    blocks = tuple(reader.block() for _ in range(-(-cubes // BLOCK)))
+    positions, counts, sparse, latent = (reader.take(size) for size in sizes)
+    blocks = tuple(_read_block(reader) for _ in range(-(-cubes // BLOCK)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
-    return Coded(digest, rate, scale, cubes, positions, counts, sparse, blocks)
+    return Coded(digest, rate, scale, cubes, bool(contexts), positions, counts, sparse,
+                 latent, blocks)  # fmt: skip
 
 
-def _base_128(number: int) -> bytes:
-    groups = [number & 127]
-    while number := number >> 7:
-        groups.append(number & 127)
-    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
+def _read_block(reader: Reader) -> Block:
+    check = _CHECK.unpack(reader.take(_CHECK.size))[0]
+    return Block(check, reader.take(reader.number()))

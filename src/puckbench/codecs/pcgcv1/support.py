@@ -60,6 +60,11 @@ def pooled(blocks: Bools) -> Bools:
     return np.asarray(blocks.reshape(m, s, 2, s, 2, s, 2).any(axis=(2, 4, 6)))
 
 
+def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
+    """Values (m, channels, s, s, s) of the blocks (m, s, s, s) that are true: (n, channels)."""
+    return np.moveaxis(values, 1, -1)[blocks]
+
+
 def likeliest(logits: NDArray[np.float32], blocks: Bools, count: int) -> Whole:
     """Keys of `count` voxels of a cube, ascending, in its blocks (s, s, s).
 

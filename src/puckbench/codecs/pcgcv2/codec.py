@@ -17,7 +17,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
 from puckbench.codecs.pcgcv2.catalogue import NETWORK
-from puckbench.codecs.pcgcv2.stream import Coded, read_stream, write_coded, write_few
+from puckbench.codecs.pcgcv2.stream import OURS, Coded, Rules, read_stream, write_coded, write_few
 from puckbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,28 +31,32 @@ _FEW = 64
 class Pcgcv2(LearnedByAlpha["WeightSet"]):
     """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept.
 
-    as_published: as the authors' program, leave each grid as it is, and let the likeliest voxels be
+    contexts: code the latent in contexts; otherwise with the weights' tables alone. as_published:
+    as the authors' program, do that, leave each grid as it is, and let the likeliest voxels be
     kept wherever they are: those of thin parts then vanish.
     """
 
-    version = "PCGCv2, stream version 2"
+    version = "PCGCv2, stream version 3"
     network = NETWORK
     grid = 1.0
 
-    def __init__(self, *, as_published: bool = False, **entry: Any) -> None:
+    def __init__(self, *, as_published: bool = False, contexts: bool = True, **entry: Any) -> None:
         super().__init__(**entry)
         self.as_published = as_published
+        self.rules = Rules(0) if as_published else OURS if contexts else Rules.FAMILIES
         for rate, parameters in self.rates.items():
             if float(parameters.get("coarser", 0)) % 1:
                 raise InputError(f"codec {self.name}: {rate}: coarser is no whole number")
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+        from puckbench.codecs.learned.density import on_grid
+
         if len(points) <= _FEW:
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
         halved = 0 if self.as_published else int(dense_halvings(points, parameters))
-        voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
+        voxels = on_grid(points, halved)
         return write_coded(self._coder(parameters).encode(voxels, halved))
 
     def _coder(self, parameters: Mapping[str, Any]) -> Coder:
@@ -60,8 +64,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        families = not self.as_published
-        return Coder(weights, rate, rho=rho, threads=self.threads, families=families)
+        return Coder(weights, rate, rho, threads=self.threads, rules=self.rules)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.pcgcv2.coder import Coder

@@ -11,15 +11,25 @@ from numpy.typing import NDArray
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import decode_latent, encode_latent
+from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context, everywhere
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
-from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, Block, Coded
+from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, OURS, Block, Coded, Rules
 from puckbench.codecs.pcgcv2.weights import WeightSet
 from puckbench.codecs.sparse.crew import Crew, crew
-from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, distinct, morton_keys, morton_voxels
+from puckbench.codecs.sparse.voxels import (
+    AXIS_BITS,
+    Keys,
+    Voxels,
+    distinct,
+    morton_keys,
+    morton_voxels,
+    pyramid,
+)
 from puckbench.errors import InputError
 
-Voxels = NDArray[np.int64]
+Integers = NDArray[np.int32]
+Triples = NDArray[np.int64]
 STRIDE = 2**SCALES
 
 
@@ -28,8 +38,7 @@ class Coder:
     """Codes voxels at one rate of a set of weights.
 
     rho: share of the occupied voxels that the decoder keeps at the last scale. most_voxels: of a
-    block. threads: as many as PyTorch would use by default. families: every voxel keeps its
-    likeliest child at least; in the original it may lose all of them.
+    block. threads: as many as PyTorch would use by default. rules: what the stream says of itself.
     """
 
     weights: WeightSet
@@ -37,9 +46,9 @@ class Coder:
     rho: float = 1.0
     most_voxels: int = MOST_VOXELS
     threads: int | None = None
-    families: bool = True
+    rules: Rules = OURS
 
-    def encode(self, voxels: Voxels, halvings: int = 0) -> Coded:
+    def encode(self, voxels: Triples, halvings: int = 0) -> Coded:
         """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much.
 
         halvings: of the grid that they are on, for the decoder to know.
@@ -54,13 +63,13 @@ class Coder:
             )
         x, y, z = origin.tolist()
         digest = self.weights.digest
-        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.families)
+        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules)
 
-    def decode(self, coded: Coded) -> Voxels:
+    def decode(self, coded: Coded) -> Triples:
         """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
-            parts = [self._decode_block(block, coded.families, workers) for block in coded.blocks]
-        voxels: Voxels = np.vstack(parts) + np.array(coded.origin)
+            parts = [self._decode_block(block, coded.rules, workers) for block in coded.blocks]
+        voxels: Triples = np.vstack(parts) + np.array(coded.origin)
         return voxels << coded.halvings
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
@@ -68,15 +77,28 @@ class Coder:
         latent = np.rint(found.latent * self._gain()).astype(np.int32)
         fine, two, four = found.counts
         counts = (max(1, round(self.rho * fine)), two, four, len(found.coarse))
-        coordinates = encode_voxels(morton_voxels(found.coarse))
-        return Block(counts, coordinates, encode_latent(latent, self._tables()))
+        coordinates = encode_voxels(morton_voxels(found.coarse.keys))
+        return Block(counts, coordinates, self._features(latent, found.coarse))
 
-    def _decode_block(self, block: Block, families: bool, workers: Crew) -> Voxels:
-        coarse = _coarse_keys(block)
-        latent = decode_latent(block.features, len(coarse), self._tables())
-        features = latent.astype(np.float32) / self._gain()
+    def _features(self, latent: Integers, coarse: Voxels) -> bytes:
+        if Rules.CONTEXTS in self.rules:
+            expected = everywhere(self._tables(), len(coarse))
+            return encode_in_context(latent, coarse.neighbours, expected)
+        return encode_latent(latent, self._tables())
+
+    def _decode_block(self, block: Block, rules: Rules, workers: Crew) -> Triples:
+        coarse = pyramid(_coarse_keys(block), 0, workers)[0][0]
+        features = self._latent(block, coarse, rules).astype(np.float32) / self._gain()
         network, counts = self.weights.model, block.counts[:3]
-        return morton_voxels(synthesise(network, features, coarse, counts, workers, families))
+        families = Rules.FAMILIES in rules
+        keys = synthesise(network, features, coarse, counts, workers, families)
+        return morton_voxels(keys)
+
+    def _latent(self, block: Block, coarse: Voxels, rules: Rules) -> Integers:
+        if Rules.CONTEXTS in rules:
+            expected = everywhere(self._tables(), len(coarse))
+            return decode_in_context(block.features, coarse.neighbours, expected)
+        return decode_latent(block.features, len(coarse), self._tables())
 
     def _tables(self) -> tuple[Table, ...]:
         return self.weights.tables[self.rate]

@@ -136,12 +136,12 @@ def _blocks(
 class Analysis:
     """What the encoder makes of a block of voxels.
 
-    latent: (m, channels) float32, at stride 8. coarse: keys there. counts: voxels at strides 1,
-    2 and 4.
+    latent: (m, channels) float32, at stride 8. coarse: the voxels there. counts: voxels at strides
+    1, 2 and 4.
     """
 
     latent: NDArray[np.float32]
-    coarse: Keys
+    coarse: Voxels
     counts: tuple[int, int, int]
 
 
@@ -153,7 +153,7 @@ def analyse(model: PCGCv2, keys: Keys, crew: Crew) -> Analysis:
         where = site(sets[scale + 1].neighbours, rows_layout(), crew)
         features = _encoder_scale(model, scale, features, families[scale], where)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
-    return Analysis(features[:, 0].numpy().copy(), sets[SCALES].keys, counts)
+    return Analysis(features[:, 0].numpy().copy(), sets[SCALES], counts)
 
 
 def _first_features(model: PCGCv2, voxels: Voxels, crew: Crew) -> Tensor:
@@ -205,7 +205,7 @@ def _lowered(features: Tensor, down: Down, families: Families, crew: Crew) -> Te
 def synthesise(
     model: PCGCv2,
     latent: NDArray[np.float32],
-    coarse: Keys,
+    coarse: Voxels,
     counts: Sequence[int],
     crew: Crew,
     families: bool = True,
@@ -214,8 +214,7 @@ def synthesise(
 
     counts: voxels to keep at strides 1, 2 and 4. families: every voxel keeps a child if it can.
     """
-    sets, _ = pyramid(coarse, 0, crew)
-    parents, features = sets[0], torch.from_numpy(latent)
+    parents, features = coarse, torch.from_numpy(latent)
     _reserve(model, (len(coarse), *counts[:0:-1]), crew)
     for scale, keep in enumerate(reversed(counts)):
         children, logits = _decoder_scale(model, scale, features, parents, crew)

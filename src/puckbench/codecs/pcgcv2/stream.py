@@ -3,9 +3,8 @@
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
 kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
-    whether families are kept, origin (3 int32), number of blocks; each block: voxels at strides
-    1, 2, 4 and 8 (4 uint32), bytes of coordinates and of features (2 uint32), the coordinates,
-    the features
+    rules (1: families, 2: contexts); base-128 numbers: origin (signed), number of blocks; each
+    block: voxels at strides 1, 2, 4 and 8, bytes of coordinates and of features, these
 """
 
 from __future__ import annotations
@@ -13,22 +12,22 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from enum import IntFlag
 
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.learned.reader import Reader, base_128, signed_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
-VERSION = 2
+VERSION = 3
 MOST_HALVINGS = 20
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
 _FEW, _NETWORK = 0, 1
 _START = struct.Struct("<4sBBI")
-_HEADER = struct.Struct("<8sBBB3iH")
-_BLOCK = struct.Struct("<6I")
-_MOST_BLOCKS = 2**16 - 1
+_HEADER = struct.Struct("<8sBBB")
 
 
 @dataclass(frozen=True)
@@ -40,12 +39,23 @@ class Block:
     features: bytes
 
 
+class Rules(IntFlag):
+    """Where a stream differs from the authors' program."""
+
+    FAMILIES = 1
+    """Each voxel keeps its likeliest child at least; in the original it may lose all of them."""
+    CONTEXTS = 2
+    """The latent is coded in contexts, not with the weights' tables alone."""
+
+
+OURS = Rules.FAMILIES | Rules.CONTEXTS
+
+
 @dataclass(frozen=True)
 class Coded:
     """A cloud coded by a network.
 
     origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
-    families: each voxel keeps its likeliest child at least.
     """
 
     digest: bytes
@@ -53,7 +63,7 @@ class Coded:
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
     halvings: int = 0
-    families: bool = True
+    rules: Rules = OURS
 
 
 def write_few(points: Floats) -> bytes:
@@ -62,14 +72,12 @@ def write_few(points: Floats) -> bytes:
 
 
 def write_coded(coded: Coded) -> bytes:
-    """The stream of a coded cloud; InputError when it has too many blocks."""
-    if len(coded.blocks) > _MOST_BLOCKS:
-        raise InputError("the cloud is too large for one stream")
-    rules = (coded.rate, coded.halvings, coded.families)
-    parts = [_HEADER.pack(coded.digest, *rules, *coded.origin, len(coded.blocks))]
+    """The stream of a coded cloud."""
+    parts = [_HEADER.pack(coded.digest, coded.rate, coded.halvings, coded.rules)]
+    parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.features))
-        parts += [_BLOCK.pack(*block.counts, *sizes), block.coordinates, block.features]
+        parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.features]
     return _framed(_NETWORK, b"".join(parts))
 
 
@@ -103,21 +111,17 @@ def _read_few(body: bytes) -> Floats:
 
 
 def _read_coded(body: bytes) -> Coded:
-    if len(body) < _HEADER.size:
-        raise InputError("the stream is truncated")
-    digest, rate, halvings, families, *origin, count = _HEADER.unpack_from(body)
-    if halvings > MOST_HALVINGS or families > 1:
+    reader = Reader(body)
+    digest, rate, halvings, rules = _HEADER.unpack(reader.take(_HEADER.size))
+    if halvings > MOST_HALVINGS or rules > OURS:
         raise InputError("the stream is damaged (its header)")
-    blocks, at = [], _HEADER.size
-    for _ in range(count):
-        block, at = _read_block(body, at)
-        blocks.append(block)
-    if at != len(body) or not blocks:
+    origin = (reader.signed(), reader.signed(), reader.signed())
+    blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
+    if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
     if sum(block.counts[0] for block in blocks) > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
-    x, y, z = origin
-    return Coded(digest, rate, (x, y, z), tuple(blocks), halvings, bool(families))
+    return Coded(digest, rate, origin, blocks, halvings, Rules(rules))
 
 
 def _most_voxels(body: bytes) -> int:
@@ -125,20 +129,14 @@ def _most_voxels(body: bytes) -> int:
     return 65536 + 8192 * len(body)
 
 
-def _read_block(body: bytes, at: int) -> tuple[Block, int]:
-    if len(body) < at + _BLOCK.size:
-        raise InputError("the stream is truncated")
-    *counts, coordinates, features = _BLOCK.unpack_from(body, at)
-    at += _BLOCK.size
-    end = at + coordinates + features
-    if end > len(body):
-        raise InputError("the stream is truncated")
+def _read_block(reader: Reader) -> Block:
+    fine, two, four, eight, coordinates, features = (reader.number() for _ in range(6))
+    counts = (fine, two, four, eight)
     _check_counts(counts)
-    block = Block(tuple(counts), body[at : at + coordinates], body[at + coordinates : end])
-    return block, end
+    return Block(counts, reader.take(coordinates), reader.take(features))
 
 
-def _check_counts(counts: list[int]) -> None:
+def _check_counts(counts: tuple[int, int, int, int]) -> None:
     """Every voxel has at least one child and at most eight (the last scale may have fewer)."""
     fine, two, four, eight = counts
     fits = 1 <= eight <= four <= 8 * eight and four <= two <= 8 * four and 1 <= fine <= 8 * two

@@ -21,6 +21,7 @@ from puckbench.codecs.binary import (
     bit_reader,
     bit_writer,
     code,
+    code_gamma,
     learning_rates,
     logistic_tables,
 )
@@ -111,21 +112,5 @@ def code_number(coder: Coder, value: int, mixer: int, base: int, base_b: int) ->
         contexts = (base + 1 + k, base_b + 1 + k, base + 1 + k)
         if code_bit(coder, 1 if magnitude > k else 0, mixer + 2, contexts) == 0:
             return -k if negative == 1 else k
-    rest = 12 + _code_gamma(coder, magnitude - 12)
+    rest = 12 + code_gamma(coder.bits, magnitude - 12)
     return -rest if negative == 1 else rest
-
-
-@compiled_in_place
-def _code_gamma(coder: Coder, value: int) -> int:
-    """Elias-gamma code of a number of at least 1 (below 2^16)."""
-    bits = 0
-    if coder.bits.registers[4] == 1:
-        while value >> (bits + 1):
-            bits += 1
-    length = 0
-    while length < 16 and code(coder.bits, 1 if length < bits else 0, 32768) == 1:
-        length += 1
-    found = 1
-    for k in range(length - 1, -1, -1):
-        found = (found << 1) | code(coder.bits, (value >> k) & 1, 32768)
-    return found
