@@ -1,8 +1,9 @@
-"""Coding a bit with several estimates of it, mixed: integers only, the same on every machine.
+"""Coding a bit with several estimates of it, mixed in more than one way: integers only.
 
-An estimate from outside and the adaptive probabilities of some contexts are mixed in the logistic
-domain by weights that are learnt on the way (Mahoney 2005, "Adaptive weighing of context models for
-lossless data compression"), and a table of what became of such mixtures corrects the result.
+An estimate from outside and those of adaptive contexts are mixed in the logistic domain by weights
+that are learnt on the way (Mahoney 2005, "Adaptive weighing of context models for lossless data
+compression"). There may be several sets of weights, each chosen by another property of the bit; the
+mean of their mixtures counts, and tables of what became of such mixtures correct it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from puckbench.codecs.binary import (
     ENDS,
     LEAST,
     ONE,
-    SLOWEST,
     BitCoder,
     code,
     learning_rates,
@@ -25,98 +25,147 @@ from puckbench.codecs.binary import (
 from puckbench.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
+Slots = NDArray[np.int32]
 _FINE_BITS = 22
 """Adaptive probabilities are multiples of 2**-22."""
+_SEEN_BITS = 9
+"""Below the probability, in the same number: bits seen so far."""
 _CERTAIN = (1 << _FINE_BITS) - 1
 _BUCKETS = 33
 _BIAS = 77
 """An input of every mixture, in units of the logistic domain."""
+_TABLES = 2
+"""Of corrections at most, chosen as the first sets of weights are."""
+
+
+class Habits(NamedTuple):
+    """How a mixer begins and learns.
+
+    estimate, context: weights of the estimate from outside and of each context's, to begin with.
+    pace: how fast weights are learnt. memory: a context's probability follows its last so many
+    bits, at most `SLOWEST`.
+    """
+
+    estimate: float
+    context: float
+    pace: int
+    memory: int
 
 
 class Mixer(NamedTuple):
     """State of a coder: where the bytes are, and what it has learnt.
 
-    chances, seen: (contexts,) probability of a 1 and number of bits seen. weights: (kinds, inputs),
-    of the estimate from outside, of the contexts and of a bias. corrected: (kinds, buckets),
-    probability of a 1 where the mixture was so. pace: how fast weights are learnt. stretch, squash,
-    rates: tables. at: the contexts of a bit; inputs: workspace.
+    contexts: probability of a 1 and number of bits seen of each. weights: (rows, inputs), all sets'
+    rows one after the other. corrected: (rows, buckets), probability of a 1 where the mixture was
+    so. stretch, squash, rates: tables. at: (contexts of a bit,) which; rows: (sets,) of the
+    weights; inputs, mixtures: workspace. pace, memory: of `Habits`.
     """
 
     bits: BitCoder
-    chances: Ints
-    seen: Ints
+    contexts: Slots
     weights: Ints
     corrected: Ints
-    pace: int
     stretch: Ints
     squash: Ints
     rates: Ints
     at: Ints
+    rows: Ints
     inputs: Ints
+    mixtures: Ints
+    pace: int
+    memory: int
 
 
 def mixer(
-    bits: BitCoder, contexts: int, kinds: int, inputs: int, weights: tuple[float, float], pace: int
+    bits: BitCoder, contexts: int, inputs: int, rows: int, sets: int, habits: Habits
 ) -> Mixer:
     """A coder that has learnt nothing yet.
 
-    contexts: in all. kinds: of bits, with weights of their own. inputs: contexts of a bit. weights:
-    of the estimate from outside and of each context, to begin with.
+    contexts: in all. inputs: contexts of a bit. rows: of weights, in all `sets`.
     """
     stretch, squash = logistic_tables()
-    first = np.zeros((kinds, inputs + 2), np.int64)
-    first[:, 0], first[:, 1:-1] = (round(weight * ONE) for weight in weights)
+    weights = np.full((rows, inputs + 2), round(habits.context * ONE), np.int64)
+    weights[:, 0], weights[:, -1] = round(habits.estimate * ONE), 0
     steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,
-        np.full(contexts, 1 << _FINE_BITS - 1, np.int64),
-        np.zeros(contexts, np.int64),
-        first,
-        np.tile(squash[steps] << _FINE_BITS - 16, (kinds, 1)),
-        pace,
+        np.full(contexts, 1 << _FINE_BITS + _SEEN_BITS - 1, np.int32),
+        weights,
+        np.tile(squash[steps] << _FINE_BITS - 16, (rows, 1)),
         stretch,
         squash,
         learning_rates(),
         np.zeros(inputs, np.int64),
+        np.zeros(sets, np.int64),
         np.zeros(inputs + 2, np.int64),
+        np.zeros(sets, np.int64),
+        habits.pace,
+        habits.memory,
     )
 
 
 @compiled_in_place
-def code_mixed(mixer: Mixer, bit: int, kind: int, guess: int) -> int:
-    """Code a bit with an estimate (a logit) and the contexts `mixer.at`; the bit."""
-    level = _mixture(mixer, kind, guess)
-    chance = mixer.squash[level]
-    corrected, bucket, share = mixer.corrected, level >> 7, level & 127
-    left, right = corrected[kind, bucket], corrected[kind, bucket + 1]
-    seen = (left * (128 - share) + right * share) >> 13
-    bit = code(mixer.bits, bit, min(max((chance + seen) >> 1, LEAST), ONE - LEAST))
-    target = bit * _CERTAIN
-    corrected[kind, bucket] += ((target - left) * (128 - share)) >> 14
-    corrected[kind, bucket + 1] += ((target - right) * share) >> 14
-    error = (bit * ONE - chance) * mixer.pace
-    for place in range(len(mixer.inputs)):
-        mixer.weights[kind, place] += (mixer.inputs[place] * error + (1 << 17)) >> 18
+def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
+    """Code a bit with an estimate (a logit), the contexts `at` and the weights' `rows`; the bit."""
+    inputs, sets = mixer.inputs, len(mixer.rows)
+    _gather(mixer, guess)
+    total = 0
+    for number in range(sets):
+        total += _mix(mixer, number)
+    level = min(max(total // sets, -ENDS), ENDS - 1) + ENDS
+    bucket, share, tables = level >> 7, level & 127, min(sets, _TABLES)
+    # half of it is the mixture, half what became of such: 2 or 4 times as much, to be shifted
+    final = tables * mixer.squash[level]
+    for number in range(tables):
+        final += _seen(mixer, mixer.rows[number], bucket, share)
+    bit = code(mixer.bits, bit, min(max(final >> tables, LEAST), ONE - LEAST))
+    for number in range(tables):
+        _correct(mixer, mixer.rows[number], bucket, share, bit * _CERTAIN)
+    for number in range(sets):
+        row = mixer.rows[number]
+        error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.pace
+        for place in range(len(inputs)):
+            mixer.weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
     for place in range(len(mixer.at)):
-        _learn(mixer, mixer.at[place], target)
+        _learn(mixer, mixer.at[place], bit * _CERTAIN)
     return bit
 
 
 @compiled_in_place
-def _mixture(mixer: Mixer, kind: int, guess: int) -> int:
-    """The inputs, filled in, and what they come to: a place in `squash`."""
-    inputs, weights, last = mixer.inputs, mixer.weights, len(mixer.at) + 1
+def _gather(mixer: Mixer, guess: int) -> None:
+    inputs, last = mixer.inputs, len(mixer.at) + 1
     inputs[0], inputs[last] = guess, _BIAS
-    mixed = weights[kind, 0] * guess + weights[kind, last] * _BIAS
     for place in range(len(mixer.at)):
-        inputs[place + 1] = mixer.stretch[mixer.chances[mixer.at[place]] >> 10]
-        mixed += weights[kind, place + 1] * inputs[place + 1]
-    return int(min(max(mixed >> 16, -ENDS), ENDS - 1) + ENDS)
+        state = mixer.contexts[mixer.at[place]]
+        inputs[place + 1] = mixer.stretch[state >> _SEEN_BITS + _FINE_BITS - 12]
+
+
+@compiled_in_place
+def _mix(mixer: Mixer, number: int) -> int:
+    """The logit that a set of weights makes of the inputs."""
+    row, mixed = mixer.rows[number], 0
+    for place in range(len(mixer.inputs)):
+        mixed += mixer.weights[row, place] * mixer.inputs[place]
+    mixer.mixtures[number] = min(max(mixed >> 16, -ENDS), ENDS - 1)
+    return int(mixer.mixtures[number])
+
+
+@compiled_in_place
+def _seen(mixer: Mixer, row: int, bucket: int, share: int) -> int:
+    left, right = mixer.corrected[row, bucket], mixer.corrected[row, bucket + 1]
+    return int((left * (128 - share) + right * share) >> 13)
+
+
+@compiled_in_place
+def _correct(mixer: Mixer, row: int, bucket: int, share: int, target: int) -> None:
+    corrected = mixer.corrected
+    corrected[row, bucket] += ((target - corrected[row, bucket]) * (128 - share)) >> 14
+    corrected[row, bucket + 1] += ((target - corrected[row, bucket + 1]) * share) >> 14
 
 
 @compiled_in_place
 def _learn(mixer: Mixer, context: int, target: int) -> None:
-    seen = mixer.seen[context]
-    mixer.chances[context] += ((target - mixer.chances[context]) * mixer.rates[seen]) >> 16
-    if seen < SLOWEST:
-        mixer.seen[context] = seen + 1
+    state = np.int64(mixer.contexts[context])
+    seen, chance = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
+    chance += ((target - chance) * mixer.rates[seen]) >> 16
+    mixer.contexts[context] = chance << _SEEN_BITS | min(seen + 1, mixer.memory)

@@ -23,7 +23,7 @@ from puckbench.codecs.binary import (
     written,
 )
 from puckbench.codecs.learned.bottleneck import Table
-from puckbench.codecs.mixing import Mixer, code_mixed, mixer
+from puckbench.codecs.mixing import Habits, Mixer, code_mixed, mixer
 from puckbench.codecs.sparse.voxels import OFFSETS
 from puckbench.codecs.sparse.voxels import Table as Neighbours
 from puckbench.compiling import compiled_in_place
@@ -38,8 +38,7 @@ _NODES = 12
 """Bits of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Contexts of seven kinds: see `_find_contexts`."""
-_FIRST_WEIGHTS = (0.4, 0.15)
-_PACE = 20
+_HABITS = Habits(estimate=0.4, context=0.15, pace=20, memory=160)
 _MOST_BYTES = 80
 """That a value takes: so many bits are coded for it, each at most log2(65,536 / 32) bits."""
 
@@ -115,7 +114,7 @@ def decode_in_context(data: bytes, neighbours: Neighbours, expected: Expected) -
 def _code(bits: BitCoder, values: Ints, neighbours: Neighbours, expected: Expected) -> None:
     kinds = _NODES * values.shape[1]
     starts = np.cumsum((0, *(kinds * size for size in _SIZES)))
-    mixed = mixer(bits, starts[-1], kinds, len(_SIZES), _FIRST_WEIGHTS, _PACE)
+    mixed = mixer(bits, int(starts[-1]), len(_SIZES), kinds, 1, _HABITS)
     around = _Around(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
     _code_values(mixed, values, neighbours, _joined(expected), around, starts)
 
@@ -264,4 +263,5 @@ def _code_node(
     for place in range(len(mixer.at)):
         mixer.at[place] = starts[place] + kind * _SIZES[place] + around.contexts[place]
     share = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048
-    return code_mixed(mixer, int(bit), kind, mixer.stretch[share])
+    mixer.rows[0] = kind
+    return code_mixed(mixer, int(bit), mixer.stretch[share])

@@ -1,9 +1,8 @@
 """Coding symbols bit by bit: the network's probabilities, mixed with what the cloud itself teaches.
 
 The network knows scans in general, adaptive contexts know this one. Each bit of a symbol says of
-one child whether it is occupied; `blending` mixes the network's estimate with those of contexts
-that see the cells around the child. All arithmetic is on integers, so that every machine decodes
-the same.
+one child whether it is occupied; the network's estimate is mixed with those of contexts that see
+the cells around the child. All arithmetic is on integers, so that every machine decodes the same.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.binary import BitCoder, bit_reader, bit_writer
-from puckbench.codecs.octree_net.blending import Blender, blender, code_blended
+from puckbench.codecs.mixing import Habits, Mixer, code_mixed, mixer
 from puckbench.codecs.octree_net.coding import Frequencies
 from puckbench.codecs.octree_net.surroundings import CELLS, Cells, Known, count_of
 from puckbench.codecs.octree_net.symbols import EVEN, GROUPS, ODD, VALUES, Symbols
@@ -52,27 +51,29 @@ _CONTEXTS = int(_STARTS[-1])
 _ROWS = (_KINDS, 2 * _NEAR, _PLACES * _STATES)
 """Sets of weights: by kind, by what is known at the child's faces in numbers, and cell by cell."""
 _BY_NEAR, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
+_HABITS = Habits(estimate=0.6, context=0.05, pace=5, memory=50)
+"""Of short memory: noise changes with the distance."""
 _MOST_BYTES = 11
 """That the eight bits of a voxel take, each at most log2(65,536 / 32) bits."""
 _CHILDREN = np.array([EVEN, ODD])
 
 
-def writer(voxels: int) -> Blender:
+def writer(voxels: int) -> Mixer:
     """A coder that writes the symbols of at most so many voxels."""
-    return _blender(bit_writer(_MOST_BYTES * voxels + 16))
+    return _mixer(bit_writer(_MOST_BYTES * voxels + 16))
 
 
-def reader(stream: bytes) -> Blender:
+def reader(stream: bytes) -> Mixer:
     """A coder that reads a stream."""
-    return _blender(bit_reader(stream))
+    return _mixer(bit_reader(stream))
 
 
-def _blender(bits: BitCoder) -> Blender:
-    return blender(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS))
+def _mixer(bits: BitCoder) -> Mixer:
+    return mixer(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS), _HABITS)
 
 
 def code_symbols(
-    mixer: Blender, level: Known, group: int, second: bool, rows: Ints, symbols: Symbols,
+    mixer: Mixer, level: Known, group: int, second: bool, rows: Ints, symbols: Symbols,
     frequencies: Frequencies,
 ) -> None:  # fmt: skip
     """Code the symbols (m,) of some rows of a level, or fill them in with what is read.
@@ -87,7 +88,7 @@ def code_symbols(
 
 @partial(compiled_in_place, nogil=True)
 def _code_symbols(
-    mixer: Blender, level: Known, group: int, half: int, rows: Ints, symbols: Symbols,
+    mixer: Mixer, level: Known, group: int, half: int, rows: Ints, symbols: Symbols,
     frequencies: Frequencies, children: Ints, starts: Ints, cells: Cells,
 ) -> None:  # fmt: skip
     for i in range(len(rows)):
@@ -112,7 +113,7 @@ def _code_symbols(
             mixer.at[1] += (kind * 16 + first) * 7 + seen[1]
             mixer.at[10] += int(level.spread[row]) * _STATES
             mixer.rows[0] = kind
-            found = code_blended(mixer, symbol >> (3 - bit) & 1, guess)
+            found = code_mixed(mixer, symbol >> (3 - bit) & 1, guess)
             own |= found << child
             occupied |= found << cells.own[child]
             node = 2 * node + 1 + found
@@ -133,7 +134,7 @@ def _first_symbol(code: int, half: int) -> int:
 
 @compiled_in_place
 def _contexts(
-    mixer: Blender, cells: Cells, starts: Ints, child: int, place: int, guessed: int,
+    mixer: Mixer, cells: Cells, starts: Ints, child: int, place: int, guessed: int,
     occupied: int, unknown: int,
 ) -> None:  # fmt: skip
     """The contexts of a child and its rows of weights, but for what depends on the kind of the bit.
