@@ -19,7 +19,7 @@ from puckbench.workflow import Workflow
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "train.yaml"
 SHIPPED = ["pcgcv1_mixed", "pcgcv2_objects", "pcgcv2_rooms", "sparse_octree_net_rooms"]
-IN_ONE_GO = {"steps", "seed", "rate_first", "rate_last", "eased"}
+IN_ONE_GO = {"steps", "seed", "rate_first", "rate_last", "eased", "symmetries"}
 """Settings in which one training differs from the several of which a shipped set is the last."""
 
 pytestmark = pytest.mark.usefixtures("one_thread")
