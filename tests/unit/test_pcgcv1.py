@@ -299,8 +299,8 @@ def test_points_come_back_in_number_and_place(codec: Codec) -> None:
     assert np.array_equal(kept, counts)
 
 
-def test_a_rate_may_be_coarser_and_keep_more(codec: Codec) -> None:
-    points = shell()
+def test_a_rate_may_be_coarser_and_keep_more(folder: Path) -> None:
+    codec, points = open_codec("pcgcv1", changes("pcgcv1", folder, fill=False)), shell()
     decoded = codec.decode(codec.encode(points, "r1"))
     voxels = np.unique(np.rint(points / 2), axis=0)
     _, counts = np.unique(voxels // 16, axis=0, return_counts=True)
@@ -337,7 +337,7 @@ def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: WeightSet) -> N
     """The number of cubes coded together changes no cube's points."""
     alone = cubes_of(np.random.default_rng(3).integers(0, 16, (300, 3)), 16).voxels()
     crowd = np.vstack([alone, *(alone // 2 + [16 * k, 0, 0] for k in range(1, 6))])
-    coder, decoder = Coder(weights, rate=1), Decoder(weights)
+    coder, decoder = Coder(weights, rate=1, fill=False), Decoder(weights)
     one = decoder.decode(coder.encode(alone.astype(float)))
     many = decoder.decode(coder.encode(crowd.astype(float)))
     assert np.array_equal(one, many[many[:, 0] < 16])
@@ -370,7 +370,7 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
 
 def _coded() -> Coded:
     blocks = (Block(7, b"hyper"), Block(9, b"latent"))
-    return Coded(b"12345678", 1, 0.625, 40, True, b"where", b"many", b"few", b"latent", blocks)
+    return Coded(b"12345678", 1, 0.625, 40, True, 12, b"where", b"many", b"few", b"latent", blocks)
 
 
 def test_streams_come_back() -> None:

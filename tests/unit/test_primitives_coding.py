@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.binary import PAST_THE_END, POSITION, written
+from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.columns import choose
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number, reader, writer
-from puckbench.codecs.primitives.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.planes import plane_from, quantised
 from puckbench.codecs.primitives.stream import (
     BINS,

@@ -145,7 +145,24 @@ class Learned(Codec, Generic[W]):
 
 
 class LearnedByAlpha(Learned[R]):
-    """A codec whose rate is the alpha that its weights were trained with: some for each alpha."""
+    """A codec whose rate is the alpha that its weights were trained with: some for each alpha.
+
+    contexts: code the latent in contexts; otherwise with the weights' tables alone. fill: decode as
+    many points as were coded, on the surface around each voxel; otherwise one for each voxel, in
+    its middle. as_published: as the authors' program, do neither, and leave each grid as it is.
+    """
+
+    def __init__(
+        self,
+        *,
+        as_published: bool = False,
+        contexts: bool = True,
+        fill: bool = True,
+        **entry: Any,
+    ) -> None:
+        super().__init__(**entry)
+        self.as_published = as_published
+        self.contexts, self.fill = contexts and not as_published, fill and not as_published
 
     def _path(self, parameters: Mapping[str, Any]) -> Path | None:
         return self.network.by_alpha(self._where()).get(float(parameters["alpha"]))

@@ -30,27 +30,15 @@ if TYPE_CHECKING:
 class Pcgcv1(LearnedByAlpha["WeightSet"]):
     """PCGCv1 with its hyper-prior (Wang et al. 2021).
 
-    min_points: of a cube for the network. sparse_cubes: code smaller ones too. contexts: code the
-    latent in contexts; otherwise with the tables that the hyper-latent chooses alone. as_published:
-    as the authors' program, do that, and leave each grid as it is.
+    min_points: of a cube for the network. sparse_cubes: code smaller ones too.
     """
 
-    version = "PCGCv1, stream version 2"
+    version = "PCGCv1, stream version 3"
     network = NETWORK
 
-    def __init__(
-        self,
-        *,
-        min_points: int = 20,
-        sparse_cubes: bool = True,
-        as_published: bool = False,
-        contexts: bool = True,
-        **entry: Any,
-    ) -> None:
+    def __init__(self, *, min_points: int = 20, sparse_cubes: bool = True, **entry: Any) -> None:
         super().__init__(**entry)
         self.min_points, self.sparse_cubes = min_points, sparse_cubes
-        self.as_published = as_published
-        self.contexts = contexts and not as_published
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
@@ -86,6 +74,7 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
             sparse_cubes=self.sparse_cubes,
             threads=self.threads,
             contexts=self.contexts,
+            fill=self.fill,
         )
 
     def _read(self, path: Path) -> WeightSet:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.learned.filling import PARTS, check_filling, filled, points_per_voxel
 from puckbench.codecs.pcgcv1.cells import Cells, cells_of
 from puckbench.codecs.pcgcv1.coding import (
     checksum,
@@ -50,7 +51,8 @@ class Coder:
     scale: voxels per unit. rho: voxels kept for each one that was occupied. min_points: of a cube
     for the network. sparse_cubes: code the points of smaller cubes without loss of voxels; the
     original drops them. threads: as many as PyTorch would use by default. contexts: of the latent;
-    otherwise it is coded with the tables that the hyper-latent chooses alone.
+    otherwise it is coded with the tables that the hyper-latent chooses alone. fill: decode as many
+    points as were coded, not one for each voxel.
     """
 
     weights: WeightSet
@@ -61,6 +63,7 @@ class Coder:
     sparse_cubes: bool = True
     threads: int | None = None
     contexts: bool = True
+    fill: bool = True
 
     def encode(self, points: Floats) -> Coded:
         """Code points (n, 3), n >= 1; InputError when they are too far apart."""
@@ -78,8 +81,9 @@ class Coder:
                 for block in _blocks(len(counts))
             ]
         cells = cells_of(support) if self.contexts else None
+        eighths = points_per_voxel(len(points), len(cubes.keys)) if self.fill else PARTS
         return Coded(self.weights.digest, self.rate, self.scale, len(counts), cells is not None,
-                     encode_voxels(placed), encode_counts(counts, side**3), sparse,
+                     eighths, encode_voxels(placed), encode_counts(counts, side**3), sparse,
                      _encode_latents(parts, cells),
                      tuple(part.block for part in parts))  # fmt: skip
 
@@ -112,6 +116,7 @@ class Decoder:
         sparse = decode_voxels(coded.sparse)
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
+        check_filling(coded.eighths, len(sparse) + sum(counts))
         parts = [sparse]
         with crew(self.threads) as workers:
             blocks = [support.blocks[cubes] for cubes in _blocks(coded.cubes)]
@@ -124,7 +129,7 @@ class Decoder:
                 keys = self._synthesise(coded.rate, held, rows, counts[cubes], workers)
                 corners = support.positions[cubes] * side
                 parts += map(np.add, corners, (within(found, side) for found in keys))
-        return np.vstack(parts) / coded.scale
+        return filled(np.vstack(parts), coded.eighths) / coded.scale
 
     def _chosen(self, rate: int, block: Block, held: Bools, workers: Crew) -> Chosen:
         """The tables (n, channels) of a block's latent; InputError when damaged."""

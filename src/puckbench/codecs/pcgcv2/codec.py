@@ -17,7 +17,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
 from puckbench.codecs.pcgcv2.catalogue import NETWORK
-from puckbench.codecs.pcgcv2.stream import OURS, Coded, Rules, read_stream, write_coded, write_few
+from puckbench.codecs.pcgcv2.stream import Coded, Rules, read_stream, write_coded, write_few
 from puckbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,19 +31,17 @@ _FEW = 64
 class Pcgcv2(LearnedByAlpha["WeightSet"]):
     """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept.
 
-    contexts: code the latent in contexts; otherwise with the weights' tables alone. as_published:
-    as the authors' program, do that, leave each grid as it is, and let the likeliest voxels be
-    kept wherever they are: those of thin parts then vanish.
+    As published the likeliest voxels are kept wherever they are: those of thin parts then vanish.
     """
 
-    version = "PCGCv2, stream version 3"
+    version = "PCGCv2, stream version 4"
     network = NETWORK
     grid = 1.0
 
-    def __init__(self, *, as_published: bool = False, contexts: bool = True, **entry: Any) -> None:
+    def __init__(self, **entry: Any) -> None:
         super().__init__(**entry)
-        self.as_published = as_published
-        self.rules = Rules(0) if as_published else OURS if contexts else Rules.FAMILIES
+        families = Rules(0) if self.as_published else Rules.FAMILIES
+        self.rules = families | (Rules.CONTEXTS if self.contexts else Rules(0))
         for rate, parameters in self.rates.items():
             if float(parameters.get("coarser", 0)) % 1:
                 raise InputError(f"codec {self.name}: {rate}: coarser is no whole number")
@@ -64,7 +62,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        return Coder(weights, rate, rho, threads=self.threads, rules=self.rules)
+        return Coder(weights, rate, rho, threads=self.threads, rules=self.rules, fill=self.fill)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.pcgcv2.coder import Coder
@@ -73,7 +71,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
         if not isinstance(coded, Coded):
             return coded
         weights = self._of_rate(coded.digest, coded.rate)
-        return Coder(weights, coded.rate, threads=self.threads).decode(coded).astype(np.float64)
+        return Coder(weights, coded.rate, threads=self.threads).decode(coded)
 
     def _read(self, path: Path) -> WeightSet:
         from puckbench.codecs.pcgcv2.weights import load_weights

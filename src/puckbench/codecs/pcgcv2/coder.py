@@ -8,10 +8,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from puckbench.cloud import Floats
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import decode_latent, encode_latent
 from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context, everywhere
+from puckbench.codecs.learned.filling import PARTS, filled, points_per_voxel
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
 from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, OURS, Block, Coded, Rules
@@ -39,6 +41,7 @@ class Coder:
 
     rho: share of the occupied voxels that the decoder keeps at the last scale. most_voxels: of a
     block. threads: as many as PyTorch would use by default. rules: what the stream says of itself.
+    fill: decode as many points as were coded, not one for each voxel.
     """
 
     weights: WeightSet
@@ -47,11 +50,13 @@ class Coder:
     most_voxels: int = MOST_VOXELS
     threads: int | None = None
     rules: Rules = OURS
+    fill: bool = True
 
     def encode(self, voxels: Triples, halvings: int = 0) -> Coded:
         """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much.
 
-        halvings: of the grid that they are on, for the decoder to know.
+        halvings: of the grid that they are on, for the decoder to know. With `fill` it is
+        told how many of them share a voxel, too.
         """
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
@@ -63,14 +68,15 @@ class Coder:
             )
         x, y, z = origin.tolist()
         digest = self.weights.digest
-        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules)
+        eighths = points_per_voxel(len(voxels), len(keys)) if self.fill else PARTS
+        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules, eighths)
 
-    def decode(self, coded: Coded) -> Triples:
-        """The voxels (m, 3) of a stream made with these weights; InputError when it is damaged."""
+    def decode(self, coded: Coded) -> Floats:
+        """The points (n, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
             parts = [self._decode_block(block, coded.rules, workers) for block in coded.blocks]
         voxels: Triples = np.vstack(parts) + np.array(coded.origin)
-        return voxels << coded.halvings
+        return np.ldexp(filled(voxels, coded.eighths), coded.halvings)
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
         found = analyse(self.weights.model, keys, workers)

@@ -3,8 +3,9 @@
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
 kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
-    rules (1: families, 2: contexts); base-128 numbers: origin (signed), number of blocks; each
-    block: voxels at strides 1, 2, 4 and 8, bytes of coordinates and of features, these
+    rules (1: families, 2: contexts), eighths of a point for each voxel; base-128 numbers: origin
+    (signed), number of blocks; each block: voxels at strides 1, 2, 4 and 8, bytes of coordinates
+    and of features, these
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ from enum import IntFlag
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.learned.filling import PARTS, check_filling
 from puckbench.codecs.learned.reader import Reader, base_128, signed_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
-VERSION = 3
+VERSION = 4
 MOST_HALVINGS = 20
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
 _FEW, _NETWORK = 0, 1
 _START = struct.Struct("<4sBBI")
-_HEADER = struct.Struct("<8sBBB")
+_HEADER = struct.Struct("<8sBBBB")
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class Coded:
     """A cloud coded by a network.
 
     origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
+    eighths: of a point, for each voxel.
     """
 
     digest: bytes
@@ -64,6 +67,12 @@ class Coded:
     blocks: tuple[Block, ...]
     halvings: int = 0
     rules: Rules = OURS
+    eighths: int = PARTS
+
+    @property
+    def voxels(self) -> int:
+        """How many there are."""
+        return sum(block.counts[0] for block in self.blocks)
 
 
 def write_few(points: Floats) -> bytes:
@@ -73,7 +82,8 @@ def write_few(points: Floats) -> bytes:
 
 def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud."""
-    parts = [_HEADER.pack(coded.digest, coded.rate, coded.halvings, coded.rules)]
+    numbers = (coded.rate, coded.halvings, coded.rules, coded.eighths)
+    parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.features))
@@ -112,16 +122,18 @@ def _read_few(body: bytes) -> Floats:
 
 def _read_coded(body: bytes) -> Coded:
     reader = Reader(body)
-    digest, rate, halvings, rules = _HEADER.unpack(reader.take(_HEADER.size))
+    digest, rate, halvings, rules, eighths = _HEADER.unpack(reader.take(_HEADER.size))
     if halvings > MOST_HALVINGS or rules > OURS:
         raise InputError("the stream is damaged (its header)")
     origin = (reader.signed(), reader.signed(), reader.signed())
     blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
-    if sum(block.counts[0] for block in blocks) > _most_voxels(body):
+    coded = Coded(digest, rate, origin, blocks, halvings, Rules(rules), eighths)
+    if coded.voxels > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
-    return Coded(digest, rate, origin, blocks, halvings, Rules(rules))
+    check_filling(eighths, coded.voxels)
+    return coded
 
 
 def _most_voxels(body: bytes) -> int:

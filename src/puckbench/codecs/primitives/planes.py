@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
 from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant
-from puckbench.codecs.primitives.moments import fit_plane, squared_distance
 from puckbench.compiling import compiled
 
 _CANDIDATES = 4

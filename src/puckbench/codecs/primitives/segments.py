@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.moments import fit_plane
 from puckbench.codecs.primitives.decoder import Patches, points_of, points_of_rounds
 from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Owners
-from puckbench.codecs.primitives.moments import fit_plane
 from puckbench.codecs.primitives.tree import moments_of
 from puckbench.compiling import compiled
 

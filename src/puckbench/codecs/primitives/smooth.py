@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.codecs.primitives.moments import SIZE, add_point, fit_plane
+from puckbench.codecs.moments import SIZE, add_point, fit_plane
 from puckbench.codecs.primitives.tree import cell_starts
 from puckbench.compiling import compiled
 

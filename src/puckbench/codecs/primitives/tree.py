@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.moments import fit_plane
 from puckbench.codecs.primitives.layout import Ints
-from puckbench.codecs.primitives.moments import fit_plane
 from puckbench.compiling import compiled
 
 
