@@ -7,6 +7,7 @@ an older version of another file's function is compiled.
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -22,6 +23,24 @@ that it is given are not counted. Where small functions hand records of arrays t
 coders of single bits do, counting takes three times as long as their work."""
 
 _config: Any = numba.config  # its entries come from the environment
+
+
+def _start_without_blas() -> None:
+    """Load numba's library without its look for SciPy's BLAS: a sixth of a second of every process.
+
+    It looks again when it compiles a function that calls BLAS.
+    """
+    from numba.np import linalg
+
+    look: Any = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = look
+
+
+_start_without_blas()
 
 
 def compiled(function: Function, **options: Any) -> Function:

@@ -45,3 +45,15 @@ def test_a_cached_function_follows_the_one_it_calls(tmp_path: Path) -> None:
     assert _run(tmp_path) == "2 1"
     (tmp_path / "inner.py").write_text(INNER.format(value=5))
     assert _run(tmp_path) == "6 0"
+
+
+def test_functions_that_call_blas_are_compiled() -> None:
+    program = (
+        "import sys; from puckbench.compiling import compiled; import numba, numpy as np;"
+        "print('scipy.linalg' in sys.modules);"
+        "print(numba.njit(lambda a: a @ a)(np.eye(2) * 3)[1, 1])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["False", "9.0"]

@@ -5,7 +5,12 @@ import pandas as pd
 import pytest
 from figures_lookalike import metrics_table
 
-from puckbench.figures.binning import equal_count_medians, medians_per_rate, ordered_rates
+from puckbench.figures.binning import (
+    equal_count_medians,
+    medians_against,
+    medians_per_rate,
+    ordered_rates,
+)
 from puckbench.seeding import generator
 
 
@@ -38,6 +43,29 @@ def test_pairs_with_a_missing_value_are_left_out() -> None:
     bpp, values = equal_count_medians(x, y)
     assert (bpp.tolist(), values.tolist()) == ([1.0, 3.0], [10.0, 30.0])
     assert all(len(part) == 0 for part in equal_count_medians(x[2:3], y[2:3]))
+
+
+def _two_codes_of(clouds: int) -> pd.DataFrame:
+    """Rates of 1, 2 and 4 bpp, where the last cloud takes twice the bits for the same values."""
+    rows = [
+        {"cloud": f"c{n}", "rate": f"r{k}", "bpp": 2.0**k * (1 + (n == clouds - 1)), "cd": 10.0 - k}
+        for n in range(clouds)
+        for k in (2, 0, 1)
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_few_clouds_have_a_median_for_each_rate() -> None:
+    """In bins by bpp one cloud's r2 and the other's r1 would fall together, or in turns."""
+    bpp, values = medians_against(_two_codes_of(2), "bpp", "cd")
+    assert (bpp.tolist(), values.tolist()) == ([1.5, 3.0, 6.0], [10.0, 9.0, 8.0])
+
+
+def test_as_many_clouds_as_bins_are_binned() -> None:
+    rows = _two_codes_of(10)
+    binned = equal_count_medians(rows["bpp"].to_numpy(), rows["cd"].to_numpy())
+    np.testing.assert_array_equal(medians_against(rows, "bpp", "cd"), binned)
+    assert binned[0].tolist() == [1.0, 2.0, 4.0, 8.0]
 
 
 def test_medians_per_rate_are_those_of_the_rows() -> None:

@@ -1,4 +1,4 @@
-"""Rate-distortion curves of a results table: equal-count bins of bpp, drawn log-log."""
+"""Rate-distortion curves of a results table: medians against bpp, drawn log-log."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.errors import InputError
-from puckbench.figures.binning import equal_count_medians
+from puckbench.figures.binning import medians_against
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import draw_line, log_limits, set_log
 from puckbench.figures.quantities import BPP, Quantity
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Lines = dict[str, tuple[Floats, Floats]]
-"""codec -> medians of bpp and of the metric, one per bin."""
+"""codec -> medians of bpp and of the metric, one per bin or rate."""
 
 
 def check_curves(metrics: pd.DataFrame, quantity: Quantity) -> None:
     """InputError unless the table has what a curve of `quantity` against bpp needs."""
     numbers = (BPP.column, quantity.column)
-    require_rows(metrics, ("dataset", "codec", *numbers), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", *numbers), "metrics")
     require_numbers(metrics, numbers, "metrics")
     if (metrics[BPP.column] == 0).any():
         raise InputError("metrics table: column 'bpp' has a value of zero: a stream of no bytes")
@@ -35,14 +35,13 @@ def check_curves(metrics: pd.DataFrame, quantity: Quantity) -> None:
 def binned_curves(
     metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Medians per data set and codec, over all rates; data sets and codecs in drawing order."""
-    numbers = [BPP.column, quantity.column]
+    """Medians per data set and codec, of all rates; data sets and codecs in drawing order."""
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
-        rows = metrics[metrics["dataset"] == dataset].dropna(subset=numbers)
+        rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, quantity.column])
         for codec in style.ordered_codecs(rows["codec"]):
-            pairs = rows.loc[rows["codec"] == codec, numbers].to_numpy(dtype=float)
-            lines[codec] = equal_count_medians(pairs[:, 0], pairs[:, 1])
+            of_codec = rows[rows["codec"] == codec]
+            lines[codec] = medians_against(of_codec, BPP.column, quantity.column)
     return curves
 
 

@@ -35,7 +35,9 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     Streams without primitives are left out.
     """
     columns = tuple(share.column for share in _SHARES)
-    require_rows(recovery, ("dataset", "codec", "kind", BPP.column, *columns), "recovery")
+    require_rows(
+        recovery, ("dataset", "cloud", "codec", "rate", "kind", BPP.column, *columns), "recovery"
+    )
     require_numbers(recovery, (BPP.column, *columns), "recovery")
     whole = recovery[recovery["kind"] == ALL].dropna(subset=[_SHARES[-1].column])
     curves = [binned_curves(whole, share, style) for share in _SHARES]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.binary import (
+    SLOWEST,
     BitCoder,
     bit_reader,
     bit_writer,
@@ -24,7 +25,7 @@ from puckbench.codecs.binary import (
 )
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.mixing import Habits, Mixer, code_mixed, mixer
-from puckbench.codecs.sparse.voxels import OFFSETS
+from puckbench.codecs.sparse.voxels import FACES, OFFSETS
 from puckbench.codecs.sparse.voxels import Table as Neighbours
 from puckbench.compiling import compiled_in_place
 from puckbench.errors import InputError
@@ -38,7 +39,7 @@ _NODES = 12
 """Bits of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Contexts of seven kinds: see `_find_contexts`."""
-_HABITS = Habits(estimate=0.4, context=0.15, pace=20, memory=160)
+_HABITS = Habits(estimate=0.4, context=0.15, pace=20, memory=SLOWEST)
 _MOST_BYTES = 80
 """That a value takes: so many bits are coded for it, each at most log2(65,536 / 32) bits."""
 
@@ -164,7 +165,7 @@ def _look_around(around: _Around, neighbours: Neighbours, row: int) -> None:
 def _offset(shell: int, place: int) -> int:
     """The offset of a neighbour at a face, an edge or a corner."""
     if shell == 0:
-        return (12, 14, 10, 16, 4, 22)[place]
+        return FACES[place]
     if shell == 1:
         return (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25)[place]
     return (0, 2, 6, 8, 18, 20, 24, 26)[place]

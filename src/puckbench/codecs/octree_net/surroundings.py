@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.sparse.voxels import CENTRE, CHILDREN, OFFSETS, Table
+from puckbench.codecs.sparse.voxels import CENTRE, CHILDREN, FACES, OFFSETS, Table
 from puckbench.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
-_FACES = (12, 14, 10, 16, 4, 22)
 _STEPS = (1, 4, 16)
 
 
@@ -93,7 +92,7 @@ def _look_around(level: Known, rows: Ints, cells: Cells) -> None:
                 elif offset != CENTRE:
                     unknown |= cells.whole[offset]
         for place in range(6):
-            touched |= (level.neighbours[_FACES[place], row] >= 0) << place
+            touched |= (level.neighbours[FACES[place], row] >= 0) << place
         level.occupied[row], level.unknown[row] = occupied, unknown
         level.touched[row], level.crowd[row] = touched, crowd
         level.spread[row] = 9 * _spread(x, crowd) + 3 * _spread(y, crowd) + _spread(z, crowd)
