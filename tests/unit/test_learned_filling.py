@@ -53,7 +53,7 @@ def test_points_of_a_voxel_are_spread_over_it(number: int) -> None:
 def test_points_of_a_slanted_plane_are_nearer_to_it_than_its_voxels() -> None:
     points, normal = _tilted(1.5)
     voxels = np.unique(np.rint(points).astype(np.int64), axis=0)
-    eighths = points_per_voxel(len(points), len(voxels))
+    eighths = points_per_voxel(len(points), len(voxels), 1)
     found = filled(voxels, min(eighths, 32))
     height = points[0] @ normal
     off = [np.sqrt(np.mean((these @ normal - height) ** 2)) for these in (voxels, found)]
@@ -88,13 +88,14 @@ def test_voxels_too_far_apart_for_planes_stay_as_they_are() -> None:
 
 
 def test_the_number_of_points_is_told_in_eighths_and_bounded() -> None:
-    assert points_per_voxel(150, 100) == 12
-    assert points_per_voxel(90, 100) == 8
-    assert points_per_voxel(5000, 100) == 72
-    assert points_per_voxel(2**22 + 1, 2**20) == 8
+    assert points_per_voxel(150, 100, 1) == 12
+    assert points_per_voxel(90, 100, 1) == 8
+    assert points_per_voxel(5000, 100, 1) == 72
+    assert points_per_voxel(2**22 + 1, 2**20, 1) == 8
+    assert points_per_voxel(2**21, 2**20, 3) == 8
     check_filling(8, 2**40)
     check_filling(72, 2**18)
-    for eighths, voxels in ((7, 1), (73, 1), (9, 2**22)):
+    for eighths, voxels in ((7, 1), (73, 1), (9, 2**23)):
         with pytest.raises(InputError, match="points of a voxel"):
             check_filling(eighths, voxels)
 

@@ -28,16 +28,19 @@ _MOST_POINTS = 2**22
 """Clouds of more points have one for each voxel: a damaged stream must not promise too many."""
 
 
-def points_per_voxel(points: int, voxels: int) -> int:
-    """Eighths of a point for each of some voxels, so that they have so many together: 8 to 72."""
-    if points > _MOST_POINTS:
+def points_per_voxel(points: int, voxels: int, rho: float) -> int:
+    """Eighths of a point for each of some voxels, so that they have so many together: 8 to 72.
+
+    rho: voxels that the decoder keeps for each of them.
+    """
+    if points * rho > _MOST_POINTS:
         return PARTS
     return int(np.clip(PARTS * points // max(voxels, 1), PARTS, PARTS * _MOST))
 
 
 def check_filling(eighths: int, voxels: int) -> None:
-    """InputError where `points_per_voxel` cannot have said so."""
-    many = voxels * eighths > _MOST_POINTS * PARTS and eighths > PARTS
+    """InputError where `points_per_voxel` cannot have said so of so many decoded voxels."""
+    many = eighths > PARTS and voxels * eighths > 2 * _MOST_POINTS * PARTS  # each cube rounds
     if many or not PARTS <= eighths <= PARTS * _MOST:
         raise InputError("the stream is damaged (points of a voxel)")
 

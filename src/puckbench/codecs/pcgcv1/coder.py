@@ -81,7 +81,7 @@ class Coder:
                 for block in _blocks(len(counts))
             ]
         cells = cells_of(support) if self.contexts else None
-        eighths = points_per_voxel(len(points), len(cubes.keys)) if self.fill else PARTS
+        eighths = points_per_voxel(len(points), len(cubes.keys), self.rho) if self.fill else PARTS
         return Coded(self.weights.digest, self.rate, self.scale, len(counts), cells is not None,
                      eighths, encode_voxels(placed), encode_counts(counts, side**3), sparse,
                      _encode_latents(parts, cells),

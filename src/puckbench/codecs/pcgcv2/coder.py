@@ -68,7 +68,7 @@ class Coder:
             )
         x, y, z = origin.tolist()
         digest = self.weights.digest
-        eighths = points_per_voxel(len(voxels), len(keys)) if self.fill else PARTS
+        eighths = points_per_voxel(len(voxels), len(keys), self.rho) if self.fill else PARTS
         return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules, eighths)
 
     def decode(self, coded: Coded) -> Floats:
