@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tests.unit.learned_codecs import RATES, changes, save_tiny
+from learned_codecs import RATES, changes, save_tiny
 
 from puckbench.cloud import PointCloud
 from puckbench.codecs.learned.filling import check_filling, filled, points_per_voxel
