@@ -92,11 +92,12 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
             write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
 
 
-def read_cloud(path: Path) -> PointCloud:
+def read_cloud(path: str | Path) -> PointCloud:
     """Read the vertices of any PLY file, and the JSON beside it where there is one.
 
     Raises InputError when the file is missing, damaged, empty or has points that are not finite.
     """
+    path = Path(path)
     vertices = _read_vertices(path)
     names = set(vertices.dtype.names or ())
     values: dict[str, Any] = {}

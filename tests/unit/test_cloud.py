@@ -43,7 +43,7 @@ def test_ascii_float_and_integer_files_are_read(tmp_path: Path) -> None:
         "property double z\nend_header\n1 2.5 3\n4 5 6.25\n"
     )
     (tmp_path / "a.ply").write_text(text)
-    assert read_cloud(tmp_path / "a.ply").xyz.tolist() == [[1, 2.5, 3], [4, 5, 6.25]]
+    assert read_cloud(str(tmp_path / "a.ply")).xyz.tolist() == [[1, 2.5, 3], [4, 5, 6.25]]
 
 
 def test_scaling_to_metres_undoes_scale_and_offset() -> None:

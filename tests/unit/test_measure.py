@@ -19,6 +19,16 @@ def test_peak_memory_is_that_of_the_call_alone() -> None:
     assert ballast.size
 
 
+def test_memory_freed_before_the_call_does_not_hide_what_it_needs() -> None:
+    np.ones(2**21)  # freed: from now on the allocator keeps chunks of 512 KiB on its heap
+    chunks = [np.ones(2**16) for _ in range(400)]
+    last = chunks[-1]  # holds the heap's end, so that the 200 MiB below stay resident
+    del chunks
+    found = measured(lambda: np.ones(100 * 2**17).sum())
+    assert 95 <= found.peak_mib <= 110
+    assert last.size
+
+
 def test_the_result_comes_back() -> None:
     assert measured(lambda: "x").result == "x"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import resource
 import statistics
@@ -20,8 +21,9 @@ T = TypeVar("T")
 class Measured(NamedTuple, Generic[T]):
     """Result of a call, seconds of its repetitions (median, least, most), peak memory in MiB.
 
-    peak_mib: the most resident memory during a call above what was resident before it; nan-free:
-    0.0 when the call needed no more than was already there.
+    peak_mib: the most resident memory during a call above what was resident before it, when what
+    earlier calls had freed was back with the system (glibc; elsewhere a call may find such memory
+    and show less).
     """
 
     result: T
@@ -61,7 +63,12 @@ def measured(
 
 
 def _reset_peak() -> float:
-    """Set the kernel's high-water mark to the present resident size (Linux), and return it."""
+    """Set the kernel's high-water mark to the resident size of what is in use, and return it.
+
+    glibc keeps freed memory resident, where a call would find it and seem to need none.
+    """
+    with suppress(AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     return _peak_mib()
