@@ -200,7 +200,7 @@ def test_tables_that_make_no_sense_are_refused(block: int) -> None:
 def test_streams_of_another_version_are_refused() -> None:
     stream = bytearray(pack_voxels(PLACE, None, b""))
     stream[4] = 1
-    with pytest.raises(InputError, match="version 1, this codec reads 2"):
+    with pytest.raises(InputError, match="version 1, this codec reads 3"):
         unpack(bytes(stream))
 
 

@@ -20,7 +20,7 @@ _BOXES = (
     ((620, 430, 120), (800, 560, 140)),
     ((430, 20, 200), (470, 60, 420)),
 )
-_POINTS = 16_000
+_POINTS = 48_000
 
 
 def _furnished(noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ from puckbench.mesh import Mesh
 class Primitives(Codec):
     """Geometric primitives fitted to the cloud, noise aware; see docs/primitives.md."""
 
-    version = "2"
+    version = "3"
 
     def load(self) -> None:
         """Compile what encoding and decoding need."""

@@ -141,5 +141,9 @@ def empty_leaves(header: Header) -> tuple[Leaves, Owners, Bytes]:
 
 
 _NO_NODES = Nodes(
-    np.zeros((1, 10)), np.zeros(2, np.int64), np.zeros(1, np.bool_), np.zeros(1, np.int64)
+    np.zeros((1, 10)),
+    np.zeros(2, np.int64),
+    np.zeros(1, np.bool_),
+    np.zeros(1, np.int64),
+    np.zeros((1, 10)),
 )

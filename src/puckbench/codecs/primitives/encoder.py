@@ -14,8 +14,9 @@ from puckbench.codecs.primitives.columns import Choice
 from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
 from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.entropy import writer
-from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
+from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes, Owners
 from puckbench.codecs.primitives.noise import spread
+from puckbench.codecs.primitives.regions import Limits, wholes
 from puckbench.codecs.primitives.revolved import (
     CONTEXTS,
     MIXERS,
@@ -28,20 +29,32 @@ from puckbench.codecs.primitives.smooth import sampled, smoothed
 from puckbench.codecs.primitives.stream import MOST_CELLS, MOST_ROUND_POINTS, Header, pack_surface
 from puckbench.codecs.primitives.support import code_support
 from puckbench.codecs.primitives.surface import count_points
-from puckbench.codecs.primitives.tree import Level, build, prune
+from puckbench.codecs.primitives.tree import Level, build, leaves_of, prune
 from puckbench.codecs.primitives.walk import code_tree
 from puckbench.codecs.primitives.wrapping import Prices, Wrapped, placed, wrapped
 from puckbench.metrics.spatial import morton_order
 
 _NOISE_CELL = 16.0
-_SAMPLE_CELL = 6.0
-_FEWEST_A_SAMPLE = 3.0
+_SAMPLE_CELL = 6.0 / 2**0.5
+_SAMPLE_NOISE = 3.0
+_FEWEST_A_SAMPLE = 2.5
 _BAND = 6.5
 """Tukey's band of smoothing, in standard deviations of the noise."""
 _DISC = 0.6
 """Radius of the disc that a sample stands for, in sample cells."""
-_LEAF_BITS, _SPLIT_BITS = 9.0, 5.0
+_LEAF_BITS, _SPLIT_BITS = 6.0, 5.0
 _EDGE_BITS = 3.0
+_REGION_BITS = 25.0
+"""Bits that leaves of one plane instead of two are taken to save."""
+_WITHIN_NOISE = 1.0
+"""Squared distance, in squares of the noise, that a region may grow by for each of its points."""
+_FLAT = 0.5
+"""Cosine of the angle between planes of a region, at least."""
+_FLOOR = 3.0
+"""Squared error, in squares of the noise, that a bit for edges and regions has to save: smoothing
+leaves so much of the noise that cheaper ones would code it."""
+_WIDER = 1.5
+"""Radius of the second pass of smoothing, of the first's: normals are known then."""
 _MISSING, _ACROSS, _MOST = 20.0, 0.1, 100.0
 _MISSING_CELL = 0.3
 _BYTES_A_NODE = 64
@@ -138,9 +151,12 @@ def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
     frame = frame_of(header, settings.price / cell**2 / len(points))
     prune(levels, frame.price, _LEAF_BITS, _SPLIT_BITS, frame.coarsest, frame.finest)
     leaves, owner, cover = empty_leaves(header)
+    noise = (cloud.noise / cell) ** 2
+    dear = max(frame.price, _FLOOR * noise / len(points))
+    limits = Limits(_REGION_BITS * dear, _WITHIN_NOISE * noise, _FLAT)
     coder = writer(CONTEXTS, MIXERS, 4096 + _BYTES_A_NODE * header.leaves + _room(wraps))
-    code_tree(coder, frame, _nodes(levels), leaves, owner)
-    choice = _choice(surface, frame, cell)
+    code_tree(coder, frame, _nodes(levels, owner, limits), leaves, owner)
+    choice = _choice(surface, dear, cell)
     code_support(coder, frame, leaves, owner, choice, cover)
     for wrap in wraps:
         code_round(coder, wrap.surface.columns(), wrap.bits)
@@ -154,14 +170,19 @@ def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
 
 
 def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
-    """Smoothed samples of points in units; their cells grow until they hold a few points each."""
-    side = min(_SAMPLE_CELL, 1.5 * settings.cell)
+    """Smoothed samples of points in units; their cells grow until they hold a few points each.
+
+    Cells are the usual ones or 2^(k/2) times as large: no rate's are coarser than a lower one's.
+    """
+    least = max(1.5 * settings.cell, _SAMPLE_NOISE * noise)
+    finer = np.log2(max(_SAMPLE_CELL / least, 1.0))
+    side = float(_SAMPLE_CELL * 2.0 ** (-np.ceil(2 * finer - 1e-9) / 2))
     samples = sampled(points, side)
     while len(points) < _FEWEST_A_SAMPLE * len(samples.xyz) and side < SIZE / 4:
         side *= 2**0.5
         samples = sampled(points, side)
-    radius = max(settings.reach * noise, 1.5 * side)
-    xyz, normals = smoothed(samples, side, radius, max(_BAND * noise, side / 2))
+    radii = [max(wider * settings.reach * noise, 1.5 * side) for wider in (1.0, _WIDER)]
+    xyz, normals = smoothed(samples, side, radii, max(_BAND * noise, side / 2))
     return Surface(xyz, normals, samples.counts / len(points), side, 1 / len(xyz))
 
 
@@ -250,20 +271,25 @@ def _plan(surface: Surface, settings: Settings, cell: float) -> tuple[Header, li
     return Header(*place, depth, finest, coarsest, step, 1, 1, room), levels
 
 
-def _nodes(levels: list[Level]) -> Nodes:
-    """The tree's levels in one list."""
+def _nodes(levels: list[Level], owner: Owners, limits: Limits) -> Nodes:
+    """The tree's levels in one list, and regions of its leaves; owner: a grid of zeros."""
+    moments = np.concatenate([level.moments for level in levels])
+    places, leaves = leaves_of(levels)
+    regions = np.zeros_like(moments)
+    regions[places] = wholes(moments[places], leaves, owner, limits)
     starts = np.cumsum([0] + [len(level.cells) for level in levels])
     first = [level.first[:-1] + start for level, start in zip(levels, starts[1:], strict=True)]
     cells = np.concatenate([level.cells for level in levels]) & 1
     return Nodes(
-        np.concatenate([level.moments for level in levels]),
+        moments,
         np.concatenate([*first, starts[-1:]]),
         np.concatenate([level.leaf for level in levels]),
         cells @ np.array([4, 2, 1]),
+        regions,
     )
 
 
-def _choice(surface: Surface, frame: Frame, cell: float) -> Choice:
+def _choice(surface: Surface, price: float, cell: float) -> Choice:
     cells = np.floor(surface.xyz / surface.cell).astype(np.int64)
     rows = np.zeros(cells.max(axis=0) + 1, np.int32)
     rows[tuple(cells.T)] = np.arange(1, len(cells) + 1)
@@ -277,7 +303,7 @@ def _choice(surface: Surface, frame: Frame, cell: float) -> Choice:
         most=_MOST / cell**2,
         missing=max(_MISSING / cell**2, _MISSING_CELL),
         area=surface.area / 2,
-        edge=_EDGE_BITS * frame.price,
+        edge=_EDGE_BITS * price,
     )
 
 

@@ -51,13 +51,21 @@ class Nodes(NamedTuple):
     """What the encoder knows of the nodes of all levels, one level after the other.
 
     moments: (n, 10). first: (n + 1,) children's place in the list. leaf: (n,). octant: (n,) of a
-    node in its parent.
+    node in its parent. wholes: (n, 10) moments of the region that a leaf is in.
     """
 
     moments: Floats
     first: Ints
     leaf: NDArray[np.bool_]
     octant: Ints
+    wholes: Floats
+
+
+@compiled
+def take(leaves: Leaves, i: int, owner: Owners) -> None:
+    """Enter a leaf as the owner of its cells: its number and 1."""
+    low, high = leaves.corner[i], leaves.corner[i] + leaves.side[i]
+    owner[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = i + 1
 
 
 @compiled

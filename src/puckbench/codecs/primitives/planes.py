@@ -7,19 +7,22 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
-from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant
+from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant, take
 from puckbench.compiling import compiled
 
 _CANDIDATES = 4
+_LARGEST = 4
+"""Times that a plane's precision may double."""
 _NAMES = 64
 
 # Where the contexts and the mixers of each kind begin, from those given.
 _MERGE = 0
 _AXIS = _MERGE + 192
 _NUMBERS = _AXIS + 12
-CONTEXTS = _NUMBERS + 40 * 3 * 18
-_MERGE_MIXER, _AXIS_MIXER, _NUMBER_MIXER = 0, 4, 6
-MIXERS = 18
+_LARGER = _NUMBERS + 40 * 3 * 18
+CONTEXTS = _LARGER + 17 * 8
+_MERGE_MIXER, _AXIS_MIXER, _NUMBER_MIXER, _LARGER_MIXER = 0, 4, 6, 18
+MIXERS = 19
 
 
 @compiled
@@ -45,34 +48,33 @@ def code_plane(
     count = _candidates(frame, corner, side, leaves, owner, found)
     cube = (corner.astype(np.float64) + side / 2, side / 2, frame.steps[level])
     predicted, wanted = np.zeros(4, np.int64), np.zeros(4, np.int64)
-    if count > 0:
-        quantised(leaves.planes[found[0]], cube, predicted)
-    chosen = count
+    chosen, larger, most = count, 0, min(_LARGEST, 15 - down)
     if coder.bits.registers[4] == 1:
-        moments = nodes.moments[node[3]]
-        chosen = _choice(frame, moments, leaves, found[:count], cube, predicted, wanted)
+        moments = (nodes.moments[node[3]], nodes.wholes[node[3]])
+        chosen, larger = _choice(frame, moments, leaves, found[:count], cube, most, wanted)
     chosen = _code_choice(coder, base, chosen, count, down)
     if chosen < count:
         name = found[chosen]
     else:
-        _code_numbers(coder, base, wanted, predicted, count > 0, down)
+        larger = _code_larger(coder, base, larger, down, most)
+        cube = _as_of(cube, larger)
+        if count > 0:
+            quantised(leaves.planes[found[0]], cube, predicted)
+        _code_numbers(coder, base, wanted, predicted, count > 0, down + larger)
         name = leaves.counts[1]
         leaves.counts[1] += 1
         plane_from(wanted, cube, leaves.planes[name])
-    _add_leaf(frame, corner, side, name, leaves, owner)
+    _add_leaf(corner, side, name, leaves, owner)
 
 
 @compiled
-def _add_leaf(
-    frame: Frame, corner: Ints, side: int, name: int, leaves: Leaves, owner: Owners
-) -> None:
+def _add_leaf(corner: Ints, side: int, name: int, leaves: Leaves, owner: Owners) -> None:
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
     leaves.corner[leaf] = corner
     leaves.side[leaf] = side
     leaves.plane[leaf] = name
-    high = np.minimum(corner + side, frame.shape)
-    owner[corner[0] : high[0], corner[1] : high[1], corner[2] : high[2]] = leaf + 1
+    take(leaves, leaf, owner)
 
 
 @compiled
@@ -145,29 +147,66 @@ def _crosses(frame: Frame, plane: Floats, corner: Ints, side: int) -> bool:
 
 
 @compiled
+def _as_of(cube: tuple[Floats, float, float], larger: int) -> tuple[Floats, float, float]:
+    """The cube with the precision of one whose side is 2^larger times as long."""
+    return cube[0], cube[1] * 2.0**larger, cube[2] * 2.0 ** (-0.5 * larger)
+
+
+@compiled
 def _choice(
     frame: Frame,
-    moments: Floats,
+    moments: tuple[Floats, Floats],
     leaves: Leaves,
     found: Ints,
     cube: tuple[Floats, float, float],
-    predicted: Ints,
+    most: int,
     wanted: Ints,
-) -> int:
-    """Index of the neighbour's plane that costs least; len(found) for a new one, into `wanted`."""
-    plane = np.empty(4)
-    fit_plane(moments, plane)
-    quantised(plane, cube, wanted)
-    plane_from(wanted, cube, plane)
-    bits = 3.0 if wanted[0] == predicted[0] else 6.0
-    for k in range(1, 4):
-        bits += 1.0 + 2.0 * np.log2(1.0 + abs(wanted[k] - predicted[k]))
-    best, least = len(found), squared_distance(moments, plane) + frame.price * bits
+) -> tuple[int, int]:
+    """Index of the neighbour's plane that costs least; len(found) for a new one, into `wanted`.
+
+    moments: of the leaf and of its region, whose plane a new one is. The second number is how
+    precise that is to be.
+    """
+    larger, bits = _precision(frame, moments[1], leaves, found, cube, most)
+    plane, finer = np.empty(4), _as_of(cube, larger)
+    fit_plane(moments[1], plane)
+    quantised(plane, finer, wanted)
+    plane_from(wanted, finer, plane)
+    best, least = len(found), squared_distance(moments[0], plane) + frame.price * bits
     for k in range(len(found)):
-        cost = squared_distance(moments, leaves.planes[found[k]]) + frame.price * (1 + k)
+        cost = squared_distance(moments[0], leaves.planes[found[k]]) + frame.price * (1 + k)
         if cost < least:
             best, least = k, cost
-    return best
+    return best, larger
+
+
+@compiled
+def _precision(
+    frame: Frame,
+    region: Floats,
+    leaves: Leaves,
+    found: Ints,
+    cube: tuple[Floats, float, float],
+    most: int,
+) -> tuple[int, float]:
+    """The precision at which a region's plane costs least, and about how many bits that takes."""
+    fitted, plane = np.empty(4), np.empty(4)
+    fit_plane(region, fitted)
+    wanted, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
+    least, best, fewest = np.inf, 0, 0.0
+    for larger in range(most + 1):
+        finer = _as_of(cube, larger)
+        quantised(fitted, finer, wanted)
+        if len(found) > 0:
+            quantised(leaves.planes[found[0]], finer, predicted)
+        plane_from(wanted, finer, plane)
+        bits = larger + (3.0 if wanted[0] == predicted[0] else 6.0)
+        for k in range(1, 4):
+            bits += 1.0 + 2.0 * np.log2(1.0 + abs(wanted[k] - predicted[k]))
+        cost = squared_distance(region, plane) + frame.price * bits
+        if cost < least:
+            least, best, fewest = cost, larger, bits
+    return best, fewest
 
 
 @compiled
@@ -178,6 +217,18 @@ def _code_choice(coder: Coder, base: tuple[int, int], chosen: int, count: int, d
         if code_bit(coder, 1 if chosen == k else 0, mixer + k, contexts) == 1:
             return k
     return count
+
+
+@compiled
+def _code_larger(coder: Coder, base: tuple[int, int], larger: int, down: int, most: int) -> int:
+    """Code as of how much larger a cube a plane is precise: a power of two, up to `most`."""
+    at, mixer = base[0] + _LARGER, base[1] + _LARGER_MIXER
+    for size in range(most):
+        by_size = at + 8 * min(down, 15) + size
+        contexts = (by_size, by_size, at + 128 + size)
+        if code_bit(coder, 1 if larger > size else 0, mixer, contexts) == 0:
+            return size
+    return most
 
 
 @compiled

@@ -34,90 +34,150 @@ def sampled(points: Floats, cell: float) -> Samples:
 
 
 def smoothed(
-    samples: Samples, cell: float, radius: float, band: float, rounds: int = 4
+    samples: Samples, cell: float, radii: list[float], band: float
 ) -> tuple[Floats, Floats]:
-    """Samples moved along the normal onto the robust plane of those within `radius`; normals.
+    """Samples moved along the normal onto the robust plane of those around them; normals.
 
     Neighbours weigh by the root of their counts (noise is correlated among them), less with
-    distance, and not at all beyond `band` from the plane (Tukey's biweight).
+    distance, and not at all beyond `band` from the plane (Tukey's biweight). That is done within
+    the first radius, and then anew within the second with those neighbours whose normals came out
+    alike, which keeps away what lies beyond an edge.
     """
-    reach = int(np.ceil(radius / cell))
-    low = samples.cells.min(axis=0) - reach
-    size = samples.cells.max(axis=0) + reach + 1 - low
-    index = np.full(size, -1, np.int32)
-    index[tuple((samples.cells - low).T)] = np.arange(len(samples.cells))
-    offsets = _ball(reach, radius / cell)
-    moved, normals = np.empty_like(samples.xyz), np.empty_like(samples.xyz)
-    weights = np.sqrt(samples.counts)
-    places = samples.cells - low
-    _smooth(samples.xyz, weights, places, index, offsets, radius, band, rounds, moved, normals)
+    around = _surroundings(samples)
+    moved, normals = samples.xyz, np.zeros_like(samples.xyz)
+    for radius, rounds in zip(radii, _ROUNDS, strict=True):
+        known, moved, normals = (moved, normals), np.empty_like(moved), np.empty_like(moved)
+        reach = int(np.ceil(radius / cell))
+        _smooth(around, reach, (radius, band, rounds), known, moved, normals)
     return moved, normals
 
 
-def _ball(reach: int, radius: float) -> Ints:
-    span = np.arange(-reach, reach + 1)
-    offsets = np.stack(np.meshgrid(span, span, span, indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.asarray(offsets[(offsets**2).sum(axis=1) <= (radius + 0.5) ** 2])
+_ROUNDS = (4, 3)
+"""How often neighbours are weighed anew by their distances from the plane, in either pass."""
+_ALIKE = float(np.cos(np.radians(35)))
+"""Cosine of the angle of normals beyond which a neighbour does not count."""
+
+
+class Surroundings(NamedTuple):
+    """Samples (n, 3) by cells (n, 3), x first and z last, and their weights (n,).
+
+    columns: where the samples of a column of cells (x, y) begin, and where the last ends; (a, b).
+    """
+
+    xyz: Floats
+    weights: Floats
+    cells: Ints
+    columns: Ints
+
+
+def _surroundings(samples: Samples) -> Surroundings:
+    cells = samples.cells - samples.cells.min(axis=0)
+    across = int(cells[:, 1].max()) + 1
+    along = int(cells[:, 0].max()) + 1
+    column = cells[:, 0] * across + cells[:, 1]
+    ends = np.searchsorted(column, np.arange(along * across + 1))
+    starts = np.lib.stride_tricks.sliding_window_view(ends, across + 1)[::across]
+    return Surroundings(samples.xyz, np.sqrt(samples.counts), cells, starts.copy())
 
 
 @compiled
 def _smooth(
-    xyz: Floats,
-    weights: Floats,
-    places: Ints,
-    index: NDArray[np.int32],
-    offsets: Ints,
-    radius: float,
-    band: float,
-    rounds: int,
+    around: Surroundings,
+    reach: int,
+    settings: tuple[float, float, int],
+    known: tuple[Floats, Floats],
     moved: Floats,
     normals: Floats,
 ) -> None:
-    near = np.empty(len(offsets), np.int64)
-    base = np.empty(len(offsets))
+    """reach: radius in cells. settings: radius, band, rounds. known: places, normals (or zeros)."""
+    xyz = around.xyz
+    near = np.empty((2 * reach + 1) ** 3, np.int64)
+    base = np.empty(len(near))
     plane = np.empty(4)
     for i in range(len(xyz)):
-        count = 0
-        for k in range(len(offsets)):
-            j = index[
-                places[i, 0] + offsets[k, 0],
-                places[i, 1] + offsets[k, 1],
-                places[i, 2] + offsets[k, 2],
-            ]
-            if j >= 0:
-                squared = 0.0
-                for a in range(3):
-                    squared += (xyz[j, a] - xyz[i, a]) ** 2
-                if squared < radius * radius:
-                    near[count] = j
-                    base[count] = weights[j] * (1 - squared / (radius * radius))
-                    count += 1
-        _robust_plane(xyz, xyz[i], near[:count], base[:count], band, rounds, plane)
+        count = _neighbours(around, i, reach, settings[0], known[1], near, base)
+        for a in range(3):
+            plane[a] = known[1][i, a]
+        plane[3] = 0.0
+        for a in range(3):
+            plane[3] += plane[a] * (known[0][i, a] - xyz[i, a])
+        _robust_plane(xyz, xyz[i], near[:count], base[:count], settings, plane)
         for a in range(3):
             moved[i, a] = xyz[i, a] + plane[3] * plane[a]
             normals[i, a] = plane[a]
 
 
 @compiled
+def _neighbours(
+    around: Surroundings,
+    i: int,
+    reach: int,
+    radius: float,
+    normals: Floats,
+    near: Ints,
+    base: Floats,
+) -> int:
+    """List the samples around one, and their weights; how many."""
+    xyz, cells, columns = around.xyz, around.cells, around.columns
+    own, cell = normals[i], cells[i]
+    blank = own[0] == 0.0 and own[1] == 0.0 and own[2] == 0.0
+    count = 0
+    for x in range(max(cell[0] - reach, 0), min(cell[0] + reach + 1, columns.shape[0])):
+        for y in range(max(cell[1] - reach, 0), min(cell[1] + reach + 1, columns.shape[1] - 1)):
+            begin, end = columns[x, y], columns[x, y + 1]
+            for j in range(_first_from(cells, begin, end, cell[2] - reach), end):
+                if cells[j, 2] > cell[2] + reach:
+                    break
+                squared = along = 0.0
+                for a in range(3):
+                    squared += (xyz[j, a] - xyz[i, a]) ** 2
+                    along += own[a] * normals[j, a]
+                alike = 1.0 if blank else (abs(along) - _ALIKE) / (1 - _ALIKE)
+                if squared < radius * radius and alike > 0.0:
+                    near[count] = j
+                    distance = 1 - squared / (radius * radius)
+                    base[count] = around.weights[j] * distance * alike * alike
+                    count += 1
+    return count
+
+
+@compiled
+def _first_from(cells: Ints, begin: int, end: int, least: int) -> int:
+    """The first of a column's samples that lies at `least` or above."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if cells[middle, 2] < least:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@compiled
 def _robust_plane(
-    xyz: Floats, centre: Floats, near: Ints, base: Floats, band: float, rounds: int, plane: Floats
+    xyz: Floats,
+    centre: Floats,
+    near: Ints,
+    base: Floats,
+    settings: tuple[float, float, int],
+    plane: Floats,
 ) -> None:
-    """Plane, relative to `centre`, of the neighbours, reweighted `rounds` times."""
+    """Plane, relative to `centre`, of the neighbours, reweighted by their distance from it.
+
+    plane: where to begin, or all zeros; left as it is where no neighbour counts.
+    """
     moments = np.zeros(SIZE)
-    robust = np.ones(len(near))
-    for _ in range(rounds):
+    for _ in range(settings[2]):
         moments[:] = 0.0
-        for k in range(len(near)):
-            p = xyz[near[k]]
-            weight = base[k] * robust[k]
-            add_point(moments, p[0] - centre[0], p[1] - centre[1], p[2] - centre[2], weight)
-        if moments[0] <= 0.0:
-            return
-        fit_plane(moments, plane)
         for k in range(len(near)):
             p = xyz[near[k]]
             off = -plane[3]
             for a in range(3):
                 off += plane[a] * (p[a] - centre[a])
-            u = off / band
-            robust[k] = (1 - u * u) ** 2 if abs(u) < 1 else 0.0
+            u = off / settings[1]
+            if abs(u) < 1:
+                weight = base[k] * (1 - u * u) ** 2
+                add_point(moments, p[0] - centre[0], p[1] - centre[1], p[2] - centre[2], weight)
+        if moments[0] <= 0.0:
+            return
+        fit_plane(moments, plane)

@@ -20,7 +20,7 @@ from puckbench.codecs.primitives.axes import Turn, rotation
 from puckbench.errors import InputError
 
 MAGIC = b"PBPR"
-VERSION = 2
+VERSION = 3
 SURFACE, VOXELS, TURNED, WITH_ROUNDS = 1, 2, 4, 8
 """Kinds of streams; those of surfaces may be turned and have round surfaces."""
 ROUND = 19

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.moments import fit_plane
-from puckbench.codecs.primitives.layout import Ints
+from puckbench.codecs.primitives.layout import Ints, Leaves
 from puckbench.compiling import compiled
 
 
@@ -64,6 +64,24 @@ def prune(
         else:
             level.leaf[:] = True
         below = costs
+
+
+def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
+    """The tree's leaves without planes, and their places (n,) in the list of all levels' nodes."""
+    depth = len(levels) - 1
+    corner, side, rows = [], [], []
+    reached, start = np.ones(1, bool), 0
+    for level, down in zip(levels, range(depth, -1, -1), strict=True):
+        chosen = np.flatnonzero(reached & level.leaf)
+        corner.append(level.cells[chosen] << down)
+        side.append(np.full(len(chosen), 1 << down))
+        rows.append(start + chosen)
+        start += len(level.cells)
+        reached = np.repeat(reached & ~level.leaf, np.diff(level.first)) if down else reached
+    places = np.concatenate(rows)
+    planes, counts = np.zeros(len(places), np.int64), np.array([len(places), 0])
+    found = (np.concatenate(corner), np.concatenate(side))
+    return places, Leaves(*found, planes, np.empty((0, 4)), counts)
 
 
 def _morton(cells: Ints) -> Ints:

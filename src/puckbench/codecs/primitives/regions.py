@@ -1,0 +1,214 @@
+"""Regions: pieces of surface, side by side, that one plane is near enough to."""
+
+from __future__ import annotations
+
+import heapq
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.cloud import Floats
+from puckbench.codecs.moments import fit_plane
+from puckbench.codecs.primitives.layout import Ints, Leaves, Owners, take
+from puckbench.compiling import compiled
+
+
+class Limits(NamedTuple):
+    """How much the squared distances to its plane may grow for two regions to become one.
+
+    fixed: in all. share: for each weight of the smaller region. cosine: of the angle between the
+    two planes, which may be no less.
+    """
+
+    fixed: float
+    share: float
+    cosine: float
+
+
+class _Regions(NamedTuple):
+    """Regions under their first pieces' numbers: moments (n, 10), planes (n, 4), errors (n,).
+
+    first: (n,) the number of the region that a piece went into, its own at first. changes: (n,) how
+    often a region has changed, -1 when it is part of another.
+    """
+
+    moments: Floats
+    planes: Floats
+    errors: Floats
+    first: Ints
+    changes: Ints
+
+
+class _Borders(NamedTuple):
+    """Lists of the pieces beside each region: begin and end (n,), then other and next (m,)."""
+
+    begin: Ints
+    end: Ints
+    other: Ints
+    next: Ints
+
+
+def wholes(moments: Floats, leaves: Leaves, owner: Owners, limits: Limits) -> Floats:
+    """Moments (n, 10) of the region that each leaf is in, of the leaves' own.
+
+    owner: a grid of zeros, which is used, and left so.
+    """
+    _take_all(leaves, owner)
+    region = joined(moments, touching(leaves, owner), limits)
+    owner[:] = 0
+    sums = np.zeros_like(moments)
+    np.add.at(sums, region, moments)
+    return np.asarray(sums[region])
+
+
+@compiled
+def _take_all(leaves: Leaves, owner: Owners) -> None:
+    for i in range(leaves.counts[0]):
+        take(leaves, i, owner)
+
+
+@compiled
+def joined(moments: Floats, pairs: Ints, limits: Limits) -> Ints:
+    """The region (n,) of each piece: the number of one of its pieces.
+
+    moments: (n, 10) of the pieces. pairs: (m, 2) of those side by side, both with weight. What is
+    joined first is what adds least to the squared distances, of what it may add.
+    """
+    n = len(moments)
+    regions = _Regions(
+        moments.copy(), np.zeros((n, 4)), np.zeros(n), np.arange(n), np.zeros(n, np.int64)
+    )
+    for i in range(n):
+        if moments[i, 0] > 0:
+            regions.errors[i] = fit_plane(moments[i], regions.planes[i])
+    borders = _borders(n, pairs)
+    waiting = [(0.0, 0, 0, 0, 0)]
+    waiting.pop()
+    for k in range(len(pairs)):
+        _offer(waiting, regions, limits, pairs[k, 0], pairs[k, 1])
+    seen = np.full(n, -1)
+    while waiting:
+        _, a, b, of_a, of_b = heapq.heappop(waiting)
+        if regions.changes[a] == of_a and regions.changes[b] == of_b:
+            _join(regions, borders, a, b)
+            _offer_all(waiting, regions, borders, limits, a, seen)
+    for i in range(n):
+        regions.first[i] = _region(regions, i)
+    return regions.first
+
+
+@compiled
+def _borders(n: int, pairs: Ints) -> _Borders:
+    lists = np.full((2, n), -1)
+    borders = _Borders(lists[0], lists[1], pairs[:, ::-1].copy().ravel(), np.full(pairs.size, -1))
+    for k in range(pairs.size):
+        _append(borders, pairs[k // 2, k % 2], k, k)
+    return borders
+
+
+@compiled
+def _append(borders: _Borders, a: int, begin: int, end: int) -> None:
+    """Put a list, from `begin` to `end`, at the end of a region's."""
+    if borders.begin[a] < 0:
+        borders.begin[a] = begin
+    else:
+        borders.next[borders.end[a]] = begin
+    borders.end[a] = end
+
+
+@compiled
+def _join(regions: _Regions, borders: _Borders, a: int, b: int) -> None:
+    """Make region b part of a."""
+    regions.first[b] = a
+    regions.changes[b] = -1
+    regions.changes[a] += 1
+    regions.moments[a] += regions.moments[b]
+    regions.errors[a] = fit_plane(regions.moments[a], regions.planes[a])
+    _append(borders, a, borders.begin[b], borders.end[b])
+
+
+@compiled
+def _offer_all(
+    waiting: list[tuple[float, int, int, int, int]],
+    regions: _Regions,
+    borders: _Borders,
+    limits: Limits,
+    a: int,
+    seen: Ints,
+) -> None:
+    """Offer a region to those beside it, and leave out of its list what is in it twice.
+
+    seen: (n,) for marks; no two calls make the same.
+    """
+    mark = a * len(seen) + regions.changes[a]
+    edge, before = borders.begin[a], -1
+    while edge >= 0:
+        c = _region(regions, borders.other[edge])
+        if c == a or seen[c] == mark:
+            if before < 0:
+                borders.begin[a] = borders.next[edge]
+            else:
+                borders.next[before] = borders.next[edge]
+        else:
+            seen[c] = mark
+            _offer(waiting, regions, limits, a, c)
+            before = edge
+        edge = borders.next[edge]
+    borders.end[a] = before
+
+
+@compiled
+def _offer(
+    waiting: list[tuple[float, int, int, int, int]],
+    regions: _Regions,
+    limits: Limits,
+    a: int,
+    b: int,
+) -> None:
+    """Let two regions wait to be joined, if they may be."""
+    p, q = regions.planes[a], regions.planes[b]
+    if abs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2]) < limits.cosine:
+        return
+    lesser = min(regions.moments[a, 0], regions.moments[b, 0])
+    allowed = limits.fixed + limits.share * lesser
+    plane = np.empty(4)
+    added = fit_plane(regions.moments[a] + regions.moments[b], plane)
+    added -= regions.errors[a] + regions.errors[b]
+    if added <= allowed:
+        changes = regions.changes
+        heapq.heappush(waiting, (added / allowed, a, b, changes[a], changes[b]))
+
+
+@compiled
+def _region(regions: _Regions, i: int) -> int:
+    """The region that a piece is in."""
+    first = regions.first
+    while first[i] != i:
+        first[i] = first[first[i]]
+        i = first[i]
+    return i
+
+
+@compiled
+def touching(leaves: Leaves, owner: Owners) -> Ints:
+    """Pairs (m, 2) of leaves, the first before the second, that have a face, edge or corner common.
+
+    owner: the grid of cells, 0 or the leaf that has it and 1.
+    """
+    count, n = 0, leaves.counts[0]
+    pairs = np.empty((16 * n + 64, 2), np.int64)
+    seen = np.full(n, -1)
+    for i in range(n):
+        low = np.maximum(leaves.corner[i] - 1, 0)
+        high = np.minimum(leaves.corner[i] + leaves.side[i] + 1, np.array(owner.shape))
+        for x in range(low[0], high[0]):
+            for y in range(low[1], high[1]):
+                for z in range(low[2], high[2]):
+                    j = owner[x, y, z] - 1
+                    if j > i and seen[j] != i:
+                        seen[j] = i
+                        if count == len(pairs):
+                            pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                        pairs[count, 0], pairs[count, 1] = i, j
+                        count += 1
+    return pairs[:count]
