@@ -154,7 +154,7 @@ def test_smoothing_moves_samples_onto_the_surface() -> None:
     rng = np.random.default_rng(6)
     points = np.column_stack([rng.random((40_000, 2)) * 200, 50 + rng.normal(0, 2, 40_000)])
     samples = sampled(points, 6.0)
-    xyz, normals = smoothed(samples, 6.0, [25.0, 38.0], 12.0)
+    xyz, normals = smoothed(samples, 6.0, 25.0, 12.0)
     assert np.std(xyz[:, 2] - 50) < 0.25 * np.std(samples.xyz[:, 2] - 50)
     assert np.quantile(np.abs(normals[:, 2]), 0.05) > 0.98
 

@@ -53,8 +53,6 @@ _FLAT = 0.5
 _FLOOR = 3.0
 """Squared error, in squares of the noise, that a bit for edges and regions has to save: smoothing
 leaves so much of the noise that cheaper ones would code it."""
-_WIDER = 1.5
-"""Radius of the second pass of smoothing, of the first's: normals are known then."""
 _MISSING, _ACROSS, _MOST = 20.0, 0.1, 100.0
 _MISSING_CELL = 0.3
 _BYTES_A_NODE = 64
@@ -181,8 +179,8 @@ def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
     while len(points) < _FEWEST_A_SAMPLE * len(samples.xyz) and side < SIZE / 4:
         side *= 2**0.5
         samples = sampled(points, side)
-    radii = [max(wider * settings.reach * noise, 1.5 * side) for wider in (1.0, _WIDER)]
-    xyz, normals = smoothed(samples, side, radii, max(_BAND * noise, side / 2))
+    radius = max(settings.reach * noise, 1.5 * side)
+    xyz, normals = smoothed(samples, side, radius, max(_BAND * noise, side / 2))
     return Surface(xyz, normals, samples.counts / len(points), side, 1 / len(xyz))
 
 

@@ -33,7 +33,7 @@ class Settings:
     largest: float = 128.0
     price: float = 10.0
     step: float = 3.0
-    reach: float = 16.0
+    reach: float = 19.0
 
     def coarsened(self, noise: float) -> Settings:
         """For a noise (units) above the usual: finer planes than these would follow it."""

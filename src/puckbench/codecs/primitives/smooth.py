@@ -33,29 +33,26 @@ def sampled(points: Floats, cell: float) -> Samples:
     )
 
 
-def smoothed(
-    samples: Samples, cell: float, radii: list[float], band: float
-) -> tuple[Floats, Floats]:
-    """Samples moved along the normal onto the robust plane of those around them; normals.
+def smoothed(samples: Samples, cell: float, radius: float, band: float) -> tuple[Floats, Floats]:
+    """Samples moved along the normal onto the robust plane of those within `radius`; normals.
 
     Neighbours weigh by the root of their counts (noise is correlated among them), less with
-    distance, and not at all beyond `band` from the plane (Tukey's biweight). That is done within
-    the first radius, and then anew within the second with those neighbours whose normals came out
-    alike, which keeps away what lies beyond an edge.
+    distance, and not at all beyond `band` from the plane (Tukey's biweight). That is done twice,
+    the second time with those whose normals came out alike, which keeps away what lies beyond an
+    edge.
     """
     around = _surroundings(samples)
     moved, normals = samples.xyz, np.zeros_like(samples.xyz)
-    for radius, rounds in zip(radii, _ROUNDS, strict=True):
+    for _ in range(2):
         known, moved, normals = (moved, normals), np.empty_like(moved), np.empty_like(moved)
-        reach = int(np.ceil(radius / cell))
-        _smooth(around, reach, (radius, band, rounds), known, moved, normals)
+        _smooth(around, int(np.ceil(radius / cell)), (radius, band), known, moved, normals)
     return moved, normals
 
 
-_ROUNDS = (4, 3)
-"""How often neighbours are weighed anew by their distances from the plane, in either pass."""
+_ROUNDS = 2
+"""How often neighbours are weighed by their distances from the plane, each time."""
 _ALIKE = float(np.cos(np.radians(35)))
-"""Cosine of the angle of normals beyond which a neighbour does not count."""
+"""Cosine of the angle of normals from which on a neighbour counts, the more the more alike."""
 
 
 class Surroundings(NamedTuple):
@@ -84,12 +81,12 @@ def _surroundings(samples: Samples) -> Surroundings:
 def _smooth(
     around: Surroundings,
     reach: int,
-    settings: tuple[float, float, int],
+    settings: tuple[float, float],
     known: tuple[Floats, Floats],
     moved: Floats,
     normals: Floats,
 ) -> None:
-    """reach: radius in cells. settings: radius, band, rounds. known: places, normals (or zeros)."""
+    """reach: radius in cells. settings: radius, band. known: places, normals (or zeros)."""
     xyz = around.xyz
     near = np.empty((2 * reach + 1) ** 3, np.int64)
     base = np.empty(len(near))
@@ -101,7 +98,7 @@ def _smooth(
         plane[3] = 0.0
         for a in range(3):
             plane[3] += plane[a] * (known[0][i, a] - xyz[i, a])
-        _robust_plane(xyz, xyz[i], near[:count], base[:count], settings, plane)
+        _robust_plane(xyz, xyz[i], near[:count], base[:count], settings[1], plane)
         for a in range(3):
             moved[i, a] = xyz[i, a] + plane[3] * plane[a]
             normals[i, a] = plane[a]
@@ -159,7 +156,7 @@ def _robust_plane(
     centre: Floats,
     near: Ints,
     base: Floats,
-    settings: tuple[float, float, int],
+    band: float,
     plane: Floats,
 ) -> None:
     """Plane, relative to `centre`, of the neighbours, reweighted by their distance from it.
@@ -167,14 +164,14 @@ def _robust_plane(
     plane: where to begin, or all zeros; left as it is where no neighbour counts.
     """
     moments = np.zeros(SIZE)
-    for _ in range(settings[2]):
+    for _ in range(_ROUNDS):
         moments[:] = 0.0
         for k in range(len(near)):
             p = xyz[near[k]]
             off = -plane[3]
             for a in range(3):
                 off += plane[a] * (p[a] - centre[a])
-            u = off / settings[1]
+            u = off / band
             if abs(u) < 1:
                 weight = base[k] * (1 - u * u) ** 2
                 add_point(moments, p[0] - centre[0], p[1] - centre[1], p[2] - centre[2], weight)
