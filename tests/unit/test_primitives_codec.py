@@ -159,6 +159,19 @@ def test_smoothing_moves_samples_onto_the_surface() -> None:
     assert np.quantile(np.abs(normals[:, 2]), 0.05) > 0.98
 
 
+def test_smoothing_keeps_an_edge() -> None:
+    # One pass, whose neighbours are those of both walls, leaves 6.2 squared units there.
+    rng = np.random.default_rng(0)
+    along, across = rng.random((2, 40_000)) * 200
+    noise, level = rng.normal(0, 1.3, len(along)), np.arange(len(along)) % 2 == 0
+    floor, wall = (along, across, noise), (noise, across, along)
+    points = np.where(level[:, None], np.stack(floor, axis=1), np.stack(wall, axis=1)) + 300
+    xyz = smoothed(sampled(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
+    near = np.maximum(xyz[:, 0], xyz[:, 2]) < 15
+    assert np.count_nonzero(near) > 500
+    assert np.mean(np.minimum(xyz[near, 0] ** 2, xyz[near, 2] ** 2)) < 0.5
+
+
 def test_unknown_parameters_of_a_rate_are_refused() -> None:
     codec = open_codec("primitives", {"rates": {"r1": {"leafs": 3}}})
     with pytest.raises(InputError, match="bad parameter leafs"):

@@ -60,7 +60,9 @@ def _curve(noise: float, rates: tuple[str, ...]) -> np.ndarray:
 def test_more_bits_bring_a_room_nearer(noise: float, rates: tuple[str, ...]) -> None:
     found = _curve(noise, rates)
     assert (np.diff(found[:, 0]) > 0).all()
-    assert (np.diff(found[:, 1:], axis=0) < 0).all()
+    assert (np.diff(found[:, [1, 3]], axis=0) < 0).all()
+    # Where on a surface points lie is not coded.
+    assert (found[1:, 2] < 1.01 * found[:-1, 2]).all()
 
 
 def test_a_grid_that_lies_badly_is_not_kept() -> None:

@@ -1,0 +1,120 @@
+"""Pieces of surface joined to regions with one plane, and what that does to a stream."""
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.primitives.decoder import read_patches
+from puckbench.codecs.primitives.layout import Leaves
+from puckbench.codecs.primitives.planes import _as_of, plane_from, quantised
+from puckbench.codecs.primitives.regions import Limits, joined, touching, wholes
+from puckbench.codecs.primitives.segments import joined_leaves
+from puckbench.codecs.primitives.stream import Header, unpack
+from puckbench.codecs.primitives.tree import moments_of
+from puckbench.codecs.registry import open_codec
+
+_RIGHT = float(np.cos(np.radians(45)))
+
+
+def _square(x: float, height: float = 0.0) -> np.ndarray:
+    """Moments (10,) of 100 points of a square of 10 from x on, at a height."""
+    across, along = np.meshgrid(np.arange(10) + 0.5, np.arange(10) + 0.5)
+    xyz = np.stack([x + across.ravel(), along.ravel(), np.full(100, height)], axis=1)
+    return np.asarray(moments_of(xyz).sum(axis=0))
+
+
+def _upright(x: float) -> np.ndarray:
+    """Moments of a square at x, upright."""
+    across, along = np.meshgrid(np.arange(10) + 0.5, np.arange(10) + 0.5)
+    return np.asarray(
+        moments_of(np.stack([np.full(100, x), across.ravel(), along.ravel()], axis=1)).sum(axis=0)
+    )
+
+
+def _row(*pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Moments of pieces, each beside the next."""
+    numbers = np.arange(len(pieces))
+    return np.array(pieces), np.column_stack([numbers[:-1], numbers[1:]])
+
+
+def test_what_goes_on_is_joined_and_what_turns_is_not() -> None:
+    regions = joined(*_row(_square(0), _square(10), _upright(20)), Limits(1.0, 0.0, _RIGHT))
+    assert regions[0] == regions[1] != regions[2]
+
+
+def test_pieces_that_do_not_touch_stay_apart() -> None:
+    moments, _ = _row(_square(0), _square(10))
+    assert len(set(joined(moments, np.empty((0, 2), np.int64), Limits(1e9, 1e9, 0.0)))) == 2
+
+
+@pytest.mark.parametrize(("step", "one"), [(1.0, True), (1.5, False)])
+def test_a_region_grows_by_no_more_than_it_may(step: float, one: bool) -> None:
+    # 200 points lie step / 2 off the middle height. The correlation of a step and a line is the
+    # root of 3 / 4, so that the tilted plane of both squares leaves a quarter of the squares.
+    moments, pairs = _row(_square(0), _square(10, step))
+    added = 200 * step**2 / 4 / 4
+    assert (added < 15) == one
+    assert (len(set(joined(moments, pairs, Limits(15.0, 0.0, 0.0)))) == 1) == one
+    assert (len(set(joined(moments, pairs, Limits(0.0, 0.15, 0.0)))) == 1) == one
+
+
+def test_the_least_step_is_joined_first() -> None:
+    heights = (0.0, 1.0, 1.2)
+    pieces = [_square(10 * k, height) for k, height in enumerate(heights)]
+    regions = joined(*_row(*pieces), Limits(10.0, 0.0, 0.0))
+    assert regions[1] == regions[2] != regions[0]
+
+
+def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> tuple[Leaves, np.ndarray]:
+    corner, side = (np.array(part, np.int64) for part in zip(*cubes, strict=True))
+    counts = np.array([len(side), 0])
+    owner = np.zeros((16, 16, 16), np.int32)
+    leaves = Leaves(corner, side, np.zeros(len(side), np.int64), np.empty((0, 4)), counts)
+    return leaves, owner
+
+
+def test_cubes_touch_by_faces_edges_and_corners() -> None:
+    leaves, owner = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
+    for i, (corner, side) in enumerate(zip(leaves.corner, leaves.side, strict=True)):
+        x, y, z = corner
+        owner[x : x + side, y : y + side, z : z + side] = i + 1
+    assert {tuple(pair) for pair in touching(leaves, owner)} == {(0, 1), (0, 2), (1, 3)}
+
+
+def test_leaves_of_a_region_have_its_moments() -> None:
+    leaves, owner = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
+    moments = np.array([_square(0), _square(10), _upright(0)])
+    found = wholes(moments, leaves, owner, Limits(1.0, 0.0, _RIGHT))
+    np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
+    assert not owner.any()
+
+
+def test_a_plane_as_precise_as_a_larger_cubes_fits_farther_off() -> None:
+    normal = np.array([0.1234, -0.0567, 1.0])
+    normal /= np.linalg.norm(normal)
+    plane = np.array([*normal, 20.0])
+    far = np.array([200.0, 150.0])
+    off = []
+    for larger in range(5):
+        cube = _as_of((np.full(3, 16.0), 4.0, 1.0), larger)
+        numbers, found = np.zeros(4, np.int64), np.empty(4)
+        quantised(plane, cube, numbers)
+        plane_from(numbers, cube, found)
+        heights = [(p[3] - p[:2] @ far) / p[2] for p in (plane, found)]
+        off.append(abs(heights[0] - heights[1]))
+    # Half a step of height and of slopes: the slopes' step is that of a side 2^larger as long.
+    steps = 2.0 ** (-0.5 * np.arange(5))
+    assert (np.array(off) <= steps / 2 * (1 + (184 + 134) / (4 * 2.0 ** np.arange(5)))).all()
+    assert off[4] < off[0] / 8
+
+
+def test_one_plane_serves_a_noisy_wall() -> None:
+    rng = np.random.default_rng(3)
+    across = rng.random((60_000, 2)) * [1000, 700]
+    height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
+    points = np.column_stack([across, height])
+    header, bits = unpack(open_codec("primitives").encode(points, "r6"))
+    assert isinstance(header, Header)
+    patches = read_patches(header, bits)
+    leaves, planes = patches.leaves.counts
+    assert planes <= 3 < leaves
+    assert len(set(joined_leaves(patches))) == 1
