@@ -21,7 +21,7 @@ import numpy as np
 
 import primitives_rate_distortion as rd
 from puckbench.cloud import PointCloud
-from puckbench.codecs.primitives import encoder, grids, rivals, voxels
+from puckbench.codecs.primitives import encoder, grids, rivals, smooth, voxels
 from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.registry import entries, open_codec
 from puckbench.metrics.closest import mesh_in_frame
@@ -122,6 +122,8 @@ def ablate(found: rd.Room, rates: list[str]) -> None:
         line("bitmaps without a price", found, rates)
     nothing_else = ("wins_in_sum", lambda match: False)
     for label, *switches in (
+        ("one pass of smoothing", (smooth, "_PASSES", 1)),
+        ("no regions: each leaf's own plane", (encoder, "wholes", lambda moments, *_: moments)),
         ("axes of the cloud, not of its walls", _OWN_AXES),
         ("one place of the grid", (grids, "_coarse", lambda cloud: False)),
         ("no cylinders, spheres, cones", (rivals, "round_surfaces", lambda cloud: ())),

@@ -43,12 +43,13 @@ def smoothed(samples: Samples, cell: float, radius: float, band: float) -> tuple
     """
     around = _surroundings(samples)
     moved, normals = samples.xyz, np.zeros_like(samples.xyz)
-    for _ in range(2):
+    for _ in range(_PASSES):
         known, moved, normals = (moved, normals), np.empty_like(moved), np.empty_like(moved)
         _smooth(around, int(np.ceil(radius / cell)), (radius, band), known, moved, normals)
     return moved, normals
 
 
+_PASSES = 2
 _ROUNDS = 2
 """How often neighbours are weighed by their distances from the plane, each time."""
 _ALIKE = float(np.cos(np.radians(35)))
