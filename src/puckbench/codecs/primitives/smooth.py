@@ -89,17 +89,16 @@ def _smooth(
 ) -> None:
     """reach: radius in cells. settings: radius, band. known: places, normals (or zeros)."""
     xyz = around.xyz
-    near = np.empty((2 * reach + 1) ** 3, np.int64)
-    base = np.empty(len(near))
+    near = np.empty(((2 * reach + 1) ** 3, 4))
     plane = np.empty(4)
     for i in range(len(xyz)):
-        count = _neighbours(around, i, reach, settings[0], known[1], near, base)
+        count = _neighbours(around, i, reach, settings[0], known[1], near)
         for a in range(3):
             plane[a] = known[1][i, a]
         plane[3] = 0.0
         for a in range(3):
             plane[3] += plane[a] * (known[0][i, a] - xyz[i, a])
-        _robust_plane(xyz, xyz[i], near[:count], base[:count], settings[1], plane)
+        _robust_plane(near[:count], settings[1], plane)
         for a in range(3):
             moved[i, a] = xyz[i, a] + plane[3] * plane[a]
             normals[i, a] = plane[a]
@@ -112,10 +111,9 @@ def _neighbours(
     reach: int,
     radius: float,
     normals: Floats,
-    near: Ints,
-    base: Floats,
+    near: Floats,
 ) -> int:
-    """List the samples around one, and their weights; how many."""
+    """List where the samples around one lie from it, and their weights; how many."""
     xyz, cells, columns = around.xyz, around.cells, around.columns
     own, cell = normals[i], cells[i]
     blank = own[0] == 0.0 and own[1] == 0.0 and own[2] == 0.0
@@ -132,9 +130,10 @@ def _neighbours(
                     along += own[a] * normals[j, a]
                 alike = 1.0 if blank else (abs(along) - _ALIKE) / (1 - _ALIKE)
                 if squared < radius * radius and alike > 0.0:
-                    near[count] = j
+                    for a in range(3):
+                        near[count, a] = xyz[j, a] - xyz[i, a]
                     distance = 1 - squared / (radius * radius)
-                    base[count] = around.weights[j] * distance * alike * alike
+                    near[count, 3] = around.weights[j] * distance * alike * alike
                     count += 1
     return count
 
@@ -152,15 +151,8 @@ def _first_from(cells: Ints, begin: int, end: int, least: int) -> int:
 
 
 @compiled
-def _robust_plane(
-    xyz: Floats,
-    centre: Floats,
-    near: Ints,
-    base: Floats,
-    band: float,
-    plane: Floats,
-) -> None:
-    """Plane, relative to `centre`, of the neighbours, reweighted by their distance from it.
+def _robust_plane(near: Floats, band: float, plane: Floats) -> None:
+    """Plane of neighbours (n, 3) and their weights, reweighted by their distance from it.
 
     plane: where to begin, or all zeros; left as it is where no neighbour counts.
     """
@@ -168,14 +160,10 @@ def _robust_plane(
     for _ in range(_ROUNDS):
         moments[:] = 0.0
         for k in range(len(near)):
-            p = xyz[near[k]]
-            off = -plane[3]
-            for a in range(3):
-                off += plane[a] * (p[a] - centre[a])
-            u = off / band
+            x, y, z, weight = near[k]
+            u = (-plane[3] + plane[0] * x + plane[1] * y + plane[2] * z) / band
             if abs(u) < 1:
-                weight = base[k] * (1 - u * u) ** 2
-                add_point(moments, p[0] - centre[0], p[1] - centre[1], p[2] - centre[2], weight)
+                add_point(moments, x, y, z, weight * (1 - u * u) ** 2)
         if moments[0] <= 0.0:
             return
         fit_plane(moments, plane)
