@@ -36,8 +36,11 @@ from puckbench.metrics.spatial import morton_order
 
 _NOISE_CELL = 16.0
 _SAMPLE_CELL = 6.0 / 2**0.5
+"""Side of a sample's cell, in units, where there are points enough."""
 _SAMPLE_NOISE = 3.0
+"""Side of a sample's cell, in standard deviations of the noise: no less for finer columns."""
 _FEWEST_A_SAMPLE = 2.5
+"""Points in a sample's cell, on average, at least."""
 _BAND = 6.5
 """Tukey's band of smoothing, in standard deviations of the noise."""
 _DISC = 0.6

@@ -48,7 +48,7 @@ def code_plane(
     count = _candidates(frame, corner, side, leaves, owner, found)
     cube = (corner.astype(np.float64) + side / 2, side / 2, frame.steps[level])
     predicted, wanted = np.zeros(4, np.int64), np.zeros(4, np.int64)
-    chosen, larger, most = count, 0, min(_LARGEST, 15 - down)
+    chosen, larger, most = count, 0, max(min(_LARGEST, 15 - down), 0)
     if coder.bits.registers[4] == 1:
         moments = (nodes.moments[node[3]], nodes.wholes[node[3]])
         chosen, larger = _choice(frame, moments, leaves, found[:count], cube, most, wanted)
