@@ -21,26 +21,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 import primitives_rate_distortion as rd
+from puckbench.analysis.planes import least_squares_plane
 from puckbench.codecs.primitives.encoder import prepared
 from puckbench.codecs.primitives.settings import settings_of
 from puckbench.codecs.registry import open_codec
 from puckbench.mesh import Primitive
-from puckbench.metrics.primitives import in_metres
-from puckbench.metrics.recovery import Segmentation, decoded_segmentation, recovery
+from puckbench.metrics.recovery import (
+    FREEFORM,
+    LEAST_SHARE,
+    Segmentation,
+    decoded_in_metres,
+    recovery,
+)
 
 Ints = NDArray[np.int64]
 
 _THICK_M = 0.03
 """Distance from a plane within which points are a detector's inliers: two of a VLP-16's sigmas."""
-_LEAST = 0.001
-"""Share of the points that a plane has to have, as in the metric."""
 _APART_M = 0.1
 _ALIKE_DEG = 5.0
 _MOST_PLANES = 80
 
 
 class Scanned:
-    """A room's scan, where its rays truly met the surface in metres, and their labels."""
+    """A room's scan, and where its rays truly met the surface, with the labels there."""
 
     def __init__(self, name: str, options: argparse.Namespace) -> None:
         """Scan the room, or take it from the cache."""
@@ -50,13 +54,13 @@ class Scanned:
         assert mesh.labels is not None
         assert found.visible.labels is not None
         self.scan = found.scan
-        self.points = found.scan.to_metres(found.visible.xyz)
+        self.visible = replace(found.visible, about=found.scan.about)
         numbers = found.visible.labels.astype(np.int64)
         self.true = Segmentation(numbers, mesh.labels.primitives)
 
     def line(self, found: Segmentation) -> str:
         """What is said of the planes that were found."""
-        rows = recovery(self.true, found, self.points)
+        rows = recovery(self.true, found, self.visible.to_metres(self.visible.xyz))
         row = next(row for row in rows if row["kind"] == "plane")
         shares = f"{row['precision']:.2f} | {row['recall']:.2f} | {row['label_accuracy']:.0%}"
         medians = f"{row['angle_deg']:.1f} | {1000 * row['residual_m']:.1f}"
@@ -67,12 +71,7 @@ def decoded(room: Scanned, rate: str) -> tuple[float, Segmentation]:
     """Bits per point of the codec, and its segments."""
     codec = open_codec("primitives")
     stream = codec.encode(room.scan.xyz, rate)
-    surface = codec.decode_mesh(stream)
-    assert surface.labels is not None
-    scale, offset = room.scan.about["scale"], np.asarray(room.scan.about["offset"])
-    moved = tuple(in_metres(one, scale, offset) for one in surface.labels.primitives)
-    placed = replace(surface, vertices=room.scan.to_metres(surface.vertices))
-    own = decoded_segmentation(placed, replace(surface.labels, primitives=moved), room.points)
+    own = decoded_in_metres(codec.decode_mesh(stream), room.visible)
     return 8 * len(stream) / len(room.scan), own
 
 
@@ -98,7 +97,7 @@ def ransac(room: Scanned) -> Ints:
 
     xyz = room.scan.to_metres(room.scan.xyz)
     o3d.utility.random.seed(0)
-    least = _LEAST * len(xyz)
+    least = LEAST_SHARE * len(xyz)
     numbers, left, count = np.full(len(xyz), -1), np.arange(len(xyz)), 0
     for _ in range(_MOST_PLANES):
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz[left]))
@@ -144,15 +143,14 @@ def fitted(room: Scanned, numbers: Ints) -> Segmentation:
     planes: list[Primitive] = []
     own = np.full(len(numbers), -1)
     counts = np.bincount(numbers[numbers >= 0])
-    for k in np.flatnonzero(counts >= _LEAST * len(xyz)):
+    for k in np.flatnonzero(counts >= LEAST_SHARE * len(xyz)):
         rows = numbers == k
-        middle = xyz[rows].mean(axis=0)
-        normal = np.linalg.eigh(np.cov((xyz[rows] - middle).T))[1][:, 0]
+        plane = least_squares_plane(xyz[rows])
         own[rows] = len(planes)
-        offset = float(normal @ middle)
-        planes.append(Primitive("plane", {"normal": normal.tolist(), "offset": offset}))
+        parameters = {"normal": plane.normal.tolist(), "offset": float(plane.offset)}
+        planes.append(Primitive("plane", parameters))
     own[own < 0] = len(planes)
-    return Segmentation(own, [*planes, Primitive("freeform", {})])
+    return Segmentation(own, [*planes, Primitive(FREEFORM, {})])
 
 
 def lines(name: str, options: argparse.Namespace) -> Iterator[str]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.primitives.decoder import read_patches
-from puckbench.codecs.primitives.layout import Leaves
+from puckbench.codecs.primitives.layout import Leaves, take
 from puckbench.codecs.primitives.planes import _as_of, plane_from, quantised
 from puckbench.codecs.primitives.regions import Limits, joined, touching, wholes
 from puckbench.codecs.primitives.segments import joined_leaves
@@ -74,9 +74,8 @@ def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> tuple[Leaves, np.ndarra
 
 def test_cubes_touch_by_faces_edges_and_corners() -> None:
     leaves, owner = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
-    for i, (corner, side) in enumerate(zip(leaves.corner, leaves.side, strict=True)):
-        x, y, z = corner
-        owner[x : x + side, y : y + side, z : z + side] = i + 1
+    for i in range(len(leaves.side)):
+        take(leaves, i, owner)
     assert {tuple(pair) for pair in touching(leaves, owner)} == {(0, 1), (0, 2), (1, 3)}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,17 +54,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def _kinds(cloud: PointCloud, labels: Labels, surface: Mesh) -> list[dict[str, Any]]:
     """Recovery of each kind of primitive, all in metres."""
-    from puckbench.metrics.primitives import in_metres
-    from puckbench.metrics.recovery import Segmentation, decoded_segmentation, recovery
+    from puckbench.metrics.recovery import Segmentation, decoded_in_metres, recovery
 
-    points, own = cloud.to_metres(cloud.xyz), surface.labels
-    assert own is not None and cloud.labels is not None  # noqa: S101, PT018 (checked where read)
-    scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
-    moved = tuple(in_metres(one, scale, np.asarray(offset)) for one in own.primitives)
-    placed = replace(surface, vertices=cloud.to_metres(surface.vertices))
-    found = decoded_segmentation(placed, replace(own, primitives=moved), points)
+    assert cloud.labels is not None  # noqa: S101 (checked where read)
     true = Segmentation(cloud.labels.astype(np.int64), labels.primitives)
-    return recovery(true, found, points)
+    return recovery(true, decoded_in_metres(surface, cloud), cloud.to_metres(cloud.xyz))
 
 
 def _scene_labels(path: Path) -> Labels:

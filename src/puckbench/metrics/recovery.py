@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
+from puckbench.cloud import Floats, PointCloud
 from puckbench.mesh import Labels, Mesh, Primitive
 from puckbench.metrics.closest import closest_surface_points
-from puckbench.metrics.primitives import COMPARABLE, differences, distances
+from puckbench.metrics.primitives import COMPARABLE, differences, distances, in_metres
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -37,6 +37,20 @@ class Segmentation:
     def kinds(self) -> NDArray[np.object_]:
         """The kind of each primitive, (number of primitives,)."""
         return np.array([primitive.kind for primitive in self.primitives], dtype=object)
+
+
+def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
+    """`decoded_segmentation` of a decoded surface in the frame of `cloud` and of its points, in m.
+
+    cloud: points on the true surface, with the scale and offset that brought them into the frame.
+    """
+    assert surface.labels is not None  # noqa: S101 (of all codecs that decode surfaces)
+    scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
+    own = surface.labels.primitives
+    moved = tuple(in_metres(one, scale, np.asarray(offset)) for one in own)
+    placed = replace(surface, vertices=cloud.to_metres(surface.vertices))
+    labels = replace(surface.labels, primitives=moved)
+    return decoded_segmentation(placed, labels, cloud.to_metres(cloud.xyz))
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:

@@ -167,11 +167,8 @@ def _choice(
     moments: of the leaf and of its region, whose plane a new one is. The second number is how
     precise that is to be.
     """
-    larger, bits = _precision(frame, moments[1], leaves, found, cube, most)
-    plane, finer = np.empty(4), _as_of(cube, larger)
-    fit_plane(moments[1], plane)
-    quantised(plane, finer, wanted)
-    plane_from(wanted, finer, plane)
+    plane = np.empty(4)
+    larger, bits = _new_plane(frame, moments[1], leaves, found, cube, most, wanted, plane)
     best, least = len(found), squared_distance(moments[0], plane) + frame.price * bits
     for k in range(len(found)):
         cost = squared_distance(moments[0], leaves.planes[found[k]]) + frame.price * (1 + k)
@@ -181,31 +178,35 @@ def _choice(
 
 
 @compiled
-def _precision(
+def _new_plane(
     frame: Frame,
     region: Floats,
     leaves: Leaves,
     found: Ints,
     cube: tuple[Floats, float, float],
     most: int,
+    wanted: Ints,
+    plane: Floats,
 ) -> tuple[int, float]:
-    """The precision at which a region's plane costs least, and about how many bits that takes."""
-    fitted, plane = np.empty(4), np.empty(4)
+    """Write a region's plane at the precision where it costs least; that, and bits, about."""
+    fitted, tried = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
-    wanted, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
+    numbers, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
     least, best, fewest = np.inf, 0, 0.0
     for larger in range(most + 1):
         finer = _as_of(cube, larger)
-        quantised(fitted, finer, wanted)
+        quantised(fitted, finer, numbers)
         if len(found) > 0:
             quantised(leaves.planes[found[0]], finer, predicted)
-        plane_from(wanted, finer, plane)
-        bits = larger + (3.0 if wanted[0] == predicted[0] else 6.0)
+        plane_from(numbers, finer, tried)
+        bits = larger + (3.0 if numbers[0] == predicted[0] else 6.0)
         for k in range(1, 4):
-            bits += 1.0 + 2.0 * np.log2(1.0 + abs(wanted[k] - predicted[k]))
-        cost = squared_distance(region, plane) + frame.price * bits
+            bits += 1.0 + 2.0 * np.log2(1.0 + abs(numbers[k] - predicted[k]))
+        cost = squared_distance(region, tried) + frame.price * bits
         if cost < least:
             least, best, fewest = cost, larger, bits
+            wanted[:] = numbers
+            plane[:] = tried
     return best, fewest
 
 

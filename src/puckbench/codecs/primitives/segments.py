@@ -18,7 +18,7 @@ _OFF = 0.2
 def labelled(patches: Patches) -> tuple[Floats, Ints]:
     """Points (m, 3) of planes and round surfaces, and a number (m,) for each segment of either."""
     xyz, rows = points_of(patches)
-    _, names = np.unique(joined_leaves(patches)[rows], return_inverse=True)
+    _, names = np.unique(_joined(patches, xyz, rows)[rows], return_inverse=True)
     wraps = points_of_rounds(patches)
     after = len(np.unique(names))
     numbers = [np.full(len(part.xyz), after + k) for k, part in enumerate(wraps)]
@@ -27,7 +27,11 @@ def labelled(patches: Patches) -> tuple[Floats, Ints]:
 
 def joined_leaves(patches: Patches) -> Ints:
     """A representative leaf for each leaf (n,), the same for all leaves of a segment."""
-    xyz, rows = points_of(patches)
+    return _joined(patches, *points_of(patches))
+
+
+def _joined(patches: Patches, xyz: Floats, rows: Ints) -> Ints:
+    """`joined_leaves` of patches with points (m, 3) on leaves `rows` (m,)."""
     moments = np.zeros((int(patches.leaves.counts[0]), 10))
     np.add.at(moments, rows, moments_of((xyz - xyz.mean(axis=0)) / patches.header.unit))
     pairs = touching(patches.leaves, patches.owner)
