@@ -120,7 +120,7 @@ def _their_shape(name: str, value: torch.Tensor) -> torch.Tensor:
     return value[0] if len(value) == 1 else value
 
 
-def _lookalike() -> dict[str, object]:
+def _lookalike() -> dict[str, dict[str, torch.Tensor]]:
     """A checkpoint with the authors' names, shapes and random values."""
     state = PCGCv2(Shape()).state_dict()
     parts: dict[str, dict[str, torch.Tensor]] = {"encoder": {}, "decoder": {}}
@@ -147,6 +147,16 @@ def test_every_value_of_an_original_checkpoint_has_its_place(tmp_path: Path) -> 
     first = checkpoint["decoder"]["block1.2.conv1_1.kernel"]
     assert torch.equal(model.decoder.scale(1).blocks[2].middle.kernel, first)
     assert load_weights(tmp_path / "c8_a025_32000.pth").alphas == (0.25,)
+
+
+def test_denormal_weights_of_a_checkpoint_are_zeros(tmp_path: Path) -> None:
+    checkpoint = _lookalike()
+    kernel = checkpoint["encoder"]["block1.2.conv1_1.kernel"]
+    kernel[3], kernel[4] = 1e-40, 1.2e-38
+    torch.save(checkpoint, tmp_path / "c8_a1_32000.pth")
+    found = load_original(tmp_path / "c8_a1_32000.pth").encoder.scale(1).blocks[2].middle.kernel
+    assert not found[3].any()
+    assert torch.equal(found[4:], kernel[4:])
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not a checkpoint"])
