@@ -15,9 +15,10 @@ from puckbench.codecs.sparse.layout import Layout
 from puckbench.codecs.sparse.movers import CompiledMover, Mover, TorchMover, segments
 from puckbench.codecs.sparse.voxels import CENTRE, OFFSETS, Table
 
-_CHUNK_FLOATS = 2**19
-"""Gathered features of one chunk, about: they are to stay in a core's cache."""
-_FEWEST_ROWS, _MOST_ROWS = 64, 2048
+_CHUNK_FLOATS = 2**20
+"""Gathered features of one chunk, about: larger ones leave the caches of small machines,
+smaller ones spend more of their time in Python, which two threads cannot share."""
+_FEWEST_ROWS, _MOST_ROWS = 64, 4096
 
 Products = tuple[Tensor, ...]
 """For each offset between rows the matrix (many * width read, many * width written)."""
