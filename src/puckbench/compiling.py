@@ -48,13 +48,14 @@ def compiled(function: Function, **options: Any) -> Function:
 
     The cache holds while no file changes in the folder of the function's file and in the one above,
     which is therefore where all that it calls must be. Arithmetic is strict IEEE (no fused or
-    reordered operations) unless numba's `options` say otherwise: equal distances stay equal.
+    reordered operations) unless numba's `options` say otherwise: equal distances stay equal. Other
+    threads run meanwhile.
     """
     folder = Path(function.__code__.co_filename).parent
     chosen = _config.CACHE_DIR
     _config.CACHE_DIR = str(Path(chosen or folder / "__pycache__") / _state_of(folder))
     try:
-        return cast(Function, numba.njit(cache=True, **options)(function))
+        return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
     finally:
         _config.CACHE_DIR = chosen
 

@@ -52,9 +52,9 @@ def _small_stream(rate: str) -> bytes:
     """A stream of voxels for r8, else of surfaces."""
     if rate == "r8":
         return _codec().encode(_room(3000), rate)
-    stream = encode_surface(prepared(_room(3000), Settings(leaf=32, cell=16, price=600)), Way())
-    assert stream is not None
-    return stream
+    coded = encode_surface(prepared(_room(3000), Settings(leaf=32, cell=16, price=600)), Way())
+    assert coded is not None
+    return coded.stream
 
 
 @pytest.mark.parametrize("rate", ["r4", "r6"])

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from puckbench.codecs.primitives.decoder import read_patches
-from puckbench.codecs.primitives.layout import Leaves, take
+from puckbench.codecs.primitives.layout import Leaves
 from puckbench.codecs.primitives.planes import _as_of, plane_from, quantised
 from puckbench.codecs.primitives.regions import Limits, joined, touching, wholes
 from puckbench.codecs.primitives.segments import joined_leaves
@@ -64,27 +66,42 @@ def test_the_least_step_is_joined_first() -> None:
     assert regions[1] == regions[2] != regions[0]
 
 
-def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> tuple[Leaves, np.ndarray]:
+def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> Leaves:
     corner, side = (np.array(part, np.int64) for part in zip(*cubes, strict=True))
     counts = np.array([len(side), 0])
-    owner = np.zeros((16, 16, 16), np.int32)
-    leaves = Leaves(corner, side, np.zeros(len(side), np.int64), np.empty((0, 4)), counts)
-    return leaves, owner
+    return Leaves(corner, side, np.zeros(len(side), np.int64), np.empty((0, 4)), counts)
 
 
-def test_cubes_touch_by_faces_edges_and_corners() -> None:
-    leaves, owner = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
-    for i in range(len(leaves.side)):
-        take(leaves, i, owner)
-    assert {tuple(pair) for pair in touching(leaves, owner)} == {(0, 1), (0, 2), (1, 3)}
+@pytest.mark.parametrize("scale", [1, 4])
+def test_cubes_touch_by_faces_edges_and_corners(scale: int) -> None:
+    cubes = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
+    leaves = cubes._replace(corner=scale * cubes.corner, side=scale * cubes.side)
+    assert {tuple(pair) for pair in touching(leaves)} == {(0, 1), (0, 2), (1, 3)}
+
+
+@given(st.sets(st.tuples(*3 * [st.integers(0, 3)]), min_size=1), st.data())
+def test_touching_cubes_are_those_less_than_a_cell_apart(
+    places: set[tuple[int, int, int]], data: st.DataObject
+) -> None:
+    # Cubes of side 1, 2 or 4 at the corners of cells of side 4.
+    sides = [data.draw(st.sampled_from([1, 2, 4])) for _ in places]
+    cubes = [((4 * x, 4 * y, 4 * z), s) for (x, y, z), s in zip(places, sides, strict=True)]
+    lows = np.array([low for low, _ in cubes])
+    highs = lows + np.array(sides)[:, None]
+    beside = [
+        (i, j)
+        for i in range(len(cubes))
+        for j in range(i + 1, len(cubes))
+        if (lows[i] <= highs[j]).all() and (lows[j] <= highs[i]).all()
+    ]
+    assert sorted(tuple(pair) for pair in touching(_leaves(*cubes))) == beside
 
 
 def test_leaves_of_a_region_have_its_moments() -> None:
-    leaves, owner = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
+    leaves = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
     moments = np.array([_square(0), _square(10), _upright(0)])
-    found = wholes(moments, leaves, owner, Limits(1.0, 0.0, _RIGHT))
+    found = wholes(moments, leaves, Limits(1.0, 0.0, _RIGHT))
     np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
-    assert not owner.any()
 
 
 def test_a_plane_as_precise_as_a_larger_cubes_fits_farther_off() -> None:

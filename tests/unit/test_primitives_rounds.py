@@ -179,9 +179,18 @@ def _codec() -> Primitives:
 @cache
 def _round_stream() -> bytes:
     cloud = prepared(_solids(4000)[0], Settings(leaf=32, cell=16, price=600))
-    stream = encode_surface(cloud, Way(rounds=round_surfaces(cloud)))
-    assert stream is not None
-    return stream
+    coded = encode_surface(cloud, Way(rounds=round_surfaces(cloud)))
+    assert coded is not None
+    return coded.stream
+
+
+def test_streams_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    codec, (xyz, _) = _codec(), _solids(noise=1.0)
+    streams = set()
+    for threads in ("1", "2", "5"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        streams.add(codec.encode(xyz, "r4"))
+    assert len(streams) == 1
 
 
 def test_round_things_are_coded_as_round_surfaces() -> None:

@@ -11,7 +11,7 @@ from puckbench import compiling
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _KERNEL: dict[str, Any] = {**_OPTIONS, **compiling.IN_PLACE}
 # What lets Python call a function takes longer to compile than most functions.
 _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}

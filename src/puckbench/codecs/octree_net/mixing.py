@@ -7,8 +7,6 @@ the cells around the child. All arithmetic is on integers, so that every machine
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,7 +84,7 @@ def code_symbols(
     )
 
 
-@partial(compiled_in_place, nogil=True)
+@compiled_in_place
 def _code_symbols(
     mixer: Mixer, level: Known, group: int, half: int, rows: Ints, symbols: Symbols,
     frequencies: Frequencies, children: Ints, starts: Ints, cells: Cells,

@@ -70,7 +70,7 @@ def around(width: int) -> Callable[..., None]:
             for k in range(count * width):
                 own[start * width + k] = streamed(sums[k])
 
-    return compiled(convolve, nogil=True)
+    return compiled(convolve)
 
 
 @cache
@@ -106,7 +106,7 @@ def head(width: int) -> Callable[..., None]:
                     below = min(most - sums[i * VALUES + j], least)
                     said[start - first + i, j] = powers[np.int64(below)]
 
-    return compiled(say, nogil=True)
+    return compiled(say)
 
 
 @cache
@@ -120,7 +120,7 @@ def telling(width: int) -> Callable[..., None]:
                 total = own[at + j] + known[value + j]
                 own[at + j] = min(max(total, -_STREAM), _STREAM)
 
-    return compiled(tell, nogil=True)
+    return compiled(tell)
 
 
 @cache
@@ -136,7 +136,7 @@ def returning(width: int) -> Callable[..., None]:
                 features[into + j] = own[at + j]
                 active[into + j] = activated(own[at + j])
 
-    return compiled(give_back, nogil=True)
+    return compiled(give_back)
 
 
 @cache
@@ -167,4 +167,4 @@ def down(width: int) -> Callable[..., None]:
                 features[start * width + k] = feature
                 active[start * width + k] = activated(feature)
 
-    return compiled(descend, nogil=True)
+    return compiled(descend)

@@ -6,7 +6,6 @@ children are the inner eight. A cell is unknown while its parent is there but no
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -77,7 +76,7 @@ def look_around(level: Known, rows: Ints) -> None:
     _look_around(level, rows, CELLS)
 
 
-@partial(compiled_in_place, nogil=True)
+@compiled_in_place
 def _look_around(level: Known, rows: Ints, cells: Cells) -> None:
     for i in range(len(rows)):
         row = rows[i]

@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Bytes, Ints, Owners
-from puckbench.compiling import compiled
+from puckbench.compiling import compiled, compiled_in_place
 
 
 class Choice(NamedTuple):
@@ -43,7 +43,7 @@ NO_CHOICE = Choice(
 """For the decoder, which has none to make."""
 
 
-@compiled
+@compiled_in_place
 def gain_at(choice: Choice, point: Floats) -> float:
     """What a sample's cell of points like this one saves: samples' error without, less its own."""
     row, squared = _nearest(choice, point)
@@ -58,22 +58,30 @@ def gain_at(choice: Choice, point: Floats) -> float:
     return float(saved - choice.area * error)
 
 
-@compiled
+@compiled_in_place
 def _nearest(choice: Choice, point: Floats) -> tuple[int, float]:
     """Row of the nearest sample within two cells, -1 for none, and its squared distance."""
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    sure = np.inf  # no sample outside the cells around the point's own is nearer
     for k in range(3):
-        cell = int(point[k] / choice.cell)
-        low[k], high[k] = max(cell - 2, 0), min(cell + 3, choice.rows.shape[k])
+        past = point[k] - (int(point[k] / choice.cell) - 1) * choice.cell
+        sure = min(sure, past, 3 * choice.cell - past)
+    row, squared = _nearest_within(choice, point, 1)
+    return (row, squared) if squared <= sure * sure else _nearest_within(choice, point, 2)
+
+
+@compiled_in_place
+def _nearest_within(choice: Choice, point: Floats, reach: int) -> tuple[int, float]:
+    x, y, z = point
+    cell, rows = choice.cell, choice.rows
+    at, across, up = int(x / cell), int(y / cell), int(z / cell)
     nearest, found = np.inf, -1
-    for i in range(low[0], high[0]):
-        for j in range(low[1], high[1]):
-            for k in range(low[2], high[2]):
-                row = choice.rows[i, j, k] - 1
+    for i in range(max(at - reach, 0), min(at + reach + 1, rows.shape[0])):
+        for j in range(max(across - reach, 0), min(across + reach + 1, rows.shape[1])):
+            for k in range(max(up - reach, 0), min(up + reach + 1, rows.shape[2])):
+                row = rows[i, j, k] - 1
                 if row >= 0:
                     p = choice.xyz[row]
-                    squared = (p[0] - point[0]) ** 2 + (p[1] - point[1]) ** 2
-                    squared += (p[2] - point[2]) ** 2
+                    squared = (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2
                     if squared < nearest:
                         nearest, found = squared, row
     return found, nearest
@@ -101,7 +109,7 @@ def choose(gains: Floats, edge: float, known: Ints, bits: Bytes) -> None:
             break
 
 
-@compiled
+@compiled_in_place
 def _pull(bits: Bytes, known: Ints, a: int, b: int) -> int:
     """Neighbours of a bit that are 1 less those that are 0."""
     side, pull = len(bits), 0

@@ -49,7 +49,6 @@ class Patches(NamedTuple):
     header: Header
     frame: Frame
     leaves: Leaves
-    owner: Owners
     cover: Bytes
     rounds: list[tuple[Round, Bytes]]
 
@@ -64,10 +63,14 @@ def decode_stream(stream: bytes) -> Floats:
 
 def decode_surface(header: Header, bits: bytes) -> Decoded:
     """Points of a stream; InputError when it is damaged."""
-    patches = read_patches(header, bits)
+    return decoded_of(read_patches(header, bits))
+
+
+def decoded_of(patches: Patches) -> Decoded:
+    """Points of planes and of round surfaces; InputError for too many, or none."""
     xyz, rows = points_of(patches)
     planes = patches.leaves.plane[rows]
-    normals = patches.leaves.planes[planes, :3] @ rotation(header.turn)
+    normals = patches.leaves.planes[planes, :3] @ rotation(patches.header.turn)
     found = Decoded(xyz, normals, planes)
     return _joined([found, *points_of_rounds(patches)])
 
@@ -120,7 +123,7 @@ def read_patches(header: Header, bits: bytes) -> Patches:
             code_round(coder, surface.columns(), columns)
     if not whole or coder.bits.registers[POSITION] > len(bits) + PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
-    return Patches(header, frame, leaves, owner, cover, rounds)
+    return Patches(header, frame, leaves, cover, rounds)
 
 
 def frame_of(header: Header, price: float = 0.0) -> Frame:
@@ -132,11 +135,12 @@ def frame_of(header: Header, price: float = 0.0) -> Frame:
 
 
 def empty_leaves(header: Header) -> tuple[Leaves, Owners, Bytes]:
-    """Room for leaves, and grids of the cells' owners (leaf + 1, 0 for none) and states."""
+    """Room for leaves, and grids: owners of least leaves (leaf + 1, 0 for none), cells' states."""
     n = header.leaves
     corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))
-    owner = np.zeros(header.shape, np.int32)
+    down = header.depth - header.finest
+    owner = np.zeros([((cells - 1) >> down) + 1 for cells in header.shape], np.int32)
     return leaves, owner, np.zeros(header.shape, np.uint8)
 
 

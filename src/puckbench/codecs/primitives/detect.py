@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
+from puckbench.codecs.circumstances import allowed_threads
 from puckbench.codecs.primitives.layout import Ints
 from puckbench.codecs.primitives.revolved import CONE, SPHERE, Round, across, cross
 
@@ -60,7 +61,8 @@ def explained(surface: Round, xyz: Floats, normals: Floats, tolerance: float) ->
 
 def _curved(tree: Any, xyz: Floats, normals: Floats, cell: float) -> Ints:
     """Samples whose normal differs from that of a sample near by, less than at an edge."""
-    near = tree.query(xyz, k=min(24, len(xyz)), distance_upper_bound=_SPANS[0] * cell)[1]
+    within = {"k": min(24, len(xyz)), "distance_upper_bound": _SPANS[0] * cell}
+    near = tree.query(xyz, **within, workers=allowed_threads())[1]
     held = np.concatenate([normals, np.full((1, 3), np.nan)])[near]
     cosine = np.abs(np.einsum("ikj,ij->ik", held, normals))
     return np.flatnonzero(((cosine > _CURVED[0]) & (cosine < _CURVED[1])).any(axis=1))

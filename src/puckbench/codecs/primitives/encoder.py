@@ -11,10 +11,10 @@ from puckbench.cloud import Floats
 from puckbench.codecs.binary import written
 from puckbench.codecs.primitives.axes import Turn, rotation
 from puckbench.codecs.primitives.columns import Choice
-from puckbench.codecs.primitives.decoder import empty_leaves, frame_of
+from puckbench.codecs.primitives.decoder import Patches, empty_leaves, frame_of
 from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.entropy import writer
-from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes, Owners
+from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
 from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.regions import Limits, wholes
 from puckbench.codecs.primitives.revolved import (
@@ -23,6 +23,7 @@ from puckbench.codecs.primitives.revolved import (
     Round,
     code_round,
     packed,
+    unpacked,
 )
 from puckbench.codecs.primitives.settings import SIZE, Settings
 from puckbench.codecs.primitives.smooth import sampled, smoothed
@@ -111,6 +112,13 @@ class Cloud(NamedTuple):
         return np.asarray((points - self.low) / self.unit)
 
 
+class Coded(NamedTuple):
+    """A stream, and what its decoder reads from it."""
+
+    stream: bytes
+    patches: Patches
+
+
 def prepared(points: Floats, settings: Settings) -> Cloud:
     """Scale points (n, 3) to units and smooth their surface."""
     points = points[morton_order(points)]
@@ -140,7 +148,7 @@ def cell_of(cloud: Cloud) -> float:
     return _cell(cloud.surface, cloud.settings)
 
 
-def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
+def encode_surface(cloud: Cloud, way: Way) -> Coded | None:
     """Code a cloud as planes and round surfaces; None where there are too few points for that."""
     points, settings = cloud.points, cloud.settings
     surface, low = _turned(cloud, way.turn)
@@ -156,7 +164,7 @@ def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
     dear = max(frame.price, _FLOOR * noise / len(points))
     limits = Limits(_REGION_BITS * dear, _WITHIN_NOISE * noise, _FLAT)
     coder = writer(CONTEXTS, MIXERS, 4096 + _BYTES_A_NODE * header.leaves + _room(wraps))
-    code_tree(coder, frame, _nodes(levels, owner, limits), leaves, owner)
+    code_tree(coder, frame, _nodes(levels, limits), leaves, owner)
     choice = _choice(surface, dear, cell)
     code_support(coder, frame, leaves, owner, choice, cover)
     for wrap in wraps:
@@ -165,9 +173,12 @@ def encode_surface(cloud: Cloud, way: Way) -> bytes | None:
     density = _density(frame, leaves, cover, (columns, len(points)), cell)
     if density is None:
         return None
-    return pack_surface(
-        _complete(header, cloud, way, low, density, cell, wraps), written(coder.bits)
+    header = _complete(header, cloud, way, low, density, cell, wraps)
+    kept = [wrap.bits for wrap in wraps]
+    patches = Patches(
+        header, frame, leaves, cover, list(zip(unpacked(header.rounds), kept, strict=True))
     )
+    return Coded(pack_surface(header, written(coder.bits)), patches)
 
 
 def _surface(points: Floats, noise: float, settings: Settings) -> Surface:
@@ -272,12 +283,12 @@ def _plan(surface: Surface, settings: Settings, cell: float) -> tuple[Header, li
     return Header(*place, depth, finest, coarsest, step, 1, 1, room), levels
 
 
-def _nodes(levels: list[Level], owner: Owners, limits: Limits) -> Nodes:
-    """The tree's levels in one list, and regions of its leaves; owner: a grid of zeros."""
+def _nodes(levels: list[Level], limits: Limits) -> Nodes:
+    """The tree's levels in one list, and regions of its leaves."""
     moments = np.concatenate([level.moments for level in levels])
     places, leaves = leaves_of(levels)
     regions = np.zeros_like(moments)
-    regions[places] = wholes(moments[places], leaves, owner, limits)
+    regions[places] = wholes(moments[places], leaves, limits)
     starts = np.cumsum([0] + [len(level.cells) for level in levels])
     first = [level.first[:-1] + start for level, start in zip(levels, starts[1:], strict=True)]
     cells = np.concatenate([level.cells for level in levels]) & 1

@@ -62,13 +62,6 @@ class Nodes(NamedTuple):
 
 
 @compiled
-def take(leaves: Leaves, i: int, owner: Owners) -> None:
-    """Enter a leaf as the owner of its cells: its number and 1."""
-    low, high = leaves.corner[i], leaves.corner[i] + leaves.side[i]
-    owner[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = i + 1
-
-
-@compiled
 def dominant(plane: Floats) -> int:
     """The axis that a plane's normal is nearest to."""
     axis = 0

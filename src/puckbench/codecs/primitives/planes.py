@@ -7,7 +7,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
-from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant, take
+from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant
 from puckbench.compiling import compiled
 
 _CANDIDATES = 4
@@ -64,17 +64,21 @@ def code_plane(
         name = leaves.counts[1]
         leaves.counts[1] += 1
         plane_from(wanted, cube, leaves.planes[name])
-    _add_leaf(corner, side, name, leaves, owner)
+    _add_leaf(frame, corner, side, name, leaves, owner)
 
 
 @compiled
-def _add_leaf(corner: Ints, side: int, name: int, leaves: Leaves, owner: Owners) -> None:
+def _add_leaf(
+    frame: Frame, corner: Ints, side: int, name: int, leaves: Leaves, owner: Owners
+) -> None:
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
     leaves.corner[leaf] = corner
     leaves.side[leaf] = side
     leaves.plane[leaf] = name
-    take(leaves, leaf, owner)
+    down = frame.depth - frame.finest
+    low, high = corner >> down, (corner + side) >> down
+    owner[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = leaf + 1
 
 
 @compiled
@@ -107,7 +111,7 @@ def _contacts(
     names: Ints,
 ) -> int:
     """Count the cells around a cube by the plane of the leaf they belong to; how many planes."""
-    count = 0
+    count, down = 0, frame.depth - frame.finest
     low = np.maximum(corner - 1, 0)
     high = np.minimum(corner + side, frame.shape - 1)
     for x in range(low[0], high[0] + 1):
@@ -116,7 +120,7 @@ def _contacts(
             for z in range(low[2], high[2] + 1):
                 if inside and corner[2] <= z < corner[2] + side:
                     continue
-                leaf = owner[x, y, z] - 1
+                leaf = owner[x >> down, y >> down, z >> down] - 1
                 if leaf >= 0:
                     count = _vote(leaves.plane[leaf], count, votes, names)
     return count

@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.cloud import Floats
 from puckbench.codecs.moments import fit_plane
-from puckbench.codecs.primitives.layout import Ints, Leaves, Owners, take
+from puckbench.codecs.primitives.layout import Ints, Leaves, Owners
 from puckbench.compiling import compiled
 
 
@@ -48,23 +48,12 @@ class _Borders(NamedTuple):
     next: Ints
 
 
-def wholes(moments: Floats, leaves: Leaves, owner: Owners, limits: Limits) -> Floats:
-    """Moments (n, 10) of the region that each leaf is in, of the leaves' own.
-
-    owner: a grid of zeros, which is used, and left so.
-    """
-    _take_all(leaves, owner)
-    region = joined(moments, touching(leaves, owner), limits)
-    owner[:] = 0
+def wholes(moments: Floats, leaves: Leaves, limits: Limits) -> Floats:
+    """Moments (n, 10) of the region that each leaf is in, of the leaves' own."""
+    region = joined(moments, touching(leaves), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region, moments)
     return np.asarray(sums[region])
-
-
-@compiled
-def _take_all(leaves: Leaves, owner: Owners) -> None:
-    for i in range(leaves.counts[0]):
-        take(leaves, i, owner)
 
 
 @compiled
@@ -190,25 +179,43 @@ def _region(regions: _Regions, i: int) -> int:
 
 
 @compiled
-def touching(leaves: Leaves, owner: Owners) -> Ints:
+def touching(leaves: Leaves) -> Ints:
     """Pairs (m, 2) of leaves, the first before the second, that have a face, edge or corner common.
 
-    owner: the grid of cells, 0 or the leaf that has it and 1.
+    Corners are multiples of the leaves' sides, which are powers of two.
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)
+    least = max(leaves.side[:n].min(), 1) if n else 1
+    lows, highs = leaves.corner[:n] // least, (leaves.corner[:n].T + leaves.side[:n]).T // least
+    owner = _owners(lows, highs)
     seen = np.full(n, -1)
     for i in range(n):
-        low = np.maximum(leaves.corner[i] - 1, 0)
-        high = np.minimum(leaves.corner[i] + leaves.side[i] + 1, np.array(owner.shape))
-        for x in range(low[0], high[0]):
-            for y in range(low[1], high[1]):
-                for z in range(low[2], high[2]):
-                    j = owner[x, y, z] - 1
-                    if j > i and seen[j] != i:
-                        seen[j] = i
-                        if count == len(pairs):
-                            pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                        pairs[count, 0], pairs[count, 1] = i, j
-                        count += 1
+        low, high = lows[i], highs[i]
+        for x in range(max(low[0] - 1, 0), min(high[0] + 1, owner.shape[0])):
+            for y in range(max(low[1] - 1, 0), min(high[1] + 1, owner.shape[1])):
+                inside = low[0] <= x < high[0] and low[1] <= y < high[1]
+                step = high[2] - low[2] + 1 if inside else 1  # from below the leaf to above it
+                for z in range(low[2] - 1, high[2] + 1, step):
+                    if 0 <= z < owner.shape[2]:
+                        j = owner[x, y, z] - 1
+                        if j > i and seen[j] != i:
+                            seen[j] = i
+                            if count == len(pairs):
+                                pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                            pairs[count, 0], pairs[count, 1] = i, j
+                            count += 1
     return pairs[:count]
+
+
+@compiled
+def _owners(lows: Ints, highs: Ints) -> Owners:
+    """A grid of which box (n, 3), from its least corner to its greatest, has a cell, and 1."""
+    shape = np.zeros(3, np.int64)
+    for i in range(len(highs)):
+        shape = np.maximum(shape, highs[i])
+    owner = np.zeros((shape[0], shape[1], shape[2]), np.int32)
+    for i in range(len(lows)):
+        low, high = lows[i], highs[i]
+        owner[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = i + 1
+    return owner

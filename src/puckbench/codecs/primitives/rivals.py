@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.circumstances import allowed_threads
 from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.decoder import decode_stream, decode_surface
+from puckbench.codecs.primitives.decoder import Patches, decode_stream, decoded_of
 from puckbench.codecs.primitives.encoder import (
     Cloud,
     Way,
@@ -28,8 +30,7 @@ from puckbench.codecs.primitives.encoder import (
 from puckbench.codecs.primitives.grids import first_ways, other_margins, shifted
 from puckbench.codecs.primitives.judge import Errors, Judge
 from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.stream import Header, unpack
-from puckbench.errors import InputError
+from puckbench.codecs.threads import in_threads
 
 
 def encode(points: Floats, settings: Settings) -> bytes:
@@ -66,7 +67,7 @@ def _surface_or_voxels(points: Floats, cloud: Cloud, judge: Judge, best: _Try, m
     for dearer in _DEARER:
         settings = replace(cloud.settings, price=dearer * cloud.settings.price)
         cheaper = cloud._replace(settings=settings)
-        stream = best.stream if dearer == 1 else encode_surface(cheaper, best.way)
+        stream = best.stream if dearer == 1 else _stream_of(cheaper, best.way)
         fits = stream is not None and len(stream) <= most
         rivals.append(voxels.encode_within(points, len(stream) if stream and fits else most))
         if stream and fits:
@@ -84,6 +85,11 @@ _SAVING = 0.98
 """Cost, times another's, below which the grid is moved: less may be chance."""
 
 
+def _stream_of(cloud: Cloud, way: Way) -> bytes | None:
+    coded = encode_surface(cloud, way)
+    return coded and coded.stream
+
+
 class _Try(NamedTuple):
     """A way to code a surface, what it costs (error + price x bits), and the stream."""
 
@@ -95,13 +101,16 @@ class _Try(NamedTuple):
 def _best_surface(cloud: Cloud, judge: Judge) -> _Try:
     """The surface that costs least."""
     best = _best_grid(cloud, judge)
-    refused = 0
-    for surface in round_surfaces(cloud):
-        more = _tried(cloud, judge, best.way._replace(rounds=(*best.way.rounds, surface)))
-        refused = refused + 1 if more.cost >= best.cost else 0
-        best = min(best, more, key=lambda found: found.cost)
-        if refused == _MOST_REFUSED:
-            break
+    waiting, refused = list(round_surfaces(cloud)), 0
+    while waiting and refused < _MOST_REFUSED:
+        # Several at once: those after one that is taken are tried again, beside it.
+        several = waiting[: min(allowed_threads(), _MOST_REFUSED - refused)]
+        ways = [best.way._replace(rounds=(*best.way.rounds, each)) for each in several]
+        tries = in_threads(partial(_tried, cloud, judge), ways)
+        saving = [found.cost < best.cost for found in tries]
+        taken = saving.index(True) if any(saving) else len(tries)
+        best, refused = (tries[taken], 0) if any(saving) else (best, refused + taken)
+        waiting = waiting[taken + any(saving) :]
     return best
 
 
@@ -116,26 +125,25 @@ def _best_grid(cloud: Cloud, judge: Judge) -> _Try:
 
 def _best_of(cloud: Cloud, judge: Judge, ways: Iterable[Way], known: _Try | None) -> _Try:
     """The cheapest way of some; one that is known unless another saves enough."""
-    tries = [_tried(cloud, judge, way) for way in ways]
+    tries = in_threads(partial(_tried, cloud, judge), ways)
     best = min([*tries, *([known] if known else [])], key=lambda found: found.cost)
     return best if known is None or best.cost < _SAVING * known.cost else known
 
 
 def _tried(cloud: Cloud, judge: Judge, way: Way) -> _Try:
-    stream = encode_surface(cloud, way)
-    if stream is None:
+    coded = encode_surface(cloud, way)
+    if coded is None:
         return _Try(np.inf, way, None)
-    error = judge.to_surface(cloud.in_units(_thinly_decoded(stream)))
-    rate = 8 * len(stream) / len(cloud.points)
-    return _Try(error + cloud.settings.price * rate, way, stream)
+    error = judge.to_surface(cloud.in_units(_thinly_decoded(coded.patches)))
+    rate = 8 * len(coded.stream) / len(cloud.points)
+    return _Try(error + cloud.settings.price * rate, way, coded.stream)
 
 
-def _thinly_decoded(stream: bytes) -> Floats:
-    """Points of a stream of surfaces, fewer than the decoder makes."""
-    header, bits = unpack(stream)
-    if not isinstance(header, Header):
-        raise InputError("the stream holds no surfaces")
-    return decode_surface(header._replace(fineness=max(header.fineness // 3, 1)), bits).xyz
+def _thinly_decoded(patches: Patches) -> Floats:
+    """Points of surfaces, fewer than the decoder makes."""
+    header = patches.header
+    thin = header._replace(fineness=max(header.fineness // 3, 1))
+    return decoded_of(patches._replace(header=thin)).xyz
 
 
 class _Match(NamedTuple):

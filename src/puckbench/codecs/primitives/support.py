@@ -97,23 +97,22 @@ def _choose_columns(
     low_u, low_v = corner[(axis + 1) % 3], corner[(axis + 2) % 3]
     gains = np.zeros((side, side))
     known = np.zeros((side + 2, side + 2), np.int64)
-    at = np.zeros(3, np.int64)
+    at, point = np.zeros(3, np.int64), np.zeros(3)
     for a in range(-1, side + 1):
         for b in range(-1, side + 1):
             if 0 <= a < side and 0 <= b < side:
                 if in_leaf(frame, leaves, i, axis, low_u + a, low_v + b, at):
-                    gains[a, b] = _gain(plane, axis, low_u + a, low_v + b, choice)
+                    gains[a, b] = _gain(plane, axis, low_u + a, low_v + b, choice, point)
             else:
                 place = (axis, low_u + a, low_v + b)
                 known[a + 1, b + 1] = _state(frame, plane, place, owner, cover, at)
     choose(gains, choice.edge, known, bits)
 
 
-@compiled
-def _gain(plane: Floats, axis: int, a: int, b: int, choice: Choice) -> float:
-    """Error that a column saves, from four points of it."""
+@compiled_in_place
+def _gain(plane: Floats, axis: int, a: int, b: int, choice: Choice, p: Floats) -> float:
+    """Error that a column saves, from four points of it; p: (3,) room for them."""
     gain = 0.0
-    p = np.zeros(3)
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)
         p[(axis + 1) % 3], p[(axis + 2) % 3] = p_u, p_v
@@ -189,4 +188,6 @@ def _state(
     state = cover[at[0], at[1], at[2]]
     if state != _UNKNOWN:
         return int(state)
-    return _UNKNOWN if owner[at[0], at[1], at[2]] > 0 else _EMPTY
+    down = frame.depth - frame.finest
+    owned = owner[at[0] >> down, at[1] >> down, at[2] >> down] > 0
+    return _UNKNOWN if owned else _EMPTY

@@ -33,7 +33,7 @@ MIXERS = _PLANE_MIXER + PLANE_MIXERS
 def code_tree(coder: Coder, frame: Frame, nodes: Nodes, leaves: Leaves, owner: Owners) -> bool:
     """Code all levels; false when a stream has more nodes or leaves than there is room for.
 
-    owner: grid of the cells, 0 or the leaf that has it and 1. What is coded is written to
+    owner: grid of the least leaves, 0 or the leaf that has it and 1. What is coded is written to
     `leaves` and `owner`. `nodes` is only looked at by the encoder.
     """
     room = len(leaves.side)
