@@ -94,6 +94,30 @@ def test_all_objects_of_capod_are_coded_at_all_rates(data: Path) -> None:
     assert set(plan.codecs) == {"draco", "gpcc", "gpcc_arena"}
 
 
+def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> None:
+    more = read("capod_learned.yaml")
+    chosen = more["scenes"]["objects"]["select"]
+    assert chosen == [f"m{12 * k + 1:03}" for k in range(15)]  # 15 classes of 12, in their order
+    classes = [f"Class{k} 0 1\n{name[1:].lstrip('0')}\n" for k, name in enumerate(chosen)]
+    lookalike.write(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
+    for k, name in enumerate(chosen):
+        file = data / "CAPOD" / f"class{k + 1}" / f"m{name[1:].lstrip('0')}.obj"
+        lookalike.write(file, "v 0 0 0\n")
+    weights = data / "weights"
+    for alpha in ("0.75", "2", "6", "10"):
+        lookalike.write(weights / "pcgcv1" / f"a{alpha}b3.npz", "")
+    for alpha in ("025", "05", "1", "2", "4", "6", "10"):
+        lookalike.write(weights / "pcgcv2" / f"c8_a{alpha}_32000.pth", "")
+    config = read("capod.yaml")
+    config["scenes"]["objects"] |= more.pop("scenes")["objects"]
+    config["codecs"] |= more.pop("codecs")
+    plan = Workflow({**config, **more}, SCHEMA).plan
+    assert len(plan.clouds) == 15
+    assert {name: len(codec["rates"]) for name, codec in plan.codecs.items()} == {
+        "draco": 8, "gpcc": 8, "gpcc_arena": 8, "pcgcv1_published": 5, "pcgcv2_published": 7
+    }  # fmt: skip
+
+
 def test_the_thesis_is_planned_at_full_size_without_its_data(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
