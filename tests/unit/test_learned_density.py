@@ -74,6 +74,16 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
     assert np.array_equal(codec.decode(stream), published.decode(stream))  # the stream says how
 
 
+@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+def test_coordinates_are_truncated_as_published(name: str, tmp_path: Path) -> None:
+    save_tiny(name, tmp_path / "tiny.pcgw")
+    points = _plane(2) + [0, 1, 2]
+    rounded = open_codec(name, changes(name, tmp_path))
+    published = open_codec(name, changes(name, tmp_path, as_published=True))
+    assert published.encode(points + 0.9, "r2") == published.encode(points, "r2")
+    assert rounded.encode(points + 0.9, "r2") != rounded.encode(points, "r2")
+
+
 def test_a_stream_says_whether_families_are_kept(tmp_path: Path) -> None:
     save_tiny("pcgcv2", tmp_path / "tiny.pcgw")
     codec = open_codec("pcgcv2", changes("pcgcv2", tmp_path))

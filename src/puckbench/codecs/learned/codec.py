@@ -149,7 +149,8 @@ class LearnedByAlpha(Learned[R]):
 
     contexts: code the latent in contexts; otherwise with the weights' tables alone. fill: decode as
     many points as were coded, on the surface around each voxel; otherwise one for each voxel, in
-    its middle. as_published: as the authors' program, do neither, and leave each grid as it is.
+    its middle. as_published: as the authors' program, do neither, leave each grid as it is, and cut
+    off what coordinates have behind the point, as their readers of PLY files do.
     """
 
     def __init__(
@@ -163,6 +164,9 @@ class LearnedByAlpha(Learned[R]):
         super().__init__(**entry)
         self.as_published = as_published
         self.contexts, self.fill = contexts and not as_published, fill and not as_published
+
+    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+        return super()._encode(np.trunc(points) if self.as_published else points, parameters)
 
     def _path(self, parameters: Mapping[str, Any]) -> Path | None:
         return self.network.by_alpha(self._where()).get(float(parameters["alpha"]))
