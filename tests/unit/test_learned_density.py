@@ -77,7 +77,7 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
 @pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
 def test_coordinates_are_truncated_as_published(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
-    points = _plane(2) + [0, 1, 2]
+    points = _plane(2) + np.arange(3)
     rounded = open_codec(name, changes(name, tmp_path))
     published = open_codec(name, changes(name, tmp_path, as_published=True))
     assert published.encode(points + 0.9, "r2") == published.encode(points, "r2")
