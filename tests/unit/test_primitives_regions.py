@@ -15,6 +15,7 @@ from puckbench.codecs.primitives.tree import moments_of
 from puckbench.codecs.registry import open_codec
 
 _RIGHT = float(np.cos(np.radians(45)))
+_SHAPE = np.array([16, 16, 16])
 
 
 def _square(x: float, height: float = 0.0) -> np.ndarray:
@@ -76,7 +77,14 @@ def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> Leaves:
 def test_cubes_touch_by_faces_edges_and_corners(scale: int) -> None:
     cubes = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
     leaves = cubes._replace(corner=scale * cubes.corner, side=scale * cubes.side)
-    assert {tuple(pair) for pair in touching(leaves)} == {(0, 1), (0, 2), (1, 3)}
+    assert {tuple(pair) for pair in touching(leaves, scale * _SHAPE)} == {(0, 1), (0, 2), (1, 3)}
+
+
+def test_large_cubes_take_no_more_memory_than_their_grid() -> None:
+    # A flat cloud's: cubes of half its extent stick out of it, beside one of a single cell.
+    leaves = _leaves(((0, 0, 0), 4096), ((4096, 0, 0), 4096), ((4096, 4096, 0), 1))
+    pairs = touching(leaves, np.array([4097, 4097, 1]))
+    assert {tuple(pair) for pair in pairs} == {(0, 1), (0, 2), (1, 2)}
 
 
 @given(st.sets(st.tuples(*3 * [st.integers(0, 3)]), min_size=1), st.data())
@@ -94,13 +102,13 @@ def test_touching_cubes_are_those_less_than_a_cell_apart(
         for j in range(i + 1, len(cubes))
         if (lows[i] <= highs[j]).all() and (lows[j] <= highs[i]).all()
     ]
-    assert sorted(tuple(pair) for pair in touching(_leaves(*cubes))) == beside
+    assert sorted(tuple(pair) for pair in touching(_leaves(*cubes), _SHAPE)) == beside
 
 
 def test_leaves_of_a_region_have_its_moments() -> None:
     leaves = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
     moments = np.array([_square(0), _square(10), _upright(0)])
-    found = wholes(moments, leaves, Limits(1.0, 0.0, _RIGHT))
+    found = wholes(moments, leaves, _SHAPE, Limits(1.0, 0.0, _RIGHT))
     np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
 
 

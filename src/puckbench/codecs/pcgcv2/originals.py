@@ -24,8 +24,8 @@ _PARTS = ("encoder", "decoder", "entropy_bottleneck")
 def load_original(path: Path) -> PCGCv2:
     """The network of a checkpoint of the authors' repository; InputError when it is not one.
 
-    A third to two thirds of the authors' weights decayed to denormal numbers (below 1.2e-38), with
-    which a processor computes a hundred times slower. They are read as the zeros that they act as.
+    28 to 67 % of the authors' weights have decayed to denormal numbers (below 1.2e-38), with which
+    some processors compute a hundred times slower. They are read as the zeros that they act as.
     """
     checkpoint = _read(path)
     model = PCGCv2(Shape())

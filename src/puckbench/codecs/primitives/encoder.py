@@ -14,7 +14,7 @@ from puckbench.codecs.primitives.columns import Choice
 from puckbench.codecs.primitives.decoder import Patches, empty_leaves, frame_of
 from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.entropy import writer
-from puckbench.codecs.primitives.layout import Bytes, Frame, Leaves, Nodes
+from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes
 from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.regions import Limits, wholes
 from puckbench.codecs.primitives.revolved import (
@@ -164,7 +164,7 @@ def encode_surface(cloud: Cloud, way: Way) -> Coded | None:
     dear = max(frame.price, _FLOOR * noise / len(points))
     limits = Limits(_REGION_BITS * dear, _WITHIN_NOISE * noise, _FLAT)
     coder = writer(CONTEXTS, MIXERS, 4096 + _BYTES_A_NODE * header.leaves + _room(wraps))
-    code_tree(coder, frame, _nodes(levels, limits), leaves, owner)
+    code_tree(coder, frame, _nodes(levels, frame.shape, limits), leaves, owner)
     choice = _choice(surface, dear, cell)
     code_support(coder, frame, leaves, owner, choice, cover)
     for wrap in wraps:
@@ -283,12 +283,12 @@ def _plan(surface: Surface, settings: Settings, cell: float) -> tuple[Header, li
     return Header(*place, depth, finest, coarsest, step, 1, 1, room), levels
 
 
-def _nodes(levels: list[Level], limits: Limits) -> Nodes:
-    """The tree's levels in one list, and regions of its leaves."""
+def _nodes(levels: list[Level], shape: Ints, limits: Limits) -> Nodes:
+    """The tree's levels in one list, and regions of its leaves; shape: of the grid of cells."""
     moments = np.concatenate([level.moments for level in levels])
     places, leaves = leaves_of(levels)
     regions = np.zeros_like(moments)
-    regions[places] = wholes(moments[places], leaves, limits)
+    regions[places] = wholes(moments[places], leaves, shape, limits)
     starts = np.cumsum([0] + [len(level.cells) for level in levels])
     first = [level.first[:-1] + start for level, start in zip(levels, starts[1:], strict=True)]
     cells = np.concatenate([level.cells for level in levels]) & 1

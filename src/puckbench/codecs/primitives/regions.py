@@ -48,9 +48,12 @@ class _Borders(NamedTuple):
     next: Ints
 
 
-def wholes(moments: Floats, leaves: Leaves, limits: Limits) -> Floats:
-    """Moments (n, 10) of the region that each leaf is in, of the leaves' own."""
-    region = joined(moments, touching(leaves), limits)
+def wholes(moments: Floats, leaves: Leaves, shape: Ints, limits: Limits) -> Floats:
+    """Moments (n, 10) of the region that each leaf is in, of the leaves' own.
+
+    shape: (3,) cells of the grid.
+    """
+    region = joined(moments, touching(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region, moments)
     return np.asarray(sums[region])
@@ -179,15 +182,17 @@ def _region(regions: _Regions, i: int) -> int:
 
 
 @compiled
-def touching(leaves: Leaves) -> Ints:
+def touching(leaves: Leaves, shape: Ints) -> Ints:
     """Pairs (m, 2) of leaves, the first before the second, that have a face, edge or corner common.
 
-    Corners are multiples of the leaves' sides, which are powers of two.
+    Corners are multiples of the leaves' sides, which are powers of two. shape: (3,) cells of the
+    grid, past which nothing touches.
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)
     least = max(leaves.side[:n].min(), 1) if n else 1
     lows, highs = leaves.corner[:n] // least, (leaves.corner[:n].T + leaves.side[:n]).T // least
+    highs = np.minimum(highs, (shape - 1) // least + 1)
     owner = _owners(lows, highs)
     seen = np.full(n, -1)
     for i in range(n):

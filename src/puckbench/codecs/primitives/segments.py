@@ -34,7 +34,7 @@ def _joined(patches: Patches, xyz: Floats, rows: Ints) -> Ints:
     """`joined_leaves` of patches with points (m, 3) on leaves `rows` (m,)."""
     moments = np.zeros((int(patches.leaves.counts[0]), 10))
     np.add.at(moments, rows, moments_of((xyz - xyz.mean(axis=0)) / patches.header.unit))
-    pairs = touching(patches.leaves)
+    pairs = touching(patches.leaves, patches.frame.shape)
     filled = moments[:, 0] > 0
     pairs = pairs[filled[pairs].all(axis=1)]
     return np.asarray(joined(moments, pairs, Limits(0.0, _OFF, _PARALLEL)))
