@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
-from puckbench.compiling import compiled
+from puckbench.compiling import compiled, compiled_in_place
 
 Ints = NDArray[np.int64]
 Owners = NDArray[np.int32]
@@ -59,6 +59,13 @@ class Nodes(NamedTuple):
     leaf: NDArray[np.bool_]
     octant: Ints
     wholes: Floats
+
+
+@compiled_in_place
+def owner_at(frame: Frame, owner: Owners, x: int, y: int, z: int) -> int:
+    """The leaf that has a cell and 1, or 0, in the grid of least leaves."""
+    down = frame.depth - frame.finest
+    return int(owner[x >> down, y >> down, z >> down])
 
 
 @compiled

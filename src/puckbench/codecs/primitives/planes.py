@@ -7,7 +7,15 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
-from puckbench.codecs.primitives.layout import Frame, Ints, Leaves, Nodes, Owners, dominant
+from puckbench.codecs.primitives.layout import (
+    Frame,
+    Ints,
+    Leaves,
+    Nodes,
+    Owners,
+    dominant,
+    owner_at,
+)
 from puckbench.compiling import compiled
 
 _CANDIDATES = 4
@@ -111,7 +119,7 @@ def _contacts(
     names: Ints,
 ) -> int:
     """Count the cells around a cube by the plane of the leaf they belong to; how many planes."""
-    count, down = 0, frame.depth - frame.finest
+    count = 0
     low = np.maximum(corner - 1, 0)
     high = np.minimum(corner + side, frame.shape - 1)
     for x in range(low[0], high[0] + 1):
@@ -120,7 +128,7 @@ def _contacts(
             for z in range(low[2], high[2] + 1):
                 if inside and corner[2] <= z < corner[2] + side:
                     continue
-                leaf = owner[x >> down, y >> down, z >> down] - 1
+                leaf = owner_at(frame, owner, x, y, z) - 1
                 if leaf >= 0:
                     count = _vote(leaves.plane[leaf], count, votes, names)
     return count

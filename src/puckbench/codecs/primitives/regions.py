@@ -190,10 +190,11 @@ def touching(leaves: Leaves, shape: Ints) -> Ints:
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)
-    least = max(leaves.side[:n].min(), 1) if n else 1
+    least = leaves.side[:n].min() if n else 1
+    grid = (shape - 1) // least + 1
     lows, highs = leaves.corner[:n] // least, (leaves.corner[:n].T + leaves.side[:n]).T // least
-    highs = np.minimum(highs, (shape - 1) // least + 1)
-    owner = _owners(lows, highs)
+    highs = np.minimum(highs, grid)
+    owner = _owners(lows, highs, grid)
     seen = np.full(n, -1)
     for i in range(n):
         low, high = lows[i], highs[i]
@@ -214,11 +215,8 @@ def touching(leaves: Leaves, shape: Ints) -> Ints:
 
 
 @compiled
-def _owners(lows: Ints, highs: Ints) -> Owners:
+def _owners(lows: Ints, highs: Ints, shape: Ints) -> Owners:
     """A grid of which box (n, 3), from its least corner to its greatest, has a cell, and 1."""
-    shape = np.zeros(3, np.int64)
-    for i in range(len(highs)):
-        shape = np.maximum(shape, highs[i])
     owner = np.zeros((shape[0], shape[1], shape[2]), np.int32)
     for i in range(len(lows)):
         low, high = lows[i], highs[i]

@@ -107,10 +107,12 @@ def _best_surface(cloud: Cloud, judge: Judge) -> _Try:
         several = waiting[: min(allowed_threads(), _MOST_REFUSED - refused)]
         ways = [best.way._replace(rounds=(*best.way.rounds, each)) for each in several]
         tries = in_threads(partial(_tried, cloud, judge), ways)
-        saving = [found.cost < best.cost for found in tries]
-        taken = saving.index(True) if any(saving) else len(tries)
-        best, refused = (tries[taken], 0) if any(saving) else (best, refused + taken)
-        waiting = waiting[taken + any(saving) :]
+        for found in tries:
+            waiting.pop(0)
+            if found.cost < best.cost:
+                best, refused = found, 0
+                break
+            refused += 1
     return best
 
 

@@ -19,6 +19,7 @@ from puckbench.codecs.primitives.layout import (
     Owners,
     dominant,
     height,
+    owner_at,
 )
 from puckbench.codecs.primitives.walk import CONTEXTS as TREE_CONTEXTS
 from puckbench.codecs.primitives.walk import MIXERS as TREE_MIXERS
@@ -188,6 +189,4 @@ def _state(
     state = cover[at[0], at[1], at[2]]
     if state != _UNKNOWN:
         return int(state)
-    down = frame.depth - frame.finest
-    owned = owner[at[0] >> down, at[1] >> down, at[2] >> down] > 0
-    return _UNKNOWN if owned else _EMPTY
+    return _UNKNOWN if owner_at(frame, owner, at[0], at[1], at[2]) > 0 else _EMPTY
