@@ -33,7 +33,7 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
     min_points: of a cube for the network. sparse_cubes: code smaller ones too.
     """
 
-    version = "PCGCv1, stream version 3"
+    version = "PCGCv1, stream version 4"
     network = NETWORK
 
     def __init__(self, *, min_points: int = 20, sparse_cubes: bool = True, **entry: Any) -> None:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from puckbench.cloud import Floats
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.learned.filling import PARTS, check_filling, filled, points_per_voxel
+from puckbench.codecs.learned.filling import (
+    Octets,
+    certain,
+    check_filling,
+    filled,
+    points_per_voxel,
+    together,
+)
 from puckbench.codecs.pcgcv1.cells import Cells, cells_of
 from puckbench.codecs.pcgcv1.coding import (
     checksum,
@@ -22,7 +29,7 @@ from puckbench.codecs.pcgcv1.coding import (
     encode_counts,
     encode_hyper,
 )
-from puckbench.codecs.pcgcv1.cubes import Cubes, Whole, cubes_of, most_likely, occupancy, within
+from puckbench.codecs.pcgcv1.cubes import Cubes, cubes_of, most_likely, occupancy, octets_of
 from puckbench.codecs.pcgcv1.laplace import Chosen, joined
 from puckbench.codecs.pcgcv1.stream import BLOCK, Block, Coded
 from puckbench.codecs.pcgcv1.support import (
@@ -81,9 +88,9 @@ class Coder:
                 for block in _blocks(len(counts))
             ]
         cells = cells_of(support) if self.contexts else None
-        eighths = points_per_voxel(len(points), len(cubes.keys), self.rho) if self.fill else PARTS
+        per_voxel = points_per_voxel(len(points), len(cubes.keys), self.rho) if self.fill else 0
         return Coded(self.weights.digest, self.rate, self.scale, len(counts), cells is not None,
-                     eighths, encode_voxels(placed), encode_counts(counts, side**3), sparse,
+                     per_voxel, encode_voxels(placed), encode_counts(counts, side**3), sparse,
                      _encode_latents(parts, cells),
                      tuple(part.block for part in parts))  # fmt: skip
 
@@ -116,8 +123,8 @@ class Decoder:
         sparse = decode_voxels(coded.sparse)
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
-        check_filling(coded.eighths, len(sparse) + sum(counts))
-        parts = [sparse]
+        check_filling(coded.per_voxel, len(sparse) + sum(counts))
+        parts = [certain(sparse)]
         with crew(self.threads) as workers:
             blocks = [support.blocks[cubes] for cubes in _blocks(coded.cubes)]
             chosen = [
@@ -126,10 +133,13 @@ class Decoder:
             ]
             latents = _decode_latents(coded, chosen, support)
             for cubes, held, rows in zip(_blocks(coded.cubes), blocks, latents, strict=True):
-                keys = self._synthesise(coded.rate, held, rows, counts[cubes], workers)
-                corners = support.positions[cubes] * side
-                parts += map(np.add, corners, (within(found, side) for found in keys))
-        return filled(np.vstack(parts), coded.eighths) / coded.scale
+                found = self._synthesise(coded.rate, held, rows, counts[cubes], workers)
+                corners = support.positions[cubes] * (side // 2)
+                parts += [
+                    cube._replace(places=cube.places + corner)
+                    for cube, corner in zip(found, corners, strict=True)
+                ]
+        return filled(together(parts), coded.per_voxel) / coded.scale
 
     def _chosen(self, rate: int, block: Block, held: Bools, workers: Crew) -> Chosen:
         """The tables (n, channels) of a block's latent; InputError when damaged."""
@@ -142,16 +152,16 @@ class Decoder:
 
     def _synthesise(
         self, rate: int, held: Bools, rows: Integers, counts: list[int], workers: Crew
-    ) -> list[Whole]:
+    ) -> list[Octets]:
         latents = np.zeros((*held.shape, rows.shape[1]), dtype=np.int32)
         latents[held] = rows
 
-        def one(cube: int) -> Whole:
+        def one(cube: int) -> Octets:
             latent = np.ascontiguousarray(np.moveaxis(latents[cube], -1, 0))
             logits = self.weights.network.synthesise(latent, rate)
             if self.weights.shape.supported:
-                return likeliest(logits, held[cube], counts[cube])
-            return most_likely(logits, counts[cube])
+                return octets_of(logits, likeliest(logits, held[cube], counts[cube]))
+            return octets_of(logits, most_likely(logits, counts[cube]))
 
         return _each(len(held), one, workers)
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.learned.filling import Octets, octets
+
 Whole = NDArray[np.int64]
 Voxels = NDArray[np.int64]
+S = TypeVar("S", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -85,3 +88,17 @@ def most_likely(logits: NDArray[np.float32], count: int) -> Whole:
     above = np.flatnonzero(logits > least)
     equal = np.flatnonzero(logits == least)[: count - len(above)]
     return np.sort(np.concatenate([above, equal]))
+
+
+def octets_of(logits: NDArray[np.float32], keys: Whole) -> Octets:
+    """The blocks of a cube with the voxels of these keys, of the logits of all its voxels, flat."""
+    kept = np.zeros(len(logits), dtype=bool)
+    kept[keys] = True
+    across = round(len(logits) ** (1 / 3)) // 2
+    places = within(np.arange(across**3), across)
+    return octets(places, _by_block(logits, across), _by_block(kept, across))
+
+
+def _by_block(values: NDArray[S], across: int) -> NDArray[S]:
+    """Those of a cube's voxels, flat, to (blocks, 8), x fastest in a block."""
+    return values.reshape((across, 2) * 3).transpose(0, 2, 4, 5, 3, 1).reshape(-1, 8)

@@ -2,7 +2,8 @@
 
 magic "PCG1", version, CRC-32 of all that follows
 digest of the weights (8 bytes), number of the rate among theirs, scale (double)
-whether the latent is coded in contexts (1 byte), eighths of a point for each voxel (1 byte)
+whether the latent is coded in contexts (1 byte)
+points of each voxel, in 256ths, or 0 for one in its middle (2 bytes)
 base-128 numbers: bytes of positions, of counts, of sparse voxels and of the latent, number of cubes
 positions of the cubes, or of their blocks that hold voxels if the weights are `supported` (octree),
     voxels to keep in each cube, voxels of sparse cubes (octree), the latent
@@ -19,13 +20,13 @@ from puckbench.codecs.learned.reader import Reader, base_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG1"
-VERSION = 3
+VERSION = 4
 BLOCK = 32
 """Cubes of a block; the last one may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
 """What a scale is between; with a smaller one coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
-_HEADER = struct.Struct("<8sBdBB")
+_HEADER = struct.Struct("<8sBdBH")
 _CHECK = struct.Struct("<I")
 
 
@@ -41,8 +42,8 @@ class Block:
 class Coded:
     """A cloud coded by a network.
 
-    scale: voxels per unit. contexts: the latent is coded in them. eighths: of a point, for each
-    voxel. sparse: voxels coded without a network.
+    scale: voxels per unit. contexts: the latent is coded in them. per_voxel: its points, in
+    256ths; 0 for its middle. sparse: voxels coded without a network.
     """
 
     digest: bytes
@@ -50,7 +51,7 @@ class Coded:
     scale: float
     cubes: int
     contexts: bool
-    eighths: int
+    per_voxel: int
     positions: bytes
     counts: bytes
     sparse: bytes
@@ -62,7 +63,7 @@ def write_stream(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when its cubes are too many for its size."""
     parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
-    body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.contexts, coded.eighths)
+    body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.contexts, coded.per_voxel)
     body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_written, coded.blocks))
     if coded.cubes > _most_cubes(body):
@@ -96,7 +97,7 @@ def read_stream(stream: bytes) -> Coded:
 
 
 def _read_body(reader: Reader) -> Coded:
-    digest, rate, scale, contexts, eighths = _HEADER.unpack(reader.take(_HEADER.size))
+    digest, rate, scale, contexts, per_voxel = _HEADER.unpack(reader.take(_HEADER.size))
     *sizes, cubes = (reader.number() for _ in range(5))
     fits = contexts <= 1 and _SCALES[0] < scale < _SCALES[1]
     if cubes > _most_cubes(reader.body) or not fits:
@@ -105,7 +106,7 @@ def _read_body(reader: Reader) -> Coded:
     blocks = tuple(_read_block(reader) for _ in range(-(-cubes // BLOCK)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
-    return Coded(digest, rate, scale, cubes, bool(contexts), eighths, positions, counts, sparse,
+    return Coded(digest, rate, scale, cubes, bool(contexts), per_voxel, positions, counts, sparse,
                  latent, blocks)  # fmt: skip
 
 

@@ -34,7 +34,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
     As published the likeliest voxels are kept wherever they are: those of thin parts then vanish.
     """
 
-    version = "PCGCv2, stream version 4"
+    version = "PCGCv2, stream version 5"
     network = NETWORK
     grid = 1.0
 

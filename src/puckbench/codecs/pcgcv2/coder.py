@@ -13,7 +13,7 @@ from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import decode_latent, encode_latent
 from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context, everywhere
-from puckbench.codecs.learned.filling import PARTS, filled, points_per_voxel
+from puckbench.codecs.learned.filling import Octets, filled, points_per_voxel, together
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
 from puckbench.codecs.pcgcv2.stream import MOST_VOXELS, OURS, Block, Coded, Rules
@@ -68,15 +68,15 @@ class Coder:
             )
         x, y, z = origin.tolist()
         digest = self.weights.digest
-        eighths = points_per_voxel(len(voxels), len(keys), self.rho) if self.fill else PARTS
-        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules, eighths)
+        per_voxel = points_per_voxel(len(voxels), len(keys), self.rho) if self.fill else 0
+        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules, per_voxel)
 
     def decode(self, coded: Coded) -> Floats:
         """The points (n, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
             parts = [self._decode_block(block, coded.rules, workers) for block in coded.blocks]
-        voxels: Triples = np.vstack(parts) + np.array(coded.origin)
-        return np.ldexp(filled(voxels, coded.eighths), coded.halvings)
+        points: Floats = filled(together(parts), coded.per_voxel) + np.array(coded.origin)
+        return np.ldexp(points, coded.halvings)
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
         found = analyse(self.weights.model, keys, workers)
@@ -92,13 +92,12 @@ class Coder:
             return encode_in_context(latent, coarse.neighbours, expected)
         return encode_latent(latent, self._tables())
 
-    def _decode_block(self, block: Block, rules: Rules, workers: Crew) -> Triples:
+    def _decode_block(self, block: Block, rules: Rules, workers: Crew) -> Octets:
         coarse = pyramid(_coarse_keys(block), 0, workers)[0][0]
         features = self._latent(block, coarse, rules).astype(np.float32) / self._gain()
         network, counts = self.weights.model, block.counts[:3]
         families = Rules.FAMILIES in rules
-        keys = synthesise(network, features, coarse, counts, workers, families)
-        return morton_voxels(keys)
+        return synthesise(network, features, coarse, counts, workers, families)
 
     def _latent(self, block: Block, coarse: Voxels, rules: Rules) -> Integers:
         if Rules.CONTEXTS in rules:

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from puckbench.codecs.learned.filling import Octets, octets
 from puckbench.codecs.pcgcv2.model import SCALES, InceptionResidual, PCGCv2
 from puckbench.codecs.sparse.convolution import Products, Site, accumulate, products_of, site
 from puckbench.codecs.sparse.crew import Crew, Scratch
@@ -22,7 +23,7 @@ from puckbench.codecs.sparse.voxels import (
     Keys,
     Voxels,
     descended,
-    keys_of_slots,
+    morton_voxels,
     pyramid,
 )
 
@@ -209,8 +210,8 @@ def synthesise(
     counts: Sequence[int],
     crew: Crew,
     families: bool = True,
-) -> Keys:
-    """Keys of the decoded voxels, counts[0] of them, from the latent (m, channels) at stride 8.
+) -> Octets:
+    """The decoded voxels, counts[0] of them, from the latent (m, channels) at stride 8.
 
     counts: voxels to keep at strides 1, 2 and 4. families: every voxel keeps a child if it can.
     """
@@ -222,7 +223,9 @@ def synthesise(
         if scale + 1 < SCALES:
             features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
             parents = descended(parents, kept, crew)
-    return keys_of_slots(parents.keys, kept)
+    chosen = np.zeros(logits.shape, dtype=bool)
+    chosen.reshape(-1)[kept] = True
+    return octets(morton_voxels(parents.keys), logits.numpy(), chosen)
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], crew: Crew) -> None:
