@@ -63,7 +63,7 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
 ) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     rates = {rate: {**values, "children": 3} for rate, values in RATES[name].items()}
-    entry = {**changes(name, tmp_path), "rates": rates}
+    entry = {**changes(name, tmp_path, fill=False), "rates": rates}
     codec, points = open_codec(name, entry), _plane(2)
     decoded = codec.decode(codec.encode(points, "r2"))
     assert np.array_equal(np.unique(decoded % 2), [0])

@@ -287,7 +287,8 @@ def test_counts_come_back_in_few_bytes() -> None:
     assert len(data) < 1.75 * len(counts)
 
 
-def test_points_come_back_in_number_and_place(codec: Codec) -> None:
+def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
+    codec = open_codec("pcgcv1", changes("pcgcv1", folder, fill=False))
     points = shell() + np.array([1000, -500, 0])
     stream = codec.encode(points, "r2")
     decoded = codec.decode(stream)

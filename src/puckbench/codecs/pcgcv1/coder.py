@@ -124,7 +124,7 @@ class Decoder:
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
         check_filling(coded.per_voxel, len(sparse) + sum(counts))
-        parts = [certain(sparse)]
+        parts = []
         with crew(self.threads) as workers:
             blocks = [support.blocks[cubes] for cubes in _blocks(coded.cubes)]
             chosen = [
@@ -139,7 +139,9 @@ class Decoder:
                     cube._replace(places=cube.places + corner)
                     for cube, corner in zip(found, corners, strict=True)
                 ]
-        return filled(together(parts), coded.per_voxel) / coded.scale
+        points = [filled(certain(sparse), coded.per_voxel)] if len(sparse) else []
+        points += [filled(together(parts), coded.per_voxel)] if parts else []
+        return np.concatenate(points) / coded.scale
 
     def _chosen(self, rate: int, block: Block, held: Bools, workers: Crew) -> Chosen:
         """The tables (n, channels) of a block's latent; InputError when damaged."""
