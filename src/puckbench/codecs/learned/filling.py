@@ -31,7 +31,7 @@ _THIN, _DENSE = 1.2, 3.0
 """Voxels of a block, in the mean, at which its own chances say nothing, and all, of its points."""
 _MODESTY = 0.8
 """How far towards the place that a network expects: networks are surer than they should be."""
-_ONTO_VOXELS, _ONTO_BLOCKS = 0.3, 0.4
+_ONTO_VOXELS, _ONTO_BLOCKS = 0.3, 0.5
 """How far a point moves onto the plane of those around it: noise makes surfaces thick."""
 _FINE = 16
 """Parts of a side in which places are told when planes are laid through them."""
