@@ -148,8 +148,8 @@ class LearnedByAlpha(Learned[R]):
     """A codec whose rate is the alpha that its weights were trained with: some for each alpha.
 
     contexts: code the latent in contexts; otherwise with the weights' tables alone. fill: decode as
-    many points as were coded, on the surface around each voxel; otherwise one for each voxel, in
-    its middle. as_published: as the authors' program, do neither, leave each grid as it is, and cut
+    many points as were coded, where the network expects them; otherwise one for each voxel, in its
+    middle. as_published: as the authors' program, do neither, leave each grid as it is, and cut
     off what coordinates have behind the point, as their readers of PLY files do.
     """
 

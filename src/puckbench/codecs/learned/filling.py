@@ -25,6 +25,7 @@ Bools = NDArray[np.bool_]
 PARTS = 256
 """Streams tell the points of a voxel in such parts."""
 _MOST = 9
+"""Points of a voxel."""
 _SURE = 0.8
 """Share of the chances that is kept from which on the network is sure of its voxels."""
 _THIN, _DENSE = 1.2, 3.0
@@ -98,7 +99,7 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 def check_filling(parts: int, voxels: int) -> None:
     """InputError where `points_per_voxel` cannot have said so of so many decoded voxels.
 
-    Nor may it be 0, for the middles of voxels.
+    0 is allowed: streams say so where voxels decode to their middles.
     """
     many = parts > PARTS and voxels * parts > 2 * _MOST_POINTS * PARTS  # each cube rounds
     if many or (parts and not PARTS <= parts <= PARTS * _MOST):
