@@ -13,6 +13,8 @@ import yaml
 
 from puckbench.codecs.learned import catalogue
 from puckbench.codecs.learned.recipe import open_training
+from puckbench.codecs.learned.validation import faults
+from puckbench.codecs.registry import open_codec
 from puckbench.plan import TrainingPlan
 from puckbench.workflow import Workflow
 
@@ -71,3 +73,15 @@ def test_the_network_is_that_of_the_shipped_set(name: str) -> None:
     plan, header = planned(name), header_of(name)
     with open_training(plan.codec, plan.entry, plan.settings).trainer() as trainer:
         assert {**plain(trainer.model.shape), **header["shape"]} == plain(trainer.model.shape)
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name != "pcgcv1_mixed"])
+def test_cards_tell_what_the_sets_do_on_the_clouds_they_are_validated_on(name: str) -> None:
+    """At each rate of the codec; more bits bring less distortion, at every rate."""
+    plan, path = planned(name), catalogue.shipped()[name].with_suffix(".json")
+    card = json.loads(path.read_text(encoding="utf-8"))
+    validation = card.pop("validation")
+    assert card == header_of(name)["card"]
+    assert validation["data"] == [f"{dataset}/{cloud}.ply" for dataset, cloud in plan.validate]
+    assert list(validation["rates"]) == list(open_codec(plan.codec).rates)
+    assert validation["faults"] == faults(validation["rates"]) == []
