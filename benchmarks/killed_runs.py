@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from puckbench.seeding import generator
-from same_results import differences
+from same_results import after_a_kill, differences
 
 ROOT = Path(__file__).parents[1]
 SNAKEFILE = ROOT / "workflow" / "Snakefile"
@@ -128,8 +128,7 @@ def campaign(place: Path, options: argparse.Namespace) -> int:
 
 def report(what: str, folder: Folder, reference: Folder, finished: bool) -> int:
     """Print what is there and what is not as it should be; how many files are not."""
-    found = differences(folder.results, reference.results, finished)
-    found = [line for line in found if finished or ".tmp" not in line]
+    found = (differences if finished else after_a_kill)(folder.results, reference.results)
     files = sum(path.is_file() for path in folder.results.rglob("*"))
     print(f"{what}: {files} files, {folder.half_written()} half written", *found, sep="\n  ")
     sys.stdout.flush()

@@ -4,7 +4,7 @@
     snakemake $clouds/held_out_objects/{airplane,chair,gear,lamp,screw,vase}_01.ply \\
         $clouds/held_out_rooms/{hallway_2,meeting_room_1,office_1,storage_1}.ply \\
         --cores 2 --configfile config/train.yaml
-    python benchmarks/model_cards.py $clouds [--sets pcgcv2_objects ...]
+    python benchmarks/model_cards.py [--sets pcgcv2_objects ...]
 
 Each set is measured at its codec's rates on the data sets that `config/train.yaml` validates its
 training on, as `puckbench train --validate` does. A card, the set's own and these means, is written
@@ -15,40 +15,35 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 import yaml
 
-from puckbench.cloud import read_cloud
 from puckbench.codecs.learned.catalogue import header_of, shipped
-from puckbench.codecs.learned.validation import faults, validated
+from puckbench.codecs.learned.validation import validation
 from puckbench.codecs.registry import open_codec
 from puckbench.files import write_json
+from puckbench.workflow import Workflow
 
-TRAININGS = Path(__file__).parents[1] / "config" / "train.yaml"
+ROOT = Path(__file__).parents[1]
 PEAK = 1023.0
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("clouds", type=Path)
     parser.add_argument("--sets", nargs="+", default=sorted(shipped()), choices=sorted(shipped()))
     options = parser.parse_args()
-    trainings = yaml.safe_load(TRAININGS.read_text())["train"]
+    config = yaml.safe_load((ROOT / "config" / "train.yaml").read_text(encoding="utf-8"))
+    workflow = Workflow(config, ROOT / "workflow" / "schemas" / "config.schema.yaml")
     for name in options.sets:
-        path = shipped()[name]
-        measured = validation(name, trainings[name], options.clouds)
-        write_json(path.with_suffix(".json"), {**header_of(path)["card"], "validation": measured})
-
-
-def validation(name: str, training: dict[str, Any], clouds: Path) -> dict[str, Any]:
-    paths = [path for data in training["validate"] for path in sorted(clouds.glob(f"{data}/*.ply"))]
-    codec = open_codec(training["codec"], {"options": {"weights": name}})
-    found = validated(codec, [read_cloud(path) for path in paths], PEAK)
-    for rate, means in found.items():
-        print(name, rate, {key: float(f"{value:.4g}") for key, value in means.items()}, flush=True)
-    data = [f"{path.parent.name}/{path.name}" for path in paths]
-    return {"data": data, "rates": found, "faults": faults(found)}
+        path, plan = shipped()[name], workflow.training(name)
+        codec = open_codec(plan.codec, {"options": {"weights": name}})
+        clouds = [Path(file) for file in workflow.cloud_files(plan.validate)]
+        found = validation(codec, clouds, PEAK)
+        for rate, means in found["rates"].items():
+            print(name, rate, {key: float(f"{value:.4g}") for key, value in means.items()})
+        data = [f"{cloud.parent.name}/{cloud.name}" for cloud in clouds]
+        card = {**header_of(path)["card"], "validation": {"data": data, **found}}
+        write_json(path.with_suffix(".json"), card)
 
 
 if __name__ == "__main__":

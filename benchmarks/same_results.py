@@ -20,18 +20,12 @@ TIMES = re.compile(r"^(en|de)code_(s|peak_mib)(_\w+)?$")
 """Columns that no two runs have alike."""
 ABOUT_TIMES = "Times grow with the rate"
 """Words of the one claim of `claims.csv` that is about them."""
-LEFTOVER = re.compile(r"(^|/)\.[^/]*\.tmp[^/]*$")
 LEFT_OUT = re.compile(r"^(logs/.*|report\.html|\.lock)$")
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
-    """What is not alike.
-
-    Of an unfinished folder neither files that it lacks nor those that a killed writer left under a
-    temporary name, which the next run removes.
-    """
+    """What is not alike; of an unfinished folder, files that it lacks are none of it."""
     here, there = set(_files(folder)), set(_files(reference))
-    here = here if finished else {name for name in here if not LEFTOVER.search(name)}
     found = [f"{name}: only in {folder}" for name in sorted(here - there)]
     if finished:
         found += [f"{name}: only in {reference}" for name in sorted(there - here)]
@@ -39,6 +33,12 @@ def differences(folder: Path, reference: Path, finished: bool = True) -> list[st
     return found + [
         f"{name}: differs" for name in both if not same(folder / name, reference / name)
     ]
+
+
+def after_a_kill(folder: Path, reference: Path) -> list[str]:
+    """What is not alike of what a killed run left; temporary files are for the next to remove."""
+    found = differences(folder, reference, finished=False)
+    return [line for line in found if ".tmp" not in line]
 
 
 def _files(folder: Path) -> Iterator[str]:

@@ -125,16 +125,15 @@ def _export(
 
 def _measured(options: argparse.Namespace, training: Training, weights: Path) -> dict[str, Any]:
     """What the codec does with a set on the validation's clouds; a warning where it is at fault."""
-    from puckbench.codecs.learned.validation import faults, validated
+    from puckbench.codecs.learned.validation import validation
 
     changes = with_options(options.entry, weights=str(weights))
     rates = training.rates(entry(options.codec, changes)["rates"])
     codec = open_codec(options.codec, {**changes, "rates": rates})
-    clouds = [read_cloud(path) for path in options.validate]
-    found = validated(codec, clouds, options.peak)
-    for fault in faults(found):
+    found = validation(codec, options.validate, options.peak)
+    for fault in found["faults"]:
         print(f"warning: {options.out.stem}: {fault}", file=sys.stderr)  # noqa: T201
-    return {"data": _names(options.validate), "rates": found, "faults": faults(found)}
+    return {"data": _names(options.validate), **found}
 
 
 def _measure_now(

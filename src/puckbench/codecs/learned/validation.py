@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import PointCloud
+from puckbench.cloud import PointCloud, read_cloud
 from puckbench.codecs.codec import Codec
 from puckbench.metrics.geometry import distortion
 from puckbench.metrics.psnr import mpeg_psnr
@@ -24,6 +25,12 @@ def validated(codec: Codec, clouds: Sequence[PointCloud], peak: float) -> dict[s
     """
     codec.load()
     return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
+
+
+def validation(codec: Codec, paths: Sequence[Path], peak: float) -> dict[str, Any]:
+    """What `validated` finds of prepared clouds, and the faults in it, as model cards have them."""
+    found = validated(codec, [read_cloud(path) for path in paths], peak)
+    return {"rates": found, "faults": faults(found)}
 
 
 def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float) -> Measures:
