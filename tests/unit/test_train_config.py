@@ -75,7 +75,7 @@ def test_the_network_is_that_of_the_shipped_set(name: str) -> None:
         assert {**plain(trainer.model.shape), **header["shape"]} == plain(trainer.model.shape)
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if name != "pcgcv1_mixed"])
+@pytest.mark.parametrize("name", SHIPPED)
 def test_cards_tell_what_the_sets_do_on_the_clouds_they_are_validated_on(name: str) -> None:
     """At each rate of the codec; more bits bring less distortion, at every rate."""
     plan, path = planned(name), catalogue.shipped()[name].with_suffix(".json")
