@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from learned_codecs import RATES, changes, save_tiny
 
-from puckbench.codecs.learned.density import halvings, halvings_of, on_dense_grids
+from puckbench.codecs.learned.density import (
+    halvings,
+    halvings_of,
+    on_dense_grids,
+    on_grid,
+    side_of,
+)
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.sparse.voxels import distinct, morton_keys
 from puckbench.errors import InputError
@@ -30,7 +36,12 @@ def test_a_grid_is_halved_until_a_surface_is_dense_on_it(step: int, halved: int)
 def test_every_second_voxel_at_random_leaves_half_the_children() -> None:
     plane = _plane()
     kept = plane[np.random.default_rng(0).random(len(plane)) < 0.5]  # 2.13 of each four in the mean
-    assert [halvings_of(kept, children) for children in (1.8, 2.4, 3.7)] == [0, 1, 1]
+    fine = len(kept) / len(np.unique(kept // 2, axis=0))
+    coarse = len(np.unique(kept // 2, axis=0)) / len(np.unique(kept // 4, axis=0))
+    assert (fine, coarse) == pytest.approx((2.13, 3.77), abs=0.05)
+    assert halvings_of(kept, 1.8) == 0
+    assert halvings_of(kept, (fine + coarse) / 2) == pytest.approx(0.5)
+    assert halvings_of(kept, coarse) == 1
 
 
 @pytest.mark.parametrize(
@@ -48,7 +59,7 @@ def test_clouds_too_wide_for_keys_are_left_as_they_are() -> None:
 
 def test_keys_and_points_agree() -> None:
     keys = distinct(morton_keys(_plane(4).astype(np.int64)))
-    assert halvings(keys, 3) == halvings_of(_plane(4), 3) == 2
+    assert halvings(keys, 4) == halvings_of(_plane(4), 4) == 2
 
 
 def test_networks_learn_from_each_grid_that_is_asked_for_once() -> None:
@@ -62,7 +73,7 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
     name: str, tmp_path: Path
 ) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
-    rates = {rate: {**values, "children": 3} for rate, values in RATES[name].items()}
+    rates = {rate: {**values, "children": 4} for rate, values in RATES[name].items()}
     entry = {**changes(name, tmp_path, fill=False), "rates": rates}
     codec, points = open_codec(name, entry), _plane(2)
     decoded = codec.decode(codec.encode(points, "r2"))
@@ -72,6 +83,19 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
     stream = published.encode(points, "r2")
     assert set(np.unique(published.decode(stream) % 2)) == {0, 1}
     assert np.array_equal(codec.decode(stream), published.decode(stream))  # the stream says how
+
+
+@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+@pytest.mark.parametrize(("coarser", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25)])
+def test_grids_lie_between_halvings(name: str, coarser: float, side: float, tmp_path: Path) -> None:
+    save_tiny(name, tmp_path / "tiny.pcgw")
+    rate = {**RATES[name]["r2"], "children": 2, "coarser": coarser}
+    codec = open_codec(name, {**changes(name, tmp_path, fill=False), "rates": {"r2": rate}})
+    decoded = codec.decode(codec.encode(_plane() + 1000, "r2"))
+    voxels = decoded / side
+    assert np.abs(voxels - np.rint(voxels)).max() < 1e-9
+    assert len(decoded) == len(np.unique(np.rint((_plane() + 1000) / side), axis=0))
+    assert np.abs(decoded - [1063, 1063, 1000]).max() < 64 + 64 * side
 
 
 @pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
@@ -94,9 +118,18 @@ def test_a_stream_says_whether_families_are_kept(tmp_path: Path) -> None:
     assert coarse[0] > coarse[1]
 
 
+def test_a_side_doubles_in_four_steps() -> None:
+    assert [side_of(quarters) for quarters in (0, 4, 8, 80)] == [1, 2, 4, 2**20]
+    assert side_of(3) ** 4 == pytest.approx(8)
+    points = np.random.default_rng(0).uniform(-1000, 1000, (200, 3))
+    for quarters in range(9):
+        back = on_grid(points, quarters) * side_of(quarters)
+        assert np.abs(back - points).max() <= 2 ** (quarters / 4) / 2 + 1e-9
+
+
 def test_impossible_halvings_are_refused() -> None:
     from puckbench.codecs.pcgcv2.stream import Block, Coded, read_stream, write_coded
 
-    coded = Coded(b"12345678", 1, (0, 0, 0), (Block((30, 8, 2, 1), b"", b""),), halvings=40)
+    coded = Coded(b"12345678", 1, (0, 0, 0), (Block((30, 8, 2, 1), b"", b""),), quarters=81)
     with pytest.raises(InputError, match="header"):
         read_stream(write_coded(coded))

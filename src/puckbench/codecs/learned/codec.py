@@ -184,15 +184,16 @@ class LearnedByAlpha(Learned[R]):
         return weights
 
 
-def dense_halvings(points: Floats, parameters: Mapping[str, Any]) -> float:
-    """How often a rate halves the grid of points (n, 3).
+def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
+    """How many quarters of a halving coarser a rate makes the grid of points (n, 3).
 
-    Until they have the rate's `children`, and then so many times more as its `coarser` says, or
-    fewer; without `children` never. Half a time is a factor of the root of two.
+    Until they have the rate's `children`, and then so many halvings more as its `coarser` says, or
+    fewer; without `children` none.
     """
-    from puckbench.codecs.learned.density import halvings_of
+    from puckbench.codecs.learned.density import QUARTERS, halvings_of
 
     children = float(parameters.get("children", 1))
     if children <= 1:
-        return 0.0
-    return max(0.0, halvings_of(points, children) + float(parameters.get("coarser", 0)))
+        return 0
+    halved = halvings_of(points, children) + float(parameters.get("coarser", 0))
+    return max(0, round(QUARTERS * halved))

@@ -2,11 +2,13 @@
 
 On a dense surface a voxel has about four occupied children; on a cloud that is thin on its grid
 about one, whose place is chance. The authors of PCGCv1 and PCGCv2 code thin clouds at a smaller
-scale, which they choose by hand; here the cloud itself chooses it.
+scale, which they choose by hand; here the cloud itself chooses it. Grids differ by quarters of a
+halving: a voxel's side is the fourth root of two to a whole power.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,44 +18,55 @@ from puckbench.cloud import Floats
 from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, distinct, morton_keys
 
 Voxels = NDArray[np.int64]
+QUARTERS = 4
+"""Of a halving."""
+_ROOT = math.sqrt(math.sqrt(2))
+_SIDES = (1.0, _ROOT, math.sqrt(2), _ROOT * math.sqrt(2))
 _FEWEST = 64
 """Coarser sets than this say nothing about density."""
 
 
-def halvings(keys: Keys, children: float) -> int:
+def halvings(keys: Keys, children: float) -> float:
     """How often to halve the grid until voxels have so many children in the mean; 0 if never.
 
     keys: of distinct voxels, ascending. children: occupied, of a voxel of the next coarser grid.
+    From one halving to the next their number is taken to grow in a straight line.
     """
-    counts = [len(keys)]
+    before = children
     for halved in range(AXIS_BITS):
-        keys = distinct(keys >> 3)
+        fine, keys = len(keys), distinct(keys >> 3)
         if len(keys) < _FEWEST:
             break
-        counts.append(len(keys))
-        if counts[halved] >= children * counts[halved + 1]:
-            return halved
-    return 0
+        mean = fine / len(keys)
+        if mean >= children:
+            return halved - (mean - children) / (mean - before) if halved else 0.0
+        before = mean
+    return 0.0
 
 
-def halvings_of(points: Floats, children: float) -> int:
+def halvings_of(points: Floats, children: float) -> float:
     """The same of points (n, 3), n >= 1, on the grid of integers; 0 where they span too much."""
     if children <= 1:
-        return 0
+        return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)
     voxels = voxels - voxels.min(axis=0)
     if voxels.max() >= 2**AXIS_BITS:
-        return 0
+        return 0.0
     return halvings(distinct(morton_keys(voxels)), children)
 
 
 def on_dense_grids(points: Floats, children: Sequence[float]) -> list[Voxels]:
-    """The voxels of points (n, 3) on each of the grids that halvings for `children` lead to."""
-    found = sorted({halvings_of(points, least) for least in children})
-    return [np.unique(on_grid(points, k), axis=0) for k in found]
+    """The voxels of points (n, 3) on each of the grids that whole halvings for `children` make."""
+    found = sorted({math.ceil(halvings_of(points, least)) for least in children})
+    return [np.unique(on_grid(points, QUARTERS * k), axis=0) for k in found]
 
 
-def on_grid(points: Floats, halved: int) -> Voxels:
-    """The voxel (n, 3) of each point (n, 3) on the grid of integers, halved so many times."""
-    voxels: Voxels = np.rint(np.ldexp(points, -halved)).astype(np.int64)
+def side_of(quarters: int) -> float:
+    """A voxel's side on the grid of integers after so many quarters of a halving."""
+    return math.ldexp(_SIDES[quarters % QUARTERS], quarters // QUARTERS)
+
+
+def on_grid(points: Floats, quarters: int) -> Voxels:
+    """The voxel (n, 3) of each point (n, 3) on that grid."""
+    voxels: Voxels = np.rint(points / side_of(quarters)).astype(np.int64)
     return voxels

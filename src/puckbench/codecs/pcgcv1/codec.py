@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
+from puckbench.codecs.learned.codec import LearnedByAlpha, dense_quarters
 from puckbench.codecs.pcgcv1.catalogue import NETWORK
 from puckbench.codecs.pcgcv1.stream import Coded, read_stream, write_stream
 from puckbench.errors import InputError
@@ -45,8 +45,8 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
             raise InputError("coordinates exceed 30-bit integers")
         scaled = points * float(parameters.get("scale", 1))
-        halved = 0.0 if self.as_published else dense_halvings(scaled, parameters)
-        return self._written(self._coder(parameters, halved).encode(points))
+        quarters = 0 if self.as_published else dense_quarters(scaled, parameters)
+        return self._written(self._coder(parameters, quarters).encode(points))
 
     def _written(self, coded: Coded) -> bytes:
         if not coded.cubes and not coded.sparse:
@@ -61,14 +61,15 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         coded = read_stream(stream)
         return Decoder(self._of_rate(coded.digest, coded.rate), self.threads).decode(coded)
 
-    def _coder(self, parameters: Mapping[str, Any], halvings: float) -> Coder:
+    def _coder(self, parameters: Mapping[str, Any], quarters: int) -> Coder:
+        from puckbench.codecs.learned.density import side_of
         from puckbench.codecs.pcgcv1.coder import Coder
 
         weights, rate = self._numbered(parameters)
         return Coder(
             weights,
             rate,
-            scale=float(parameters.get("scale", 1)) / 2**halvings,
+            scale=float(parameters.get("scale", 1)) / side_of(quarters),
             rho=float(parameters.get("rho", 1)),
             min_points=self.min_points,
             sparse_cubes=self.sparse_cubes,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.cloud import Floats
-from puckbench.codecs.learned.codec import LearnedByAlpha, dense_halvings
+from puckbench.codecs.learned.codec import LearnedByAlpha, dense_quarters
 from puckbench.codecs.pcgcv2.catalogue import NETWORK
 from puckbench.codecs.pcgcv2.stream import Coded, Rules, read_stream, write_coded, write_few
 from puckbench.errors import InputError
@@ -34,7 +34,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
     As published the likeliest voxels are kept wherever they are: those of thin parts then vanish.
     """
 
-    version = "PCGCv2, stream version 5"
+    version = "PCGCv2, stream version 6"
     network = NETWORK
     grid = 1.0
 
@@ -42,9 +42,6 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
         super().__init__(**entry)
         families = Rules(0) if self.as_published else Rules.FAMILIES
         self.rules = families | (Rules.CONTEXTS if self.contexts else Rules(0))
-        for rate, parameters in self.rates.items():
-            if float(parameters.get("coarser", 0)) % 1:
-                raise InputError(f"codec {self.name}: {rate}: coarser is no whole number")
 
     def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
         from puckbench.codecs.learned.density import on_grid
@@ -53,9 +50,9 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        halved = 0 if self.as_published else int(dense_halvings(points, parameters))
-        voxels = on_grid(points, halved)
-        return write_coded(self._coder(parameters).encode(voxels, halved))
+        quarters = 0 if self.as_published else dense_quarters(points, parameters)
+        voxels = on_grid(points, quarters)
+        return write_coded(self._coder(parameters).encode(voxels, quarters))
 
     def _coder(self, parameters: Mapping[str, Any]) -> Coder:
         from puckbench.codecs.pcgcv2.coder import Coder

@@ -13,6 +13,7 @@ from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.bottleneck import Table
 from puckbench.codecs.learned.coding import decode_latent, encode_latent
 from puckbench.codecs.learned.contexts import decode_in_context, encode_in_context, everywhere
+from puckbench.codecs.learned.density import side_of
 from puckbench.codecs.learned.filling import Octets, filled, points_per_voxel, together
 from puckbench.codecs.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.pcgcv2.model import SCALES
@@ -52,11 +53,11 @@ class Coder:
     rules: Rules = OURS
     fill: bool = True
 
-    def encode(self, voxels: Triples, halvings: int = 0) -> Coded:
+    def encode(self, voxels: Triples, quarters: int = 0) -> Coded:
         """Code voxels (n, 3), in any order, duplicates too; InputError when they span too much.
 
-        halvings: of the grid that they are on, for the decoder to know. With `fill` it is
-        told how many of them share a voxel, too.
+        quarters: of a halving of the grid that they are on, for the decoder to know. With `fill`
+        it is told how many of them share a voxel, too.
         """
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
@@ -69,14 +70,14 @@ class Coder:
         x, y, z = origin.tolist()
         digest = self.weights.digest
         per_voxel = points_per_voxel(len(voxels), len(keys), self.rho) if self.fill else 0
-        return Coded(digest, self.rate, (x, y, z), blocks, halvings, self.rules, per_voxel)
+        return Coded(digest, self.rate, (x, y, z), blocks, quarters, self.rules, per_voxel)
 
     def decode(self, coded: Coded) -> Floats:
         """The points (n, 3) of a stream made with these weights; InputError when it is damaged."""
         with crew(self.threads) as workers, torch.no_grad():
             parts = [self._decode_block(block, coded.rules, workers) for block in coded.blocks]
         points: Floats = filled(together(parts), coded.per_voxel) + np.array(coded.origin)
-        return np.ldexp(points, coded.halvings)
+        return points * side_of(coded.quarters)
 
     def _encode_block(self, keys: Keys, workers: Crew) -> Block:
         found = analyse(self.weights.model, keys, workers)

@@ -2,10 +2,10 @@
 
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), number of the rate among theirs, halvings of the grid,
-    rules (1: families, 2: contexts), points of each voxel in 256ths (2 bytes; 0: one in its
-    middle); base-128 numbers: origin (signed), number of blocks; each block: voxels at strides
-    1, 2, 4 and 8, bytes of coordinates and of features, these
+kind 1: digest of the weights (8 bytes), number of the rate among theirs, quarters of a
+    halving of the grid, rules (1: families, 2: contexts), points of each voxel in 256ths (2 bytes;
+    0: one in its middle); base-128 numbers: origin (signed), number of blocks; each block: voxels
+    at strides 1, 2, 4 and 8, bytes of coordinates and of features, these
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from puckbench.codecs.learned.reader import Reader, base_128, signed_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
-VERSION = 5
-MOST_HALVINGS = 20
+VERSION = 6
+MOST_QUARTERS = 80
+"""Of a halving of the grid."""
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
 _FEW, _NETWORK = 0, 1
@@ -57,15 +58,15 @@ OURS = Rules.FAMILIES | Rules.CONTEXTS
 class Coded:
     """A cloud coded by a network.
 
-    origin: voxel that is subtracted from all others. halvings: a voxel's side is two to this power.
-    per_voxel: its points, in 256ths; 0 for its middle.
+    origin: voxel that is subtracted from all others. quarters: of a halving of the grid, see
+    `puckbench.codecs.learned.density.side_of`. per_voxel: its points, in 256ths; 0 for its middle.
     """
 
     digest: bytes
     rate: int
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
-    halvings: int = 0
+    quarters: int = 0
     rules: Rules = OURS
     per_voxel: int = 0
 
@@ -82,7 +83,7 @@ def write_few(points: Floats) -> bytes:
 
 def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud."""
-    numbers = (coded.rate, coded.halvings, coded.rules, coded.per_voxel)
+    numbers = (coded.rate, coded.quarters, coded.rules, coded.per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
     for block in coded.blocks:
@@ -122,14 +123,14 @@ def _read_few(body: bytes) -> Floats:
 
 def _read_coded(body: bytes) -> Coded:
     reader = Reader(body)
-    digest, rate, halvings, rules, per_voxel = _HEADER.unpack(reader.take(_HEADER.size))
-    if halvings > MOST_HALVINGS or rules > OURS:
+    digest, rate, quarters, rules, per_voxel = _HEADER.unpack(reader.take(_HEADER.size))
+    if quarters > MOST_QUARTERS or rules > OURS:
         raise InputError("the stream is damaged (its header)")
     origin = (reader.signed(), reader.signed(), reader.signed())
     blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
-    coded = Coded(digest, rate, origin, blocks, halvings, Rules(rules), per_voxel)
+    coded = Coded(digest, rate, origin, blocks, quarters, Rules(rules), per_voxel)
     if coded.voxels > _most_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
     check_filling(per_voxel, coded.voxels)
