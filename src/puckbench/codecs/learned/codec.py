@@ -188,7 +188,7 @@ def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
     """How many quarters of a halving coarser a rate makes the grid of points (n, 3).
 
     Until they have the rate's `children`, and then so many halvings more as its `coarser` says, or
-    fewer; without `children` none.
+    fewer; without `children` none. No grid is finer than the points' own.
     """
     from puckbench.codecs.learned.density import QUARTERS, halvings_of
 
