@@ -42,7 +42,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     card = read_json(weights / "tiny.json")
     assert card["data"] == ["chair_01.ply"]
     assert card["validation"]["data"] == ["copy_room_1.ply"]
-    assert list(card["validation"]["rates"]) == ["r2", "r4", "r5"]
+    assert list(card["validation"]["rates"]) == ["r1", "r2", "r3", "r4", "r6"]
     again = read_json(weights / "again.json")
     assert again["data"] == ["objects/chair_01.ply", "raw/copy_room_1.ply"]
     assert again["start"] == "tiny"
@@ -51,7 +51,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     changed = {**TRAININGS, "again": {**TRAININGS["again"], "steps": 3}}
     training.configure({"train": changed, "figures": {}, "sensor_study": None})
     assert training.planned("train") == {"weights": 1, "train": 1}
-    codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r2", "r4", "r5"]}
+    codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r2", "r4", "r6"]}
     training.configure({"codecs": {"pcgcv2": codec}, "figures": {}, "sensor_study": None})
     row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2" / "r2.json"
     training.made(str(row.relative_to(training.folder)))
