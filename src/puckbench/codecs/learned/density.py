@@ -20,8 +20,6 @@ from puckbench.codecs.sparse.voxels import AXIS_BITS, Keys, distinct, morton_key
 Voxels = NDArray[np.int64]
 QUARTERS = 4
 """Of a halving."""
-_ROOT = math.sqrt(math.sqrt(2))
-_SIDES = (1.0, _ROOT, math.sqrt(2), _ROOT * math.sqrt(2))
 _FEWEST = 64
 """Coarser sets than this say nothing about density."""
 
@@ -32,14 +30,14 @@ def halvings(keys: Keys, children: float) -> float:
     keys: of distinct voxels, ascending. children: occupied, of a voxel of the next coarser grid.
     From one halving to the next their number is taken to grow in a straight line.
     """
-    before = children
+    before = 0.0
     for halved in range(AXIS_BITS):
         fine, keys = len(keys), distinct(keys >> 3)
         if len(keys) < _FEWEST:
             break
         mean = fine / len(keys)
         if mean >= children:
-            return halved - (mean - children) / (mean - before) if halved else 0.0
+            return max(0.0, halved - (mean - children) / (mean - before))
         before = mean
     return 0.0
 
@@ -63,7 +61,8 @@ def on_dense_grids(points: Floats, children: Sequence[float]) -> list[Voxels]:
 
 def side_of(quarters: int) -> float:
     """A voxel's side on the grid of integers after so many quarters of a halving."""
-    return math.ldexp(_SIDES[quarters % QUARTERS], quarters // QUARTERS)
+    whole, rest = divmod(quarters, QUARTERS)
+    return math.ldexp(math.sqrt(math.sqrt(2**rest)), whole)
 
 
 def on_grid(points: Floats, quarters: int) -> Voxels:

@@ -57,8 +57,8 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        quarters = 0 if self.as_published else dense_quarters(points, parameters)
-        quarters = min(quarters, MOST_QUARTERS)
+        wanted = 0 if self.as_published else dense_quarters(points, parameters)
+        quarters = min(wanted, MOST_QUARTERS)
         voxels = on_grid(points, quarters)
         return write_coded(self._coder(parameters).encode(voxels, quarters))
 
