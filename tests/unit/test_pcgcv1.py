@@ -103,6 +103,26 @@ def test_empty_parts_of_a_cube_need_not_be_computed(where: tuple[int, int, int])
     assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 0.1
 
 
+def test_cubes_of_many_extents_are_computed_in_few_shapes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each shape costs megabytes for as long as the process lives."""
+    shapes = set()
+
+    def halved(_: Inference, occupied: np.ndarray) -> torch.Tensor:
+        shapes.add(occupied.shape)
+        return torch.zeros(1, TINY1.widths[1], *(side // 2 for side in occupied.shape))
+
+    monkeypatch.setattr(Inference, "_halved_whole", halved)
+    fast = Inference(network1(replace(TINY1, side=64)))
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        low = rng.integers(0, 64, 3)
+        high = rng.integers(low, 64) + 1
+        occupied = np.zeros((64, 64, 64), dtype=np.float32)
+        occupied[tuple(map(slice, low, high))] = 1
+        fast.analyse(occupied, 1)
+    assert 8 <= len(shapes) <= 27
+
+
 def _lookalike() -> dict[str, np.ndarray]:
     """Random variables with the authors' names, shapes and layouts."""
     rng = np.random.default_rng(0)

@@ -38,6 +38,9 @@ _REACH = 16
 """Margin around the voxels of a cube. Seven layers of three spread what they see seven voxels far,
 and let as much of a false border in: `_UNSURE` of the margin is thrown away."""
 _UNSURE = 8
+_GRAIN = 16
+"""Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program, and
+megabytes of memory, for each layer and each shape that it has seen."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
@@ -114,14 +117,14 @@ class Inference:
 
 
 def _box(occupied: Floats32) -> list[tuple[int, int]]:
-    """First and last of the voxels along each axis, with a margin, at multiples of four."""
+    """First and last of the voxels along each axis, with a margin, at multiples of `_GRAIN`."""
     box = []
     for axis, side in enumerate(occupied.shape):
         others = tuple(other for other in range(3) if other != axis)
         found = np.flatnonzero(occupied.any(axis=others))
         low, high = (found[0], found[-1] + 1) if len(found) else (0, side)
-        last = -(-(int(high) + _REACH) // _TILE) * _TILE
-        box.append((max(int(low) - _REACH, 0) // _TILE * _TILE, min(last, side)))
+        last = -(-(int(high) + _REACH) // _GRAIN) * _GRAIN
+        box.append((max(int(low) - _REACH, 0) // _GRAIN * _GRAIN, min(last, side)))
     return box
 
 
