@@ -87,7 +87,7 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
 
 @pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
 @pytest.mark.parametrize(
-    ("coarser", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20)]
+    ("coarser", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20), (2000, 2**20)]
 )
 def test_grids_lie_between_halvings(name: str, coarser: float, side: float, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")

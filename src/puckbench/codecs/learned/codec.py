@@ -22,6 +22,8 @@ from puckbench.files import sha256
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _DIGITS = 16
+MOST_QUARTERS = 80
+"""Of a halving, that a grid is made coarser."""
 
 
 class Weights(Protocol):
@@ -188,7 +190,8 @@ def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
     """How many quarters of a halving coarser a rate makes the grid of points (n, 3).
 
     Until they have the rate's `children`, and then so many halvings more as its `coarser` says, or
-    fewer; without `children` none. No grid is finer than the points' own.
+    fewer; without `children` none. No grid is finer than the points' own, or coarser than
+    `MOST_QUARTERS` make it.
     """
     from puckbench.codecs.learned.density import QUARTERS, halvings_of
 
@@ -196,4 +199,4 @@ def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
     if children <= 1:
         return 0
     halved = halvings_of(points, children) + float(parameters.get("coarser", 0))
-    return max(0, round(QUARTERS * halved))
+    return round(min(max(0.0, QUARTERS * halved), MOST_QUARTERS))

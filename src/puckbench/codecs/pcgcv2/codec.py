@@ -17,14 +17,7 @@ import numpy as np
 from puckbench.cloud import Floats
 from puckbench.codecs.learned.codec import LearnedByAlpha, dense_quarters
 from puckbench.codecs.pcgcv2.catalogue import NETWORK
-from puckbench.codecs.pcgcv2.stream import (
-    MOST_QUARTERS,
-    Coded,
-    Rules,
-    read_stream,
-    write_coded,
-    write_few,
-)
+from puckbench.codecs.pcgcv2.stream import Coded, Rules, read_stream, write_coded, write_few
 from puckbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,8 +50,7 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        wanted = 0 if self.as_published else dense_quarters(points, parameters)
-        quarters = min(wanted, MOST_QUARTERS)
+        quarters = 0 if self.as_published else dense_quarters(points, parameters)
         voxels = on_grid(points, quarters)
         return write_coded(self._coder(parameters).encode(voxels, quarters))
 

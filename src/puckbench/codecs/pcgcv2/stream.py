@@ -18,14 +18,13 @@ from enum import IntFlag
 import numpy as np
 
 from puckbench.cloud import Floats
+from puckbench.codecs.learned.codec import MOST_QUARTERS
 from puckbench.codecs.learned.filling import check_filling
 from puckbench.codecs.learned.reader import Reader, base_128, signed_128
 from puckbench.errors import InputError
 
 MAGIC = b"PCG2"
 VERSION = 6
-MOST_QUARTERS = 80
-"""Of a halving of the grid."""
 MOST_VOXELS = 2**20
 """Most voxels of a block, at any scale; more are coded as several blocks."""
 _FEW, _NETWORK = 0, 1
