@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.analysis.calibration import Calibration, Estimate, Settings, calibrate
-from puckbench.analysis.residuals import SWEEP, Procedure, residual_table
-from puckbench.files import write_json
-from puckbench.seeding import generator
+from puckbench.core.files import write_json
+from puckbench.core.seeding import generator
+from puckbench.lidar.calibration import Calibration, Estimate, Settings, calibrate
+from puckbench.thesis.residuals.virtual import SWEEP, Procedure, residual_table
 
 # The parameters of hidden models: `device` has a bias of every kind, as real sensors seem to;
 # `frames` is vlp16_incidence with biases per frame alone, and Laplace noise.

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from puckbench.analysis import published
-from puckbench.analysis.residuals import Procedure, residual_table
-from puckbench.analysis.thesis_numbers import distance_to_normal
+from puckbench.thesis import published
+from puckbench.thesis.numbers import distance_to_normal
+from puckbench.thesis.residuals.virtual import Procedure, residual_table
 
 CONFIG = Path(__file__).parents[1] / "config" / "chapter5.yaml"
 

@@ -20,12 +20,12 @@ import DracoPy
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.prepare.normals import estimate_normals
-from puckbench.prepare.scaling import to_cube
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.normals import estimate_normals
+from puckbench.geometry.scaling import to_cube
+from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.scenes.rooms import make_room
-from puckbench.seeding import generator
-from puckbench.sensor import free_origin, load_sensor, open_error_model, open_sweep, scan
 
 BITS = (4, 7, 11)
 CAMERA_NOISES = (1.0, 2.0, 4.0)

@@ -34,11 +34,11 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "unit"))
 
 import numpy as np  # noqa: E402
-from stream_damage import damaged  # noqa: E402
+from tests.support.stream_damage import damaged  # noqa: E402
 
-from puckbench.codecs.codec import Codec  # noqa: E402
+from puckbench.codecs.base import Codec  # noqa: E402
 from puckbench.codecs.registry import entries, entry, has_weights, open_codec  # noqa: E402
-from puckbench.errors import InputError  # noqa: E402
+from puckbench.core.errors import InputError  # noqa: E402
 
 SECONDS, MIB = 5, 1024
 LEARNED_SECONDS = 60
@@ -117,8 +117,8 @@ def opened(decoder: str) -> Codec:
     name = decoder.partition(" ")[0]
     changes: dict[str, Any] = {}
     if _is_tiny(name):
-        from learned_codecs import changes as with_weights
-        from learned_codecs import save_tiny
+        from tests.support.learned_codecs import changes as with_weights
+        from tests.support.learned_codecs import save_tiny
 
         weights = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}.pcgw"
         save_tiny(name, weights)

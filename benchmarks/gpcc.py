@@ -21,11 +21,11 @@ from typing import TypeVar
 import numpy as np
 
 from gpcc_scenes import scanned_room
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Codec
-from puckbench.codecs.external import ExternalCodec
-from puckbench.codecs.measure import measured
+from puckbench.codecs.base import Codec
+from puckbench.codecs.external.program import ExternalCodec
+from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
+from puckbench.geometry.cloud import Floats
 
 T = TypeVar("T")
 RATES = {"a": {"scale": 0.125}, "b": {"scale": 0.5}, "c": {"scale": 1.0}}

@@ -13,10 +13,10 @@ import argparse
 from collections.abc import Iterator
 
 from gpcc_scenes import sampled_object, scanned_room
-from puckbench.cloud import Floats, PointCloud
 from puckbench.codecs.registry import open_codec
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.normals import estimate_normals
 from puckbench.metrics.geometry import distortion
-from puckbench.prepare.normals import estimate_normals
 
 SCALES = [0.0625, *(eighths / 8 for eighths in range(1, 9)), 2.0, 4.0]
 RATES = {f"s{number}": {"scale": scale} for number, scale in enumerate(SCALES)}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.prepare.sampling import sample_surface
-from puckbench.prepare.scaling import to_cube
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.sampling import sample_surface
+from puckbench.geometry.scaling import to_cube
+from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.scenes.objects import make_object
 from puckbench.scenes.rooms import make_room
-from puckbench.seeding import generator
-from puckbench.sensor import free_origin, load_sensor, open_error_model, open_sweep, scan
 
 
 def scanned_room(errors: str, azimuth_step_deg: float = 0.1, name: str = "office_1") -> Floats:

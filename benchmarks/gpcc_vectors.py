@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from gpcc_scenes import grown, sampled_object, scanned_room
-from puckbench.cloud import Floats, read_cloud
-from puckbench.codecs.external import write_points
-from puckbench.codecs.tmc13 import PROFILES
-from puckbench.files import write_json
+from puckbench.codecs.external.program import write_points
+from puckbench.codecs.external.tmc13 import PROFILES
+from puckbench.core.files import write_json
+from puckbench.geometry.cloud import Floats
+from puckbench.io.clouds import read_cloud
 
 IN_LOOP = ("--positionQuantisationEnabled=1", "--positionBaseQp=8")
 LASER = ("--lasersTheta=0", "--lasersZ=0", "--lasersNumPhiPerTurn=800")

@@ -21,7 +21,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from puckbench.jobtimes import JobTime, job_time
+from puckbench.planning.job_times import JobTime, job_time
 
 ROOT = Path(__file__).parents[1]
 NOTING = """

@@ -23,7 +23,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from puckbench.seeding import generator
+from puckbench.core.seeding import generator
 from same_results import after_a_kill, differences
 
 ROOT = Path(__file__).parents[1]

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud
-from puckbench.seeding import generator
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats, PointCloud
 
 ROOM = np.array([6.2, 4.1, 2.8])
 SENSOR = np.array([3.0, 1.9, 1.3])

@@ -19,10 +19,10 @@ from pathlib import Path
 import yaml
 
 from puckbench.codecs.learned.catalogue import header_of, shipped
-from puckbench.codecs.learned.validation import validation
+from puckbench.codecs.learned.training.validation import validation
 from puckbench.codecs.registry import open_codec
-from puckbench.files import write_json
-from puckbench.workflow import Workflow
+from puckbench.core.files import write_json
+from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[1]
 PEAK = 1023.0

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cloud import read_cloud
 from puckbench.codecs.registry import open_codec
+from puckbench.io.clouds import read_cloud
 
 
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:

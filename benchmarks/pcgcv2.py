@@ -22,12 +22,12 @@ from typing import TypeVar
 import numpy as np
 import torch
 
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Codec
-from puckbench.codecs.measure import measured
+from puckbench.codecs.base import Codec
+from puckbench.codecs.learned.sparse.kernel_map import blocks_layout
+from puckbench.codecs.learned.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
+from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
-from puckbench.codecs.sparse.layout import blocks_layout
-from puckbench.codecs.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
+from puckbench.geometry.cloud import Floats
 
 T = TypeVar("T")
 ENCODER, DECODER = ((16, 32, 32), (32, 64, 64), (64, 32, 8)), ((8, 64), (64, 32), (32, 16))

@@ -20,17 +20,19 @@ from typing import Any
 import numpy as np
 
 import primitives_rate_distortion as rd
-from puckbench.cloud import PointCloud
-from puckbench.codecs.primitives import encoder, grids, rivals, smooth, voxels
-from puckbench.codecs.primitives.axes import rotation
+from puckbench.codecs.primitives import encoder, smooth, voxels
+from puckbench.codecs.primitives import grid_alignment as grids
+from puckbench.codecs.primitives import mode_decision as rivals
+from puckbench.codecs.primitives.manhattan_frame import rotation
 from puckbench.codecs.registry import entries, open_codec
-from puckbench.metrics.closest import mesh_in_frame
-from puckbench.prepare.preparation import Returns, prepare
-from puckbench.sensor.errors import open_error_model
-from puckbench.sensor.origin import free_origin
-from puckbench.sensor.scan import scan
-from puckbench.sensor.sensor import load_sensor
-from puckbench.sensor.sweep import open_sweep
+from puckbench.geometry.closest import mesh_in_frame
+from puckbench.geometry.cloud import PointCloud
+from puckbench.jobs.preparation import Returns, prepare
+from puckbench.lidar.errors import open_error_model
+from puckbench.lidar.origin import free_origin
+from puckbench.lidar.scan import scan
+from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.sweep import open_sweep
 
 SIGMAS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
 POINTS = (50_000, 150_000, 500_000, 1_150_000)

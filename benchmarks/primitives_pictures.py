@@ -18,18 +18,18 @@ from typing import Any
 import numpy as np
 
 import primitives_rate_distortion as rd
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.decoder import read_patches
 from puckbench.codecs.primitives.segments import labelled
 from puckbench.codecs.primitives.stream import Header, unpack
 from puckbench.codecs.registry import open_codec
+from puckbench.core.seeding import generator
 from puckbench.datasets.registry import open_scene_set
-from puckbench.mesh import Mesh
-from puckbench.metrics.closest import closest_surface_points, mesh_in_frame
-from puckbench.prepare.preparation import prepare
-from puckbench.prepare.sampling import sample_surface
-from puckbench.render import render_cloud, three_quarter_view, tile
-from puckbench.seeding import generator
+from puckbench.geometry.closest import closest_surface_points, mesh_in_frame
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.geometry.rendering import render_cloud, three_quarter_view, tile
+from puckbench.geometry.sampling import sample_surface
+from puckbench.jobs.preparation import prepare
 
 _SIZE = (640, 440)
 _FAR = 8.0

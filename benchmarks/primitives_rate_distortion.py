@@ -20,22 +20,22 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud
 from puckbench.codecs.registry import entries, open_codec
+from puckbench.core.seeding import generator
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.datasets.scene import Scene
-from puckbench.mesh import Mesh
-from puckbench.metrics.closest import mesh_in_frame
+from puckbench.geometry.closest import mesh_in_frame
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.mesh import Mesh
+from puckbench.jobs.preparation import Returns, prepare
+from puckbench.lidar.errors import open_error_model
+from puckbench.lidar.origin import free_origin
+from puckbench.lidar.scan import scan
+from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.sweep import open_sweep
 from puckbench.metrics.geometry import distortion
 from puckbench.metrics.truth import truth_distortion
-from puckbench.prepare.preparation import Returns, prepare
-from puckbench.seeding import generator
-from puckbench.sensor.errors import open_error_model
-from puckbench.sensor.origin import free_origin
-from puckbench.sensor.scan import scan
-from puckbench.sensor.sensor import load_sensor
-from puckbench.sensor.sweep import open_sweep
 
 ROOMS = ("living_room", "meeting_room", "office_1", "storage_1")
 FURNISHED = "_furnished"

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import primitives_rate_distortion as rd
-from puckbench.analysis.planes import least_squares_plane
 from puckbench.codecs.primitives.encoder import prepared
 from puckbench.codecs.primitives.settings import settings_of
 from puckbench.codecs.registry import open_codec
-from puckbench.mesh import Primitive
+from puckbench.geometry.mesh import Primitive
+from puckbench.geometry.ransac import least_squares_plane
 from puckbench.metrics.recovery import (
     FREEFORM,
     LEAST_SHARE,

@@ -32,13 +32,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import primitives_rate_distortion as rd
-from puckbench.cloud import Floats, PointCloud
 from puckbench.codecs.registry import open_codec
+from puckbench.core.seeding import generator
 from puckbench.datasets.registry import open_scene_set
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.sampling import sample_surface
+from puckbench.jobs.preparation import prepare
 from puckbench.metrics.geometry import distortion
-from puckbench.prepare.preparation import prepare
-from puckbench.prepare.sampling import sample_surface
-from puckbench.seeding import generator
 
 _COARSE = (64, 48, 32, 24, 16, 11, 8, 6, 4, 3)
 SCALES = (*(1 / divisor for divisor in _COARSE), 1 / 2, 2 / 3, 5 / 6, 1.0)

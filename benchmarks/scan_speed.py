@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.mesh import Mesh
-from puckbench.sensor import (
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.lidar import (
     ScanTable,
     Sweep,
     error_model_names,

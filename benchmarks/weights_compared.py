@@ -18,8 +18,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from puckbench.analysis.bd_tables import bd_rate_clouds
-from puckbench.library import PointCloud, compare, open_codec, read_cloud
+from puckbench.jobs.library import PointCloud, compare, open_codec, read_cloud
+from puckbench.metrics.rate_deltas import bd_rate_clouds
 
 _SHOWN = ["dataset", "cloud", "codec", "rate", "bpp", "d1_psnr", "encode_s", "decode_s"]
 _DELTAS = ["dataset", "cloud", "codec", "bd_rate_percent", "bd_rate_status", "shared_range"]

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cli.surfaces import read_surface
-from puckbench.cloud import Floats
-from puckbench.mesh import Mesh
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.jobs.surfaces import read_surface
+from puckbench.lidar import ScanJob, Sweep, free_origin, load_sensor, open_error_model
+from puckbench.lidar.raycast import RayCaster
 from puckbench.scenes.calibration import calibration_origin, make_calibration
 from puckbench.scenes.rooms import make_room
-from puckbench.sensor import ScanJob, Sweep, free_origin, load_sensor, open_error_model
-from puckbench.sensor.raycast import RayCaster
 
 sys.path.append(str(Path(__file__).parents[1]))
 from scan_speed import Times, least_times, tessellated_room

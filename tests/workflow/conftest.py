@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 RAW_CODEC = """
 import numpy as np
-from puckbench.codecs.codec import Codec
+from puckbench.codecs.base import Codec
 
 
 class Raw(Codec):
@@ -32,9 +32,9 @@ class Raw(Codec):
 
 BOX_CODEC = """
 import numpy as np
-from puckbench.codecs.codec import Codec
-from puckbench.errors import InputError
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.codecs.base import Codec
+from puckbench.core.errors import InputError
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
 SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 

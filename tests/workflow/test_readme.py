@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from puckbench.files import read_json
+from puckbench.core.files import read_json
 from tests.workflow.conftest import ROOT, Bench
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")

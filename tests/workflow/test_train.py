@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from puckbench.files import read_json
+from puckbench.core.files import read_json
 from tests.workflow.conftest import ROOT, Bench
 
 SETTINGS = {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "side": 1024}

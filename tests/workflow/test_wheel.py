@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puckbench.cloud import PointCloud, read_cloud, write_cloud
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import read_cloud, write_cloud
 from tests.workflow.conftest import ROOT
 
 TREES = ("src", "workflow", "config", "envs", "docs")

@@ -15,8 +15,8 @@ import pandas as pd
 import pytest
 from benchmarks.same_results import after_a_kill, differences
 
-from puckbench.analysis.registry import REGISTRY as STUDY_TABLES
 from puckbench.figures.registry import FIGURES
+from puckbench.thesis.tables import REGISTRY as STUDY_TABLES
 from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
 
 
@@ -294,7 +294,7 @@ def test_two_runs_at_once_are_kept_apart(fresh: Bench) -> None:
 
 def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
     failing = RAW_CODEC.replace("return np.round", "raise InputError('no pens')  #")
-    imports = "from puckbench.errors import InputError\n"
+    imports = "from puckbench.core.errors import InputError\n"
     (fresh.folder / "raw_grid.py").write_text(imports + failing)
     row = "results/metrics/objects/chair_01/raw_grid/r1.json"
     done = fresh.snakemake(row, "--quiet", "rules", "host", "reason")

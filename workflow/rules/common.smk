@@ -12,12 +12,12 @@ SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
-from puckbench.analysis.registry import table_entry
-from puckbench.codeversion import code_version
-from puckbench.errors import InputError
+from puckbench.thesis.tables import table_entry
+from puckbench.planning.fingerprints import code_version
+from puckbench.core.errors import InputError
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.running import check_room, check_storage, failures, hold_results, now
-from puckbench.workflow import Workflow, run_jobs_with
+from puckbench.planning.running import check_room, check_storage, failures, hold_results, now
+from puckbench.planning.workflow import Workflow, run_jobs_with
 
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.

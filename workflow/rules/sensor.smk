@@ -7,7 +7,7 @@ if bench.plan.study is not None:
         params:
             arguments=lambda wildcards: bench.residual_arguments(wildcards.model),
             # Not the command's module, which imports what captures need as well.
-            code=lambda wildcards: bench.model_code("puckbench.analysis.residuals", wildcards.model),
+            code=lambda wildcards: bench.model_code("puckbench.thesis.residuals.virtual", wildcards.model),
         resources:
             mem_mb=1500,
             runtime=20,
@@ -42,7 +42,7 @@ if bench.plan.study is not None:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         params:
             arguments=lambda wildcards: bench.wall_arguments(wildcards.model),
-            code=lambda wildcards: bench.model_code("puckbench.analysis.wall_points", wildcards.model),
+            code=lambda wildcards: bench.model_code("puckbench.thesis.residuals.wall_points", wildcards.model),
         resources:
             mem_mb=1500,
             runtime=10,
@@ -61,7 +61,7 @@ if bench.plan.study is not None:
         params:
             names=[name for name, _ in bench.residual_files()],
             kind="residuals",
-            code=code_version("puckbench.analysis.joining", "puckbench.tablefiles"),
+            code=code_version("puckbench.thesis.residuals.joining", "puckbench.io.tables"),
         resources:
             mem_mb=1500,
             runtime=10,
@@ -80,7 +80,7 @@ if bench.plan.study is not None:
         params:
             names=list(bench.study.models),
             kind="scans",
-            code=code_version("puckbench.analysis.joining", "puckbench.tablefiles"),
+            code=code_version("puckbench.thesis.residuals.joining", "puckbench.io.tables"),
         resources:
             mem_mb=1500,
             runtime=10,
@@ -115,7 +115,7 @@ if bench.plan.study is not None:
         output:
             f"{RESULTS}/tables/compared_residuals.parquet",
         params:
-            code=code_version("puckbench.analysis.comparison", "puckbench.tablefiles"),
+            code=code_version("puckbench.thesis.residuals.model_comparison", "puckbench.io.tables"),
         resources:
             mem_mb=3000,
             runtime=20,

@@ -11,7 +11,7 @@ rule metrics_table:
             f"{RESULTS}/tables/summary.csv", caption="../report/summary_table.rst", category="Tables"
         ),
     params:
-        code=code_version("puckbench.tables", "puckbench.tablefiles"),
+        code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
     resources:
         mem_mb=1000,
         runtime=10,
@@ -33,7 +33,7 @@ rule clouds_table:
         parquet=f"{RESULTS}/tables/clouds.parquet",
     params:
         datasets=[dataset for dataset, _ in bench.plan.clouds],
-        code=code_version("puckbench.tables", "puckbench.tablefiles"),
+        code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
     resources:
         mem_mb=500,
         runtime=10,
@@ -60,7 +60,7 @@ for kind, files in bench.row_tables().items():
             parquet=f"{RESULTS}/tables/{kind}.parquet",
         params:
             kind=kind,
-            code=code_version("puckbench.tables", "puckbench.tablefiles"),
+            code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
         resources:
             mem_mb=500,
             runtime=10,

@@ -3,10 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.analysis.comparison import compared_residuals, default_models, real_walls
-from puckbench.analysis.joining import thinned
-from puckbench.analysis.residuals import read_residuals
-from puckbench.tablefiles import write_table
+from puckbench.io.tables import write_table
+from puckbench.thesis.residuals.joining import thinned
+from puckbench.thesis.residuals.model_comparison import (
+    compared_residuals,
+    default_models,
+    real_walls,
+)
+from puckbench.thesis.residuals.virtual import read_residuals
 
 if TYPE_CHECKING:
     snakemake: Any = None

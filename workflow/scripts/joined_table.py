@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.analysis.joining import joined_files
-from puckbench.tablefiles import write_table
+from puckbench.io.tables import write_table
+from puckbench.thesis.residuals.joining import joined_files
 
 if TYPE_CHECKING:
     snakemake: Any = None

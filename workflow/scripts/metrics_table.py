@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench import tables
-from puckbench.tablefiles import write_table
+from puckbench.io.tables import write_table
+from puckbench.jobs import result_tables as tables
 
 if TYPE_CHECKING:
     snakemake: Any = None

@@ -12,8 +12,8 @@ from pathlib import Path
 from types import ModuleType
 
 from puckbench import __version__
-from puckbench.errors import InputError
-from puckbench.files import unwritable
+from puckbench.core.errors import InputError
+from puckbench.core.files import unwritable
 
 COMMANDS = {
     "scene": "write a scene of a scene set as a mesh or cloud with its description",

@@ -19,8 +19,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode and write the table."""
-    from puckbench.sensor import load_sensor
-    from puckbench.sensor.capture import read_capture, write_capture_table
+    from puckbench.lidar import load_sensor
+    from puckbench.lidar.recordings import read_capture, write_capture_table
 
     sensor = load_sensor(options.sensor) if options.sensor else None
     table = read_capture(options.capture, sensor, options.start, options.end)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Read the table of claims; its rows as JSON, or as text under their numbers."""
-    from puckbench.tablefiles import read_table
+    from puckbench.io.tables import read_table
 
     given = options.results
     path = given if given.suffix else given / "tables" / "claims.csv"

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.codecs.codec import Codec
+from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:

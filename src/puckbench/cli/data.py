@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.fetch import fetch_data
-from puckbench.errors import InputError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,9 +7,9 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from puckbench.cli.types import json_object
+from puckbench.core.plugins import load_class
 from puckbench.datasets.counts import Counted
 from puckbench.datasets.registry import REGISTRY, open_scene_set
-from puckbench.plugins import load_class
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments
-from puckbench.cloud import Floats, PointCloud, write_cloud
-from puckbench.codecs.circumstances import circumstances
-from puckbench.codecs.measure import measured
+from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import codec_of
-from puckbench.errors import InputError
-from puckbench.files import read_bytes
-from puckbench.meshfiles.writing import write_mesh
+from puckbench.core.environment import circumstances
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.meshes.writing import write_mesh
 
 
 class Decoded(NamedTuple):

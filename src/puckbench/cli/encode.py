@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_options
-from puckbench.cloud import read_cloud
-from puckbench.codecs.circumstances import circumstances, cpu_model
-from puckbench.codecs.measure import measured
-from puckbench.files import write_json, written_whole
+from puckbench.codecs.measurement import measured
+from puckbench.core.environment import circumstances, cpu_model
+from puckbench.core.files import write_json, written_whole
+from puckbench.io.clouds import read_cloud
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

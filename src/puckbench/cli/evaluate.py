@@ -13,8 +13,9 @@ from puckbench.cli.codec_options import codec_arguments
 from puckbench.cli.decode import decode_file
 from puckbench.cli.encode import record_file
 from puckbench.cli.types import whole
-from puckbench.cloud import Floats, PointCloud, read_cloud
-from puckbench.files import read_json, write_json
+from puckbench.core.files import read_json, write_json
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import read_cloud
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
 """What a result row keeps of the reference's description."""
@@ -122,8 +123,8 @@ def _decoded(options: argparse.Namespace) -> tuple[PointCloud, dict[str, Any]]:
 def _truth(options: argparse.Namespace, reference: PointCloud, decoded: Floats) -> dict[str, float]:
     if options.truth is None and options.visible is None and options.clean is None:
         return {}
-    from puckbench.cli.surfaces import read_truth
-    from puckbench.metrics.closest import mesh_in_frame
+    from puckbench.geometry.closest import mesh_in_frame
+    from puckbench.jobs.surfaces import read_truth
     from puckbench.metrics.truth import scan_distortion, truth_distortion
     from puckbench.metrics.units import in_metres
 
@@ -148,7 +149,7 @@ def _frame(reference: PointCloud) -> tuple[float, Any]:
 
 
 def _sampled(mesh: Any, points: int) -> PointCloud:
-    from puckbench.prepare.sampling import sample_surface
-    from puckbench.seeding import generator
+    from puckbench.core.seeding import generator
+    from puckbench.geometry.sampling import sample_surface
 
     return sample_surface(mesh, points, generator(0, "evaluate", "truth"))

@@ -16,6 +16,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the file."""
-    from puckbench.sensor.export import export, read_source
+    from puckbench.lidar.export import export, read_source
 
     return export(options.out, read_source(options.table), options.clean)

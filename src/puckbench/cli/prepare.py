@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cli.surfaces import has_faces
 from puckbench.cli.types import whole
-from puckbench.cloud import Floats, PointCloud, read_cloud, write_cloud
-from puckbench.errors import InputError
-from puckbench.files import read_json
-from puckbench.prepare.preparation import Returns, prepare
-from puckbench.prepare.scaling import GRID
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.scaling import GRID
+from puckbench.io.clouds import read_cloud, write_cloud
+from puckbench.jobs.preparation import Returns, prepare
+from puckbench.jobs.surfaces import has_faces
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +74,7 @@ def _returns(path: Path, clean: bool) -> Returns:
             raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
         cloud = read_cloud(path)
         return Returns(cloud, clean=cloud)
-    from puckbench.sensor.table import read_scan
+    from puckbench.lidar.scan_table import read_scan
 
     table = read_scan(path)
     about = {"source": path.name, **table.about}

@@ -11,12 +11,13 @@ import numpy as np
 from puckbench import __version__
 from puckbench.cli.codec_options import chosen_codec, codec_arguments
 from puckbench.cli.encode import record_file
-from puckbench.cloud import PointCloud, read_cloud
 from puckbench.codecs.registry import codec_of
-from puckbench.errors import InputError
-from puckbench.files import read_bytes, read_json, write_json
-from puckbench.mesh import Labels, Mesh
-from puckbench.meshfiles import read_mesh
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, read_json, write_json
+from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.mesh import Labels, Mesh
+from puckbench.io.clouds import read_cloud
+from puckbench.io.meshes import read_mesh
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 """What a row keeps of the record beside a stream."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.files import write_bytes
+from puckbench.core.files import write_bytes
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

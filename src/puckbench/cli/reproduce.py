@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import whole
-from puckbench.errors import InputError
-from puckbench.jobtimes import Estimate, estimated, read_job_times
-from puckbench.reproduce import Reproduction
+from puckbench.core.errors import InputError
+from puckbench.planning.job_times import Estimate, estimated, read_job_times
+from puckbench.thesis.checklist import Reproduction
 
 _ABOUT_THE_SAME = 1.1
 """Planned over measured points up to which nothing is said of extrapolation."""

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _scanned(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.analysis.residuals import Procedure, residual_table, write_residuals
+    from puckbench.thesis.residuals.virtual import Procedure, residual_table, write_residuals
 
     procedure = Procedure(
         options.model, options.model_options, refit=options.refit, keep=options.keep
@@ -59,11 +59,11 @@ def _scanned(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _captured(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.analysis.capture_options import capture_options
-    from puckbench.analysis.capture_residuals import capture_residuals, captured_planes
-    from puckbench.analysis.capture_summary import capture_summary
-    from puckbench.analysis.residuals import write_residuals
-    from puckbench.figures.model_looks import REAL
+    from puckbench.lidar.walls.options import capture_options
+    from puckbench.lidar.walls.residuals import capture_residuals, captured_planes
+    from puckbench.lidar.walls.summary import capture_summary
+    from puckbench.thesis.figures.model_styles import REAL
+    from puckbench.thesis.residuals.virtual import write_residuals
 
     planes = captured_planes(options.capture, capture_options(options.capture_options))
     write_residuals(options.out, capture_residuals(planes))

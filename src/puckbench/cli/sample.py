@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.surfaces import read_surface
 from puckbench.cli.types import whole
-from puckbench.cloud import write_cloud
-from puckbench.prepare.sampling import sample_surface
-from puckbench.seeding import generator
+from puckbench.core.seeding import generator
+from puckbench.geometry.sampling import sample_surface
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs.surfaces import read_surface
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

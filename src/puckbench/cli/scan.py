@@ -6,14 +6,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.progress import Progress
-from puckbench.cli.surfaces import read_surface
 from puckbench.cli.types import json_object, whole
-from puckbench.cloud import Floats, sidecar
-from puckbench.files import read_json
-from puckbench.mesh import Mesh
-from puckbench.seeding import generator
-from puckbench.sensor import (
+from puckbench.core.files import read_json
+from puckbench.core.progress import Progress
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.io.clouds import sidecar
+from puckbench.jobs.surfaces import read_surface
+from puckbench.lidar import (
     ScanJob,
     free_origin,
     load_sensor,

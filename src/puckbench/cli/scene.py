@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
-from puckbench.cloud import PointCloud, write_cloud
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.meshfiles import write_mesh
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.meshes import write_mesh
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

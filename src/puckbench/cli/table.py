@@ -8,9 +8,9 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from puckbench.analysis.registry import REGISTRY, RESULTS, VERDICTS, table_entry
 from puckbench.cli.types import json_object
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.thesis.tables import REGISTRY, RESULTS, VERDICTS, table_entry
 
 _DIGITS = 6
 """Significant digits of a table's numbers: more than any measurement here has."""
@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Read the inputs, make the table and write it."""
-    from puckbench.tablefiles import read_table, write_table
+    from puckbench.io.tables import read_table, write_table
 
     entry = table_entry(options.table)
     if missing := [name for name in entry.inputs if name not in options.inputs]:

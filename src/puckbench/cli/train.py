@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.cli.codec_options import with_options
 from puckbench.cli.types import json_object, whole
-from puckbench.cloud import read_cloud
 from puckbench.codecs.learned.catalogue import weights_file
-from puckbench.codecs.learned.recipe import Training, open_training
+from puckbench.codecs.learned.training.settings import Training, open_training
 from puckbench.codecs.registry import entry, open_codec
-from puckbench.files import sha256, write_json
+from puckbench.core.files import sha256, write_json
+from puckbench.io.clouds import read_cloud
 
 if TYPE_CHECKING:
-    from puckbench.codecs.learned.training import Trainer
+    from puckbench.codecs.learned.training.loop import Trainer
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +51,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Train, going on from the checkpoint beside `out` where there is one, and export the set."""
-    from puckbench.cli.training_curve import Curve
-    from puckbench.codecs.learned.training import train
+    from puckbench.codecs.learned.training.loop import train
+    from puckbench.jobs.training_curve import Curve
 
     training = _training(options)
     checkpoint = options.out.with_suffix(".pt")
@@ -91,7 +91,7 @@ def _begin(trainer: Trainer[Any, Any], training: Training, options: argparse.Nam
 
 def _resume(trainer: Trainer[Any, Any], checkpoint: Path, options: argparse.Namespace) -> None:
     """Go on from the checkpoint; with a fingerprint of the code, remove any other training's."""
-    from puckbench.codecs.learned.training import OtherTrainingError
+    from puckbench.codecs.learned.training.loop import OtherTrainingError
 
     if checkpoint.exists():
         try:
@@ -125,7 +125,7 @@ def _export(
 
 def _measured(options: argparse.Namespace, training: Training, weights: Path) -> dict[str, Any]:
     """What the codec does with a set on the validation's clouds; a warning where it is at fault."""
-    from puckbench.codecs.learned.validation import validation
+    from puckbench.codecs.learned.training.validation import validation
 
     changes = with_options(options.entry, weights=str(weights))
     rates = training.rates(entry(options.codec, changes)["rates"])

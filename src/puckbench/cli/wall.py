@@ -30,9 +30,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
-    from puckbench.analysis.residuals import Procedure
-    from puckbench.analysis.wall_points import wall_points
-    from puckbench.tablefiles import write_table
+    from puckbench.io.tables import write_table
+    from puckbench.thesis.residuals.virtual import Procedure
+    from puckbench.thesis.residuals.wall_points import wall_points
 
     procedure = Procedure(options.model, options.model_options, keep=options.keep)
     table = wall_points(procedure, options.distances, options.seed)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Codec
-from puckbench.errors import InputError
+from puckbench.codecs.base import Codec
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
-from puckbench.codecs.codec import Codec
-from puckbench.errors import InputError
-from puckbench.plugins import load_class
+from puckbench.codecs.base import Codec
+from puckbench.core.errors import InputError
+from puckbench.core.plugins import load_class
 
 Entry = Mapping[str, Any]
 GROUP = "puckbench.codecs"

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
 
 UNKNOWN = "unknown"
 
@@ -84,9 +84,9 @@ def read_area_mesh(path: Path, area: str) -> AreaMesh:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
-    from puckbench.meshfiles.obj import read_obj
-    from puckbench.meshfiles.polygons import triangulate
-    from puckbench.meshfiles.reading import y_up_to_z_up
+    from puckbench.io.meshes.obj import read_obj
+    from puckbench.io.meshes.polygons import triangulate
+    from puckbench.io.meshes.reading import y_up_to_z_up
 
     polygons = read_obj(path)
     if polygons.material_id is None:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
-from puckbench.errors import InputError
-from puckbench.files import read_bytes
-from puckbench.meshfiles import read_mesh_report
+from puckbench.io.meshes import read_mesh_report
 
 CREDIT = (
     'P. Papadakis, "The Canonically Posed 3D Objects Dataset", '

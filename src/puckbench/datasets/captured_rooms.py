@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
 from puckbench.datasets.scene import Scene, existing_folder, found, unique_names
-from puckbench.errors import InputError
-from puckbench.files import read_json
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
-from puckbench.meshfiles.reading import y_up_to_z_up
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.io.meshes.reading import y_up_to_z_up
 
 Entity = Mapping[str, Any]
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from puckbench.datasets.embedded import ABOUT, check_detail, chosen
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.sweethome3d import SweetHome3D
-from puckbench.mesh import Mesh
+from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.room_table import ROOMS
 from puckbench.scenes.rooms import make_room, origin, room_box
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, sha256, write_bytes, write_json
 from puckbench.datasets.sources import SOURCES, Source
-from puckbench.errors import InputError
-from puckbench.files import read_json, sha256, write_bytes, write_json
 
 _RECORD = "fetched.json"
 _CREDITS = "CREDITS.md"

@@ -7,11 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.front3d_house import Room, build_room, read_rooms
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name, unique_names
-from puckbench.errors import InputError
 
 _HOUSES = 6813
 _LICENCE = "Alibaba's terms of 3D-FRONT and 3D-FUTURE: research, not redistributable"

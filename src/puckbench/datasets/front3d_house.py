@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
-from puckbench.files import read_json
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
-from puckbench.meshfiles import read_mesh_report
-from puckbench.meshfiles.reading import y_up_to_z_up
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.io.meshes import read_mesh_report
+from puckbench.io.meshes.reading import y_up_to_z_up
 
 Surface = tuple[Floats, NDArray[np.int64]]
 """Vertices (v, 3), y up, and triangles (t, 3)."""

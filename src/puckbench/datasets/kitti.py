@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.cloud import PointCloud, check_points
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
-from puckbench.errors import InputError
-from puckbench.files import read_bytes
+from puckbench.geometry.cloud import PointCloud, check_points
 
 _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
     "*/velodyne",

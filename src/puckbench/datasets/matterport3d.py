@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
-from puckbench.errors import InputError
-from puckbench.meshfiles import read_mesh_report
+from puckbench.io.meshes import read_mesh_report
 
 _LICENCE = "Matterport3D's terms of use: academic, not redistributable"
 _CREDIT = 'A. Chang et al., "Matterport3D: Learning from RGB-D Data in Indoor Environments", 2017'

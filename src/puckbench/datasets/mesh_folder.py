@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.cloud import sidecar
+from puckbench.core.errors import InputError
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name, unique_names
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
-from puckbench.meshfiles import SUFFIXES, read_mesh_report
+from puckbench.geometry.mesh import Mesh
+from puckbench.io.clouds import sidecar
+from puckbench.io.meshes import SUFFIXES, read_mesh_report
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from puckbench.core.errors import InputError
+from puckbench.core.files import unreadable
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name, unique_names
-from puckbench.errors import InputError
-from puckbench.files import unreadable
-from puckbench.meshfiles import read_mesh_report
+from puckbench.io.meshes import read_mesh_report
 
 SPLITS = ("train", "test")
 

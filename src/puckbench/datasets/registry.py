@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any
 
+from puckbench.core.errors import InputError
+from puckbench.core.plugins import load_class
 from puckbench.datasets.scene import SceneSet
-from puckbench.errors import InputError
-from puckbench.plugins import load_class
 
 REGISTRY = {
     "calibration": "puckbench.datasets.calibration:Calibration",

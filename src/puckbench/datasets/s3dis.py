@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import PointCloud
+from puckbench.core.errors import InputError
 from puckbench.datasets.counts import Count
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
 from puckbench.datasets.xyzrgb import TextCloud, read_xyzrgb
-from puckbench.errors import InputError
+from puckbench.geometry.cloud import PointCloud
 
 CLASSES = (
     "ceiling",

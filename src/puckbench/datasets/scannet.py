@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
 from puckbench.datasets.counts import Count
 from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
-from puckbench.errors import InputError
-from puckbench.files import read_bytes
-from puckbench.mesh import Mesh
-from puckbench.meshfiles import read_mesh_report
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.io.meshes import read_mesh_report
 
 _SCAN = re.compile(r"scene\d{4}_\d{2}")
 _LICENCE = "ScanNet's terms of use, not redistributable"

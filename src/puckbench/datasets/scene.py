@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from puckbench.cloud import Floats, PointCloud
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.mesh import Mesh
 
 T = TypeVar("T")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import yaml
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found
-from puckbench.errors import InputError
-from puckbench.meshfiles import read_mesh_report
+from puckbench.io.meshes import read_mesh_report
 
 _SYNSET = re.compile(r"\d{8}")
 _FILES = ("models/model_normalized.obj", "model.obj")  # version 2, version 1

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.sweethome3d import SweetHome3D
-from puckbench.errors import InputError
 
 _TIMEOUT_S = 900
 _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)

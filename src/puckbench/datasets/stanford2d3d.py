@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.core.errors import InputError
 from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_mesh
 from puckbench.datasets.s3dis import S3DIS
 from puckbench.datasets.scene import Scene, found
@@ -19,7 +19,7 @@ from puckbench.datasets.tripods import (
     listed_positions,
     pose_files,
 )
-from puckbench.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")
 

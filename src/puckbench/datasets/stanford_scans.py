@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from puckbench.core.errors import InputError
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
-from puckbench.meshfiles import read_mesh_report
+from puckbench.geometry.mesh import Mesh
+from puckbench.io.meshes import read_mesh_report
 
 _CREDIT = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repository"
 _CREDIT_XYZRGB = f"{_CREDIT}; scanned by XYZ RGB Inc."

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.core.errors import InputError
 from puckbench.datasets.scene import Scene, found, safe_name, unique_names
-from puckbench.errors import InputError
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.meshfiles.reading import mesh_of_polygons, y_up_to_z_up
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.io.meshes.reading import mesh_of_polygons, y_up_to_z_up
 
 FURNITURE = ("bookcase", "chair", "sofa", "table")
 INSTALLED = "/usr/share/sweethome3d/furniture"
@@ -212,7 +212,7 @@ def _class_words() -> dict[str, Any]:
 
 def _read_model(model: Model) -> tuple[Mesh, dict[str, Any]]:
     """The model in its own frame and unit, y up."""
-    from puckbench.meshfiles.obj import parse_obj
+    from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
     return mesh_of_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from puckbench.errors import InputError
-from puckbench.files import read_json
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
 
 Position = tuple[float, float, float]
 

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud, read_cloud
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
 from puckbench.datasets.counts import Count
 from puckbench.datasets.embedded import chosen
 from puckbench.datasets.scene import Scene, existing_folder, found, unique_names
-from puckbench.errors import InputError
-from puckbench.files import read_bytes
-from puckbench.meshfiles.reading import y_up_to_z_up
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import read_cloud
+from puckbench.io.meshes.reading import y_up_to_z_up
 
 _FRAME = re.compile(r"(?P<sequence>\w+?)_vox(?P<bits>\d+)(?:_(?P<frame>\d+))?", re.ASCII)
 _SCALE = re.compile(rb"^comment frame_to_world_scale (\d*\.?\d+)\s*$", re.MULTILINE)

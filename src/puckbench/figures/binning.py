@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 from puckbench.figures.binning import medians_against
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import draw_line, log_limits, set_log
 from puckbench.figures.quantities import BPP, Quantity
 from puckbench.figures.style import FigureStyle, Range
+from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

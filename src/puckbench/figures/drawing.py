@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.cloud import read_cloud
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
 from puckbench.figures.registry import TABLES, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files import write_bytes
+from puckbench.io.clouds import read_cloud
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +47,7 @@ def draw_files(
 
 def read_input(name: str, path: Path) -> Any:
     """A figure's input from its file: a DataFrame for a table, a PointCloud for an example."""
-    from puckbench.tablefiles import read_table
+    from puckbench.io.tables import read_table
 
     return read_table(path) if name in TABLES else read_cloud(path)
 

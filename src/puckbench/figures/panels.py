@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.figures.looks import Look
+from puckbench.figures.plot_styles import Look
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
+from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,9 +5,9 @@ Listing imports neither matplotlib nor pandas, so that the workflow can plan wit
 
 from __future__ import annotations
 
-from puckbench.errors import InputError
-from puckbench.figures import chapter5, chapter6, findings
+from puckbench.core.errors import InputError
 from puckbench.figures.entry import FigureEntry
+from puckbench.thesis.figures import chapter5, chapter6, findings
 
 TABLES = (
     "metrics",

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from puckbench.errors import InputError
-from puckbench.figures.looks import Look, codec_look, codec_rank, dataset_title
+from puckbench.core.errors import InputError
+from puckbench.figures.plot_styles import Look, codec_look, codec_rank, dataset_title
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16

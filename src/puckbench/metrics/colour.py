@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud, check_points
-from puckbench.errors import InputError
-from puckbench.metrics.neighbours import Neighbours, Points
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.neighbours import Neighbours, Points
 from puckbench.metrics.psnr import psnr
 
 _YUV = np.array(

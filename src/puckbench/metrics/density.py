@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats, check_points
-from puckbench.metrics.spatial import distinct_rows
-from puckbench.seeding import generator
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.geometry.spatial_order import distinct_rows
 
 NEIGHBOURS = 16
 QUERIES = 100_000

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats, check_points
-from puckbench.compiling import compiled
-from puckbench.metrics.spatial import distinct_rows
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.geometry.spatial_order import distinct_rows
 
 BLOCK = 64
 """Points that are bounded together; the work is least around it on spheres, the worst case."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats, check_points
+from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:

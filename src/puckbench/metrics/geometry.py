@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats, PointCloud, check_points
-from puckbench.compiling import compiled
-from puckbench.errors import InputError
-from puckbench.metrics.neighbours import Neighbours, Points
-from puckbench.metrics.spatial import Rows, distinct_rows
+from puckbench.core.compiling import compiled
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.neighbours import Neighbours, Points
+from puckbench.geometry.spatial_order import Rows, distinct_rows
 
 
 @dataclass(frozen=True)

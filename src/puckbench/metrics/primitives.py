@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.mesh import Primitive
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Primitive
 
 Parameters = dict[str, Any]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats, PointCloud
-from puckbench.mesh import Labels, Mesh, Primitive
-from puckbench.metrics.closest import closest_surface_points
+from puckbench.geometry.closest import closest_surface_points
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.mesh import Labels, Mesh, Primitive
 from puckbench.metrics.primitives import COMPARABLE, differences, distances, in_metres
 
 Ints = NDArray[np.int64]

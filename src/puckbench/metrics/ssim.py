@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 WINDOW = 11
 _SIGMA = 1.5

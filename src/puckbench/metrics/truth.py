@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud
-from puckbench.mesh import Mesh
-from puckbench.metrics.closest import closest_surface_points
+from puckbench.geometry.closest import closest_surface_points
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.geometry import SquaredErrors, squared_errors, summary
 
 
@@ -17,7 +17,7 @@ def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) ->
 
     `visible`: points on the part of the true surface that was seen, with the true normals: a
     surface that no ray reached is not held against a codec. `mesh`: the true surface, brought
-    into the frame by `puckbench.metrics.closest.mesh_in_frame`; None when only points are known.
+    into the frame by `puckbench.geometry.closest.mesh_in_frame`; None when only points are known.
 
     * A to B: from the visible points to the decoded cloud, as in
       `puckbench.metrics.geometry.distortion`.

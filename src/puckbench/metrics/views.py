@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud, check_points
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.rendering import Image, View, render_cloud
 from puckbench.metrics.psnr import psnr
 from puckbench.metrics.ssim import WINDOW, ssim
-from puckbench.render import Image, View, render_cloud
 
 PIXELS = 1920
 """PCC Arena's width and height."""

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.cloud import read_cloud
+from puckbench.core.files import read_bytes
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files import read_bytes
+from puckbench.io.clouds import read_cloud
+from puckbench.io.tables import read_table
 from puckbench.report import page
 from puckbench.report.captions import caption_html
 from puckbench.report.clouds import example_payload, points_each, shown_decoded, shown_original
@@ -19,7 +20,6 @@ from puckbench.report.facts import codecs_html, configuration_html, datasets_htm
 from puckbench.report.markup import Markup, joined, tag
 from puckbench.report.pictures import embedded
 from puckbench.report.tables import table_html
-from puckbench.tablefiles import read_table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats, PointCloud
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.report.curves import rounded
-from puckbench.seeding import generator
 
 BYTES_PER_POINT = 28 / 3
 """Of a decoded cloud in the page: three coordinates of two bytes and an error of one, in base64."""

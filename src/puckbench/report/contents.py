@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 TITLE = "Point-cloud compression on virtual LiDAR scans"
 POINTS = 20_000

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.scenes.surfaces import Ints, Shape, Surface, freeform, join, primitive
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
+from puckbench.core.seeding import generator
 from puckbench.scenes.placing import Put
 from puckbench.scenes.room_table import ROOMS, RoomSpec
-from puckbench.seeding import generator
 
 AREAS: dict[str, dict[str, int]] = {
     "Area_1": {

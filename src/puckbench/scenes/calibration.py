@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Piece, build
 from puckbench.scenes.solids import flat

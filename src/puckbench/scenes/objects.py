@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.builder import Item, build, moved
 from puckbench.scenes.models import household, outdoors, tools
 from puckbench.scenes.surfaces import pose
 from puckbench.scenes.workshop import Workshop
-from puckbench.seeding import generator
 
 MEMBERS = 12
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes.surfaces import Ints
 
 Point = tuple[float, float]

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes.builder import Furniture, Item, Piece, bounds, moved, refurnished
 from puckbench.scenes.plan import Plan, rectangle, square
 from puckbench.scenes.shell import Opening, depth, shell, wall_frame

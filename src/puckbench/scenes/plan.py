@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 
 Point = tuple[float, float]
 _TOUCH = 0.005

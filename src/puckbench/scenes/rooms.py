@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.builder import Furniture, build
 from puckbench.scenes.building import building_room, room_types
 from puckbench.scenes.placing import Maker, Room, lamp_grid
 from puckbench.scenes.room_table import ROOMS, RoomSpec
 from puckbench.scenes.workshop import Workshop
-from puckbench.seeding import generator
 
 SENSOR_HEIGHT = 1.3
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece, moved
 from puckbench.scenes.solids import box, flat

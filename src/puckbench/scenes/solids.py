@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes.outlines import Outline, Stretch, arc, fill, line, loop
 from puckbench.scenes.surfaces import (
     FREEFORM,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.mesh import Primitive
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Primitive
 
 Ints = NDArray[np.int64]
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines, solids
 from puckbench.scenes.outlines import Outline, Point
 from puckbench.scenes.surfaces import Surface

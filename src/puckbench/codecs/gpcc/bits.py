@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 _LONGEST_NUMBER = 32
 _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"

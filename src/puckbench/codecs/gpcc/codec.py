@@ -8,8 +8,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from puckbench import __version__
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Codec
+from puckbench.codecs.base import Codec
 from puckbench.codecs.gpcc.container import packed, unpacked
 from puckbench.codecs.gpcc.grid import (
     ROUNDINGS,
@@ -20,7 +19,8 @@ from puckbench.codecs.gpcc.grid import (
     quantised,
 )
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 Duplicates = Literal["merged", "kept"]
 

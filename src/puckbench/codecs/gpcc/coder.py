@@ -15,10 +15,10 @@ from puckbench.codecs.gpcc.bits import Reader
 from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice, read_slice
 from puckbench.codecs.gpcc.encoder import encode_slice
 from puckbench.codecs.gpcc.models import Models, fresh_models
-from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, split_axes
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
 
 __all__ = [
     "PROFILES",

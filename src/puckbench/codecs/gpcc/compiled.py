@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from puckbench import compiling
+from puckbench.core import compiling
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.gpcc.grid import Frame
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 MAGIC = b"PBGP"
 _FRAME = struct.Struct("<4d")

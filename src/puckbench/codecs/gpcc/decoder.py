@@ -17,7 +17,6 @@ from puckbench.codecs.gpcc.encoder import (
     root_parent,
     slice_state,
 )
-from puckbench.codecs.gpcc.morton import MOST_BITS, Ints
 from puckbench.codecs.gpcc.syntax import (
     GeometryHeader,
     GeometryParameterSet,
@@ -27,7 +26,8 @@ from puckbench.codecs.gpcc.syntax import (
 )
 from puckbench.codecs.gpcc.tables import COUNT
 from puckbench.codecs.gpcc.tree import node_bits
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import MOST_BITS, Ints
 
 _DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
 

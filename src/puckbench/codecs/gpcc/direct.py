@@ -17,7 +17,7 @@ from puckbench.codecs.gpcc.models import (
     SAME_BIT,
     Models,
 )
-from puckbench.codecs.gpcc.morton import gathered, spread
+from puckbench.geometry.morton import gathered, spread
 
 Ints = NDArray[np.int64]
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from puckbench.codecs.gpcc import direct, models, neighbours, octree, planar
 from puckbench.codecs.gpcc.arithmetic import encoder, enlarged, finish
-from puckbench.codecs.gpcc.morton import Ints
 from puckbench.codecs.gpcc.syntax import (
     GeometryFooter,
     GeometryHeader,
@@ -17,6 +16,7 @@ from puckbench.codecs.gpcc.syntax import (
     written,
 )
 from puckbench.codecs.gpcc.tree import Tree, leaf_codes, leaf_starts, node_bits
+from puckbench.geometry.morton import Ints
 
 # Most bytes that one node can take: eight bits of at most a byte each and planes; the coordinates
 # and counts of direct points; the counts of eight leaves.

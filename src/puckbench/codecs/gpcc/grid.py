@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 Rounding = Literal["nearest", "truncate"]
 ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")

@@ -16,9 +16,9 @@ from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice
 from puckbench.codecs.gpcc.encoder import coded_tree
 from puckbench.codecs.gpcc.models import fresh_models
-from puckbench.codecs.gpcc.morton import MOST_BITS, Ints, coordinates
 from puckbench.codecs.gpcc.tree import bounds, build_tree, split_axes
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
 
 _SPS = syntax.SequenceParameterSet()
 _GPS = syntax.GeometryParameterSet(

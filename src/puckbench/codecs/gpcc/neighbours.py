@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.bitcount import bit_count
 from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
-from puckbench.codecs.gpcc.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
+from puckbench.geometry.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

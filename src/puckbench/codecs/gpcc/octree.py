@@ -21,7 +21,6 @@ from puckbench.codecs.gpcc.direct import (
     placed,
 )
 from puckbench.codecs.gpcc.models import DUPLICATES_GT0, DUPLICATES_PREFIX, IS_DIRECT, Models
-from puckbench.codecs.gpcc.morton import below
 from puckbench.codecs.gpcc.neighbours import (
     Atlas,
     adjacent_children,
@@ -46,6 +45,7 @@ from puckbench.codecs.gpcc.planar import (
     masked_children,
 )
 from puckbench.codecs.gpcc.tables import COUNT
+from puckbench.geometry.morton import below
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

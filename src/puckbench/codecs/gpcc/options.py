@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 
 @dataclass(frozen=True)

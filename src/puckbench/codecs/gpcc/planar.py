@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from puckbench.codecs.gpcc.arithmetic import code_bit
 from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
-from puckbench.codecs.gpcc.morton import gathered
 from puckbench.codecs.gpcc.neighbours import AFTER, BEFORE, UPPER
 from puckbench.codecs.gpcc.tables import COUNT
+from puckbench.geometry.morton import gathered
 
 _ROWS = 1 << 14
 _DENSEST = 3 * 1024

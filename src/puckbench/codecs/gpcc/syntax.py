@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from puckbench.codecs.gpcc.bits import Reader, SyntaxElements, Writer
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 Three = tuple[int, int, int]
 

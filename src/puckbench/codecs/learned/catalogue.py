@@ -16,8 +16,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from puckbench.errors import InputError
-from puckbench.files import unreadable
+from puckbench.core.errors import InputError
+from puckbench.core.files import unreadable
 
 SUFFIX = ".pcgw"
 START = struct.Struct("<4sBI")
@@ -55,7 +55,7 @@ def _header(path: Path, _changed: int, _size: int) -> dict[str, Any]:
 
 def shipped() -> dict[str, Path]:
     """The sets that come with puckbench, by name."""
-    folder = Path(str(files("puckbench.codecs").joinpath("weights")))
+    folder = Path(str(files("puckbench.codecs.learned").joinpath("weights")))
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 

@@ -14,11 +14,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Availability, Codec
+from puckbench.codecs.base import Availability, Codec
 from puckbench.codecs.learned.catalogue import Network
-from puckbench.errors import InputError
-from puckbench.files import sha256
+from puckbench.core.errors import InputError
+from puckbench.core.files import sha256
+from puckbench.geometry.cloud import Floats
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _DIGITS = 16
@@ -193,7 +193,7 @@ def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
     fewer; without `children` none. No grid is finer than the points' own, or coarser than
     `MOST_QUARTERS` make it.
     """
-    from puckbench.codecs.learned.density import QUARTERS, halvings_of
+    from puckbench.codecs.learned.grid_level import QUARTERS, halvings_of
 
     children = float(parameters.get("children", 1))
     if children <= 1:

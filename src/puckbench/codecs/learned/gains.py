@@ -14,8 +14,8 @@ from typing import Any, Protocol, cast
 import torch
 from torch import Tensor, nn
 
-from puckbench.codecs.learned.bottleneck import Bottleneck
-from puckbench.errors import InputError
+from puckbench.codecs.learned.entropy_bottleneck import Bottleneck
+from puckbench.core.errors import InputError
 
 _FASTER = 5.0
 

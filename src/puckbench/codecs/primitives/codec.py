@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.codec import Codec
+from puckbench.codecs.base import Codec
 from puckbench.codecs.primitives.settings import Settings, settings_of
 from puckbench.codecs.primitives.stream import Header, unpack
-from puckbench.errors import InputError
-from puckbench.mesh import Mesh
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
 
 
 class Primitives(Codec):
@@ -22,7 +22,7 @@ class Primitives(Codec):
 
     def load(self) -> None:
         """Compile what encoding and decoding need."""
-        from puckbench.codecs.primitives.rivals import encode
+        from puckbench.codecs.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)
         plane = np.column_stack([rng.random((2000, 2)), np.zeros(2000)])
@@ -30,7 +30,7 @@ class Primitives(Codec):
             self._decode(encode(plane, settings))
 
     def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
-        from puckbench.codecs.primitives.rivals import encode
+        from puckbench.codecs.primitives.mode_decision import encode
 
         return encode(points, settings_of(parameters))
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Bytes, Ints, Owners
-from puckbench.compiling import compiled, compiled_in_place
+from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.geometry.cloud import Floats
 
 
 class Choice(NamedTuple):

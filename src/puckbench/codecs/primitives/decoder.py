@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.binary import PAST_THE_END, POSITION
+from puckbench.codecs.common.binary_coder import PAST_THE_END, POSITION
 from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.columns import NO_CHOICE
 from puckbench.codecs.primitives.entropy import reader
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
+from puckbench.codecs.primitives.manhattan_frame import rotation
 from puckbench.codecs.primitives.revolved import (
     CONTEXTS,
     MIXERS,
@@ -24,8 +23,9 @@ from puckbench.codecs.primitives.revolved import (
 from puckbench.codecs.primitives.stream import MOST_POINTS, MOST_ROUND_POINTS, Header, unpack
 from puckbench.codecs.primitives.support import code_support
 from puckbench.codecs.primitives.surface import count_points, fill
-from puckbench.codecs.primitives.walk import code_tree
-from puckbench.errors import InputError
+from puckbench.codecs.primitives.traversal import code_tree
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 _FINER_BY_LEVEL = 0.5
 """Planes of larger leaves are more precise, by the size to this power."""

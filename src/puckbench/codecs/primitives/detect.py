@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.codecs.circumstances import allowed_threads
 from puckbench.codecs.primitives.layout import Ints
 from puckbench.codecs.primitives.revolved import CONE, SPHERE, Round, across, cross
+from puckbench.core.environment import allowed_threads
+from puckbench.geometry.cloud import Floats
 
 _SEEDS = 300
 _SCORED = 1200

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.codecs.binary import written
-from puckbench.codecs.primitives.axes import Turn, rotation
+from puckbench.codecs.common.binary_coder import written
 from puckbench.codecs.primitives.columns import Choice
 from puckbench.codecs.primitives.decoder import Patches, empty_leaves, frame_of
 from puckbench.codecs.primitives.detect import detected
 from puckbench.codecs.primitives.entropy import writer
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes
+from puckbench.codecs.primitives.manhattan_frame import Turn, rotation
 from puckbench.codecs.primitives.noise import spread
 from puckbench.codecs.primitives.regions import Limits, wholes
 from puckbench.codecs.primitives.revolved import (
@@ -25,15 +24,16 @@ from puckbench.codecs.primitives.revolved import (
     packed,
     unpacked,
 )
+from puckbench.codecs.primitives.revolved_support import Prices, Wrapped, placed, wrapped
 from puckbench.codecs.primitives.settings import SIZE, Settings
 from puckbench.codecs.primitives.smooth import sampled, smoothed
 from puckbench.codecs.primitives.stream import MOST_CELLS, MOST_ROUND_POINTS, Header, pack_surface
 from puckbench.codecs.primitives.support import code_support
 from puckbench.codecs.primitives.surface import count_points
+from puckbench.codecs.primitives.traversal import code_tree
 from puckbench.codecs.primitives.tree import Level, build, leaves_of, prune
-from puckbench.codecs.primitives.walk import code_tree
-from puckbench.codecs.primitives.wrapping import Prices, Wrapped, placed, wrapped
-from puckbench.metrics.spatial import morton_order
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.spatial_order import morton_order
 
 _NOISE_CELL = 16.0
 _SAMPLE_CELL = 6.0 / 2**0.5

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.binary import (
+from puckbench.codecs.common.binary_coder import (
     ENDS,
     ONE,
     SLOWEST,
@@ -25,7 +25,7 @@ from puckbench.codecs.binary import (
     learning_rates,
     logistic_tables,
 )
-from puckbench.compiling import compiled_in_place
+from puckbench.core.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
 _RATE = 14

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.primitives.axes import rotation
 from puckbench.codecs.primitives.decoder import Patches, read_patches
 from puckbench.codecs.primitives.layout import (
     Bytes,
@@ -15,13 +13,15 @@ from puckbench.codecs.primitives.layout import (
     dominant,
     height,
 )
+from puckbench.codecs.primitives.manhattan_frame import rotation
 from puckbench.codecs.primitives.revolved import SPHERE, Round, corners_of
 from puckbench.codecs.primitives.segments import joined_leaves
 from puckbench.codecs.primitives.stream import Header
 from puckbench.codecs.primitives.support import in_leaf
-from puckbench.compiling import compiled
-from puckbench.errors import InputError
-from puckbench.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.core.compiling import compiled
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
 _STRAIGHT = 0.02
 """Angle of a cone, radians, below which it is called a cylinder."""

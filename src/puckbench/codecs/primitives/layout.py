@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.compiling import compiled, compiled_in_place
+from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
 Owners = NDArray[np.int32]

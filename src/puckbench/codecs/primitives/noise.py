@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.tree import cell_starts, moments_of, plane_costs
+from puckbench.geometry.cloud import Floats
 
 _FEWEST = 8
 

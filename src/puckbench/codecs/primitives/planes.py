@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.moments import fit_plane, squared_distance
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number
 from puckbench.codecs.primitives.layout import (
     Frame,
@@ -16,7 +14,9 @@ from puckbench.codecs.primitives.layout import (
     dominant,
     owner_at,
 )
-from puckbench.compiling import compiled
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.moments import fit_plane, squared_distance
 
 _CANDIDATES = 4
 _LARGEST = 4

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.cloud import Floats
-from puckbench.codecs.moments import fit_plane
 from puckbench.codecs.primitives.layout import Ints, Leaves, Owners
-from puckbench.compiling import compiled
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.moments import fit_plane
 
 
 class Limits(NamedTuple):

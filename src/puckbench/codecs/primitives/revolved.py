@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.entropy import Coder, code_bit
 from puckbench.codecs.primitives.layout import Bytes, Ints
 from puckbench.codecs.primitives.stream import ROUND
 from puckbench.codecs.primitives.support import CONTEXTS as SUPPORT_CONTEXTS
 from puckbench.codecs.primitives.support import MIXERS as SUPPORT_MIXERS
-from puckbench.compiling import compiled
-from puckbench.errors import InputError
+from puckbench.core.compiling import compiled
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 CONE, SPHERE = 0, 1
 MOST_COLUMNS = 1 << 22

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.decoder import Patches, points_of, points_of_rounds
 from puckbench.codecs.primitives.layout import Ints
 from puckbench.codecs.primitives.regions import Limits, joined, touching
 from puckbench.codecs.primitives.tree import moments_of
+from puckbench.geometry.cloud import Floats
 
 _PARALLEL = float(np.cos(np.radians(20)))
 _OFF = 0.2

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
 
 SIZE = 1023.0
 """Units across the longest side of a cloud."""

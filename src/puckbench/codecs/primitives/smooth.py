@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.codecs.moments import SIZE, add_point, fit_plane
 from puckbench.codecs.primitives.tree import cell_starts
-from puckbench.codecs.threads import in_threads
-from puckbench.compiling import compiled
+from puckbench.core.compiling import compiled
+from puckbench.core.threads import in_threads
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.moments import SIZE, add_point, fit_plane
 
 Ints = NDArray[np.int64]
 

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.cloud import Floats
-from puckbench.codecs.primitives.axes import Turn, rotation
-from puckbench.errors import InputError
+from puckbench.codecs.primitives.manhattan_frame import Turn, rotation
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 MAGIC = b"PBPR"
 VERSION = 3

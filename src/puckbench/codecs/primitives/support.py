@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.columns import Choice, choose, gain_at
 from puckbench.codecs.primitives.entropy import Coder, code_bit
 from puckbench.codecs.primitives.layout import (
@@ -21,9 +20,10 @@ from puckbench.codecs.primitives.layout import (
     height,
     owner_at,
 )
-from puckbench.codecs.primitives.walk import CONTEXTS as TREE_CONTEXTS
-from puckbench.codecs.primitives.walk import MIXERS as TREE_MIXERS
-from puckbench.compiling import compiled, compiled_in_place
+from puckbench.codecs.primitives.traversal import CONTEXTS as TREE_CONTEXTS
+from puckbench.codecs.primitives.traversal import MIXERS as TREE_MIXERS
+from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.geometry.cloud import Floats
 
 # States of a column, also in the grid of cells.
 _UNKNOWN, _EMPTY, _SURFACE = 0, 1, 2

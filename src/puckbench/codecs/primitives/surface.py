@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, dominant, height
 from puckbench.codecs.primitives.support import in_leaf
-from puckbench.compiling import compiled
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
 
 
 @compiled

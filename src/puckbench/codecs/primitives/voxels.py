@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.cloud import Floats
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.primitives.displacements import best_table, moved
 from puckbench.codecs.primitives.layout import Ints
 from puckbench.codecs.primitives.settings import SIZE
-from puckbench.codecs.primitives.shifts import best_table, moved
 from puckbench.codecs.primitives.stream import BINS, Place, Table, Voxels, pack_voxels, unpack
-from puckbench.errors import InputError
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 _FINEST = SIZE / (1 << 20)
 _TRIES = 6

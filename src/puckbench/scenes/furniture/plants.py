@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.cloud import Floats
+from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.small import clutter

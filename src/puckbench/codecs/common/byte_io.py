@@ -1,0 +1,49 @@
+"""Writing and reading the parts of a stream: whole numbers of few bytes, and bytes."""
+
+from __future__ import annotations
+
+from puckbench.core.errors import InputError
+
+_LONGEST_NUMBER = 5
+
+
+def base_128(number: int) -> bytes:
+    """A number of at least 0: seven bits a byte, the lowest first; the top bit says more follow."""
+    groups = [number & 127]
+    while number := number >> 7:
+        groups.append(number & 127)
+    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
+
+
+def signed_128(number: int) -> bytes:
+    """Any whole number: twice as large, those below zero made odd."""
+    return base_128(2 * number if number >= 0 else -2 * number - 1)
+
+
+class Reader:
+    """Takes a body apart from its beginning."""
+
+    def __init__(self, body: bytes) -> None:
+        self.body, self.at = body, 0
+
+    def take(self, size: int) -> bytes:
+        """The next bytes; InputError when there are fewer."""
+        self.at += size
+        if self.at > len(self.body):
+            raise InputError("the stream is truncated")
+        return self.body[self.at - size : self.at]
+
+    def number(self) -> int:
+        """A number of `base_128`; InputError when it has no end."""
+        number = 0
+        for k in range(_LONGEST_NUMBER):
+            byte = self.take(1)[0]
+            number |= (byte & 127) << 7 * k
+            if byte < 128:
+                return number
+        raise InputError("the stream is damaged (a number)")
+
+    def signed(self) -> int:
+        """A number of `signed_128`."""
+        twice = self.number()
+        return -(twice + 1 >> 1) if twice & 1 else twice >> 1

@@ -1,0 +1,171 @@
+"""Coding a bit with several estimates of it, mixed in more than one way: integers only.
+
+An estimate from outside and those of adaptive contexts are mixed in the logistic domain by weights
+that are learnt on the way (Mahoney 2005, "Adaptive weighing of context models for lossless data
+compression"). There may be several sets of weights, each chosen by another property of the bit; the
+mean of their mixtures counts, and tables of what became of such mixtures correct it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.common.binary_coder import (
+    ENDS,
+    LEAST,
+    ONE,
+    BitCoder,
+    code,
+    learning_rates,
+    logistic_tables,
+)
+from puckbench.core.compiling import compiled_in_place
+
+Ints = NDArray[np.int64]
+Slots = NDArray[np.int32]
+_FINE_BITS = 22
+"""Adaptive probabilities are multiples of 2**-22."""
+_SEEN_BITS = 9
+"""Below the probability, in the same number: bits seen so far."""
+_CERTAIN = (1 << _FINE_BITS) - 1
+_BUCKETS = 33
+_BIAS = 77
+"""An input of every mixture, in units of the logistic domain."""
+_TABLES = 2
+"""Of corrections at most, chosen as the first sets of weights are."""
+
+
+class Habits(NamedTuple):
+    """How a mixer begins and learns.
+
+    estimate, context: weights of the estimate from outside and of each context's, to begin with.
+    pace: how fast weights are learnt. memory: a context's probability follows its last so many
+    bits, at most `SLOWEST`.
+    """
+
+    estimate: float
+    context: float
+    pace: int
+    memory: int
+
+
+class Mixer(NamedTuple):
+    """State of a coder: where the bytes are, and what it has learnt.
+
+    contexts: probability of a 1 and number of bits seen of each. weights: (rows, inputs), all sets'
+    rows one after the other. corrected: (rows, buckets), probability of a 1 where the mixture was
+    so. stretch, squash, rates: tables. at: (contexts of a bit,) which; rows: (sets,) of the
+    weights; inputs, mixtures: workspace. pace, memory: of `Habits`.
+    """
+
+    bits: BitCoder
+    contexts: Slots
+    weights: Ints
+    corrected: Ints
+    stretch: Ints
+    squash: Ints
+    rates: Ints
+    at: Ints
+    rows: Ints
+    inputs: Ints
+    mixtures: Ints
+    pace: int
+    memory: int
+
+
+def mixer(
+    bits: BitCoder, contexts: int, inputs: int, rows: int, sets: int, habits: Habits
+) -> Mixer:
+    """A coder that has learnt nothing yet.
+
+    contexts: in all. inputs: contexts of a bit. rows: of weights, in all `sets`.
+    """
+    stretch, squash = logistic_tables()
+    weights = np.full((rows, inputs + 2), round(habits.context * ONE), np.int64)
+    weights[:, 0], weights[:, -1] = round(habits.estimate * ONE), 0
+    steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
+    return Mixer(
+        bits,
+        np.full(contexts, 1 << _FINE_BITS + _SEEN_BITS - 1, np.int32),
+        weights,
+        np.tile(squash[steps] << _FINE_BITS - 16, (rows, 1)),
+        stretch,
+        squash,
+        learning_rates(),
+        np.zeros(inputs, np.int64),
+        np.zeros(sets, np.int64),
+        np.zeros(inputs + 2, np.int64),
+        np.zeros(sets, np.int64),
+        habits.pace,
+        habits.memory,
+    )
+
+
+@compiled_in_place
+def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
+    """Code a bit with an estimate (a logit), the contexts `at` and the weights' `rows`; the bit."""
+    inputs, sets = mixer.inputs, len(mixer.rows)
+    _gather(mixer, guess)
+    total = 0
+    for number in range(sets):
+        total += _mix(mixer, number)
+    level = min(max(total // sets, -ENDS), ENDS - 1) + ENDS
+    bucket, share, tables = level >> 7, level & 127, min(sets, _TABLES)
+    # half of it is the mixture, half what became of such: 2 or 4 times as much, to be shifted
+    final = tables * mixer.squash[level]
+    for number in range(tables):
+        final += _seen(mixer, mixer.rows[number], bucket, share)
+    bit = code(mixer.bits, bit, min(max(final >> tables, LEAST), ONE - LEAST))
+    for number in range(tables):
+        _correct(mixer, mixer.rows[number], bucket, share, bit * _CERTAIN)
+    for number in range(sets):
+        row = mixer.rows[number]
+        error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.pace
+        for place in range(len(inputs)):
+            mixer.weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
+    for place in range(len(mixer.at)):
+        _learn(mixer, mixer.at[place], bit * _CERTAIN)
+    return bit
+
+
+@compiled_in_place
+def _gather(mixer: Mixer, guess: int) -> None:
+    inputs, last = mixer.inputs, len(mixer.at) + 1
+    inputs[0], inputs[last] = guess, _BIAS
+    for place in range(len(mixer.at)):
+        state = mixer.contexts[mixer.at[place]]
+        inputs[place + 1] = mixer.stretch[state >> _SEEN_BITS + _FINE_BITS - 12]
+
+
+@compiled_in_place
+def _mix(mixer: Mixer, number: int) -> int:
+    """The logit that a set of weights makes of the inputs."""
+    row, mixed = mixer.rows[number], 0
+    for place in range(len(mixer.inputs)):
+        mixed += mixer.weights[row, place] * mixer.inputs[place]
+    mixer.mixtures[number] = min(max(mixed >> 16, -ENDS), ENDS - 1)
+    return int(mixer.mixtures[number])
+
+
+@compiled_in_place
+def _seen(mixer: Mixer, row: int, bucket: int, share: int) -> int:
+    left, right = mixer.corrected[row, bucket], mixer.corrected[row, bucket + 1]
+    return int((left * (128 - share) + right * share) >> 13)
+
+
+@compiled_in_place
+def _correct(mixer: Mixer, row: int, bucket: int, share: int, target: int) -> None:
+    corrected = mixer.corrected
+    corrected[row, bucket] += ((target - corrected[row, bucket]) * (128 - share)) >> 14
+    corrected[row, bucket + 1] += ((target - corrected[row, bucket + 1]) * share) >> 14
+
+
+@compiled_in_place
+def _learn(mixer: Mixer, context: int, target: int) -> None:
+    state = np.int64(mixer.contexts[context])
+    seen, chance = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
+    chance += ((target - chance) * mixer.rates[seen]) >> 16
+    mixer.contexts[context] = chance << _SEEN_BITS | min(seen + 1, mixer.memory)

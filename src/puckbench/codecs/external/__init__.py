@@ -1,0 +1,1 @@
+"""Codecs that are programs of others, run under limits."""

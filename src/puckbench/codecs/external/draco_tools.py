@@ -1,0 +1,56 @@
+"""Draco's own command-line tools, as Debian ships them (package draco)."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from puckbench.codecs.external.program import ExternalCodec, folder, read_points, write_points
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+
+
+class DracoCli(ExternalCodec):
+    """``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
+
+    def __init__(
+        self,
+        *,
+        encoder: str = "draco_encoder",
+        decoder: str = "draco_decoder",
+        compression_level: int = 10,
+        **entry: Any,
+    ) -> None:
+        super().__init__(**entry)
+        self.programs = (encoder, decoder)
+        self.compression_level = compression_level
+
+    @cached_property
+    def version(self) -> str:
+        """The tools name no version: the encoder's SHA-256."""
+        found = shutil.which(self.programs[0])
+        digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
+        return f"draco_encoder {digest}".strip()
+
+    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+        with folder() as at:
+            write_points(at / "in.ply", points, "float32")
+            command = (
+                *(self.programs[0], "-point_cloud", "-i", at / "in.ply", "-o", at / "out.drc"),
+                *("-qp", str(parameters["quantization_bits"]), "-cl", str(self.compression_level)),
+            )
+            self.run(command, at / "in.ply")
+            return read_bytes(at / "out.drc")
+
+    def _decode(self, stream: bytes) -> Floats:
+        if not stream.startswith(b"DRACO"):
+            raise InputError(f"codec {self.name}: not a Draco stream")
+        with folder() as at:
+            (at / "in.drc").write_bytes(stream)
+            self.run((self.programs[1], "-i", at / "in.drc", "-o", at / "out.ply"), at / "in.drc")
+            return read_points(at / "out.ply", f"codec {self.name}: {self.programs[1]}")

@@ -1,0 +1,90 @@
+"""Codecs that are programs of others: run under limits, timed and weighed on their own."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.base import Availability, Codec, Cost
+from puckbench.codecs.external import launch
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.io.clouds import read_cloud
+
+_MEMORY_BYTES = 2**31
+_SECONDS = 30
+"""What a tool may take, and more for each byte of its input."""
+_MEMORY_PER_BYTE = 400
+_SECONDS_PER_BYTE = 1e-4
+
+
+class ExternalCodec(Codec):
+    """A codec that runs programs of others on files in a temporary folder.
+
+    Its cost is that of the programs' processes, from their start to their end: they read and
+    write files, as whoever uses them must, and hold no memory of ours.
+    """
+
+    programs: tuple[str, ...] = ()
+    said: str = ""
+    """What the program that ran last printed."""
+
+    def available(self) -> Availability:
+        """Whether the programs are there."""
+        missing = [name for name in self.programs if shutil.which(name) is None]
+        return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
+
+    def cost(self) -> Cost | None:
+        """Time and memory of the program that ran last."""
+        return self._cost
+
+    _cost: Cost | None = None
+
+    def run(self, command: Sequence[str | Path], source: Path) -> None:
+        """Run a program that reads `source`; InputError when it fails or exceeds its limits."""
+        size = source.stat().st_size
+        limits = (_MEMORY_BYTES + size * _MEMORY_PER_BYTE, _SECONDS + size * _SECONDS_PER_BYTE)
+        words = [sys.executable, "-I", "-S", launch.__file__, *(str(int(x)) for x in limits)]
+        ran = subprocess.run([*words, *map(str, command)], capture_output=True, check=False)
+        self.said = ran.stderr.decode(errors="replace").strip()
+        ended: dict[str, Any] = {"status": "not started"}
+        if ran.returncode == 0:
+            ended = json.loads(ran.stdout)
+        if ended["status"] != 0:
+            last = self.said.rpartition("\n")[2][:80]
+            failed = f"{Path(command[0]).name} failed"
+            raise InputError(f"codec {self.name}: {failed} ({ended['status']}: {last})")
+        self._cost = Cost(ended["seconds"], ended["peak_kib"] / 1024)
+
+
+@contextmanager
+def folder() -> Iterator[Path]:
+    """A temporary folder for one call's files."""
+    with tempfile.TemporaryDirectory(prefix="puckbench-") as path:
+        yield Path(path)
+
+
+def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
+    """Binary PLY of points (n, 3) alone, of type ``float32`` or ``float64``."""
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+    header += [f"property {kind} {axis}" for axis in "xyz"]
+    rows = np.ascontiguousarray(points, dtype=np.dtype(kind).newbyteorder("<"))
+    path.write_bytes("\n".join([*header, "end_header\n"]).encode() + rows.tobytes())
+
+
+def read_points(path: Path, what: str) -> Floats:
+    """Points (m, 3) of the PLY file that a program wrote; InputError when it wrote none."""
+    try:
+        return read_cloud(path).xyz
+    except InputError as error:
+        raise InputError(f"{what}: no points came back ({error})") from error

@@ -1,0 +1,81 @@
+"""TMC13, the reference software of G-PCC, for those who have built it (release-v14.0)."""
+
+from __future__ import annotations
+
+import subprocess
+from functools import cached_property
+from typing import Any
+
+from puckbench.codecs.external.program import ExternalCodec, folder, read_points, write_points
+from puckbench.codecs.gpcc.codec import GridCodec
+from puckbench.codecs.gpcc.grid import Frame, quantised
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+
+PROFILES: dict[str, tuple[str, ...]] = {
+    "minimal": (
+        "--planarEnabled=0",
+        "--qtbtEnabled=0",
+        "--inferredDirectCodingMode=0",
+        "--intra_pred_max_node_size_log2=0",
+        "--neighbourAvailBoundaryLog2=8",
+        "--partitionMethod=0",
+        "--enforceLevelLimits=0",
+    ),
+    "ctc": (
+        "--planarEnabled=1",
+        "--maxNumQtBtBeforeOt=4",
+        "--minQtbtSizeLog2=0",
+        "--planarModeIdcmUse=0",
+        "--intra_pred_max_node_size_log2=6",
+        "--neighbourAvailBoundaryLog2=8",
+    ),
+    "defaults": (),
+}
+"""Options of the program for each set of coding tools; what is not named is its default."""
+
+
+class Tmc13(ExternalCodec, GridCodec):
+    """The program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
+
+    def __init__(self, *, program: str = "tmc3", **options: Any) -> None:
+        super().__init__(**options)
+        self.programs = (program,)
+
+    @cached_property
+    def version(self) -> str:
+        """The program's own first line."""
+        if not self.available().ok:
+            return ""
+        said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout
+        return said.decode(errors="replace").partition("\n")[0]
+
+    def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
+        with folder() as at:
+            if self.rounding == "truncate":  # the program does that by itself
+                write_points(at / "in.ply", (points - frame.offset) / frame.unit, "float64")
+                scaling = [f"--positionQuantizationScale={scale!r}"]
+            else:
+                positions, origin = quantised(points, frame, scale, self.rounding)
+                write_points(at / "in.ply", positions + origin, "float64")
+                scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
+            merge = f"--mergeDuplicatedPoints={int(self.duplicates == 'merged')}"
+            command = (
+                *(*self.programs, "--mode=0", "--disableAttributeCoding=1", merge),
+                *(*PROFILES[self.profile], *scaling),
+                f"--uncompressedDataPath={at / 'in.ply'}",
+                f"--compressedStreamPath={at / 'out.bin'}",
+            )
+            self.run(command, at / "in.ply")
+            return read_bytes(at / "out.bin")
+
+    def _units(self, stream: bytes) -> Floats:
+        with folder() as at:
+            (at / "in.bin").write_bytes(stream)
+            command = (
+                *(*self.programs, "--mode=1", "--outputBinaryPly=1"),
+                f"--compressedStreamPath={at / 'in.bin'}",
+                f"--reconstructedDataPath={at / 'out.ply'}",
+            )
+            self.run(command, at / "in.bin")
+            return read_points(at / "out.ply", self.programs[0])

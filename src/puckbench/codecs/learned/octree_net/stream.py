@@ -1,0 +1,133 @@
+"""The bytes of a stream of the learned octree coder.
+
+magic "PBON", version, CRC-32 of all that follows
+digest of the weights (8 bytes), scale (float64), origin (3 int32), frame: 0, or 1 and unit and
+    offset (4 float64); number of parts (uint8)
+each part: voxels, levels that the network codes, bytes of the top level and of the symbols
+    (uint32, uint8, uint16, uint32), the top level, the symbols
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.codecs.gpcc.grid import Frame
+from puckbench.codecs.learned.sparse.voxels import AXIS_BITS
+from puckbench.core.errors import InputError
+
+MAGIC, VERSION = b"PBON", 3
+MOST_VOXELS = 2**21
+"""Of a part; larger clouds are cut, so that working memory is bounded."""
+_MOST_IN_ALL = 2**25
+_VOXELS_A_BYTE = 2**14
+"""More cannot be: eight bits, of 0.0007 bits at least (see `binary`), bring at most 8 voxels."""
+_LEAST_SCALE = 2.0**-400
+"""With less, and the largest unit, coordinates could exceed double precision."""
+_START = struct.Struct("<4sBI")
+_HEADER = struct.Struct("<8sd3iB")
+_FRAME = struct.Struct("<4d")
+_COUNT = struct.Struct("<B")
+_PART = struct.Struct("<IBHI")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of a cloud: how many voxels, levels below the top one, the top level, the symbols."""
+
+    count: int
+    levels: int
+    top: bytes
+    symbols: bytes
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A coded cloud: which weights, which grid, and its parts."""
+
+    digest: bytes
+    scale: float
+    origin: tuple[int, int, int]
+    frame: Frame
+    parts: tuple[Part, ...]
+
+
+def write_stream(coded: Coded) -> bytes:
+    """The bytes of a coded cloud; InputError when it has too many voxels."""
+    if sum(part.count for part in coded.parts) > _MOST_IN_ALL:
+        raise InputError(f"the cloud has more than {_MOST_IN_ALL} voxels")
+    framed = coded.frame != Frame()
+    body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
+    if framed:
+        body.append(_FRAME.pack(coded.frame.unit, *coded.frame.offset))
+    body.append(_COUNT.pack(len(coded.parts)))
+    for part in coded.parts:
+        sizes = (len(part.top), len(part.symbols))
+        body += [_PART.pack(part.count, part.levels, *sizes), part.top, part.symbols]
+    whole = b"".join(body)
+    return _START.pack(MAGIC, VERSION, zlib.crc32(whole)) + whole
+
+
+def read_stream(stream: bytes) -> Coded:
+    """The coded cloud; InputError for any other bytes.
+
+    What it promises is held against its size before anybody works on it.
+    """
+    try:
+        return _read(stream)
+    except struct.error as error:
+        raise InputError("the stream is truncated") from error
+
+
+def _read(stream: bytes) -> Coded:
+    magic, version, check = _START.unpack_from(stream)
+    if magic != MAGIC or version != VERSION:
+        raise InputError("not a stream of this codec and version")
+    body = stream[_START.size :]
+    if zlib.crc32(body) != check:
+        raise InputError("the stream is damaged or truncated")
+    digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
+    frame, at = _read_frame(body, _HEADER.size, framed)
+    parts = _read_parts(body, at)
+    if not _LEAST_SCALE < scale < np.inf:
+        raise InputError("the stream is damaged (its scale)")
+    return Coded(digest, scale, (x, y, z), frame, parts)
+
+
+def _read_frame(body: bytes, at: int, framed: int) -> tuple[Frame, int]:
+    if not framed:
+        return Frame(), at
+    unit, *offset = _FRAME.unpack_from(body, at)
+    if not (0 < unit < 2.0**500 and np.abs(offset).max() < 2.0**500):
+        raise InputError("the stream is damaged (its frame)")
+    return Frame(unit, (offset[0], offset[1], offset[2])), at + _FRAME.size
+
+
+def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
+    (count,) = _COUNT.unpack_from(body, at)
+    at += _COUNT.size
+    parts = []
+    for _ in range(count):
+        voxels, levels, top, symbols = _PART.unpack_from(body, at)
+        at += _PART.size
+        end = at + top + symbols
+        parts.append(Part(voxels, levels, body[at : at + top], body[at + top : end]))
+        at = end
+    if at != len(body) or not parts:
+        raise InputError("the stream is damaged (its length)")
+    _check(parts)
+    return tuple(parts)
+
+
+def _check(parts: list[Part]) -> None:
+    """A damaged stream must not keep the decoder busy for long."""
+    for part in parts:
+        most = min(MOST_VOXELS, 65536 + _VOXELS_A_BYTE * len(part.symbols))
+        if not 0 < part.count <= most or part.levels >= AXIS_BITS:
+            raise InputError("the stream is damaged (its number of voxels)")
+    voxels = sum(part.count for part in parts)
+    if voxels > _MOST_IN_ALL or len(parts) != -(-voxels // MOST_VOXELS):
+        raise InputError("the stream is damaged (its number of voxels)")

@@ -1,0 +1,191 @@
+"""Voxel sets in Morton order: 64-bit keys, coarser sets, and who neighbours whom.
+
+The key of a voxel interleaves the bits of x, y and z, x lowest. In that order the up to eight
+children of a voxel stand together, the keys of the next coarser set are ``keys >> 3``, and a
+child's number within its parent, ``key & 7``, is ``x + 2 y + 4 z`` of its corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from puckbench.codecs.learned.sparse.thread_pool import Crew
+
+Keys = NDArray[np.int64]
+Table = NDArray[np.int32]
+AXIS_BITS = 20
+"""Coordinates are below 2**20, so that a key and its neighbours fit 63 bits."""
+OFFSETS = 27
+"""Neighbours within one voxel, itself among them: ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
+FACES = (12, 14, 10, 16, 4, 22)
+"""Those that share a face: to and fro along x, y and z."""
+CENTRE = 13
+CHILDREN = 8
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """Distinct voxels in Morton order.
+
+    keys: (n,) int64, ascending. neighbours: (27, n) int32, the row of the voxel at each offset
+    or -1.
+    """
+
+    keys: Keys
+    neighbours: Table
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+
+@dataclass(frozen=True)
+class Families:
+    """Which voxels of a fine set belong to which voxel of the next coarser set.
+
+    first: (m + 1,) int64, children of parent p are rows first[p] to first[p + 1].
+    slots: (n,) int64, ``8 * parent + child number`` of each fine voxel.
+    """
+
+    first: NDArray[np.int64]
+    slots: NDArray[np.int64]
+
+
+def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
+    """Keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
+    rows = np.ascontiguousarray(voxels, dtype=np.int64)
+    return _spread(rows[:, 0]) | _spread(rows[:, 1]) << 1 | _spread(rows[:, 2]) << 2
+
+
+def morton_voxels(keys: Keys) -> NDArray[np.int64]:
+    """Voxels (n, 3) of keys (n,)."""
+    return np.column_stack([_gathered(keys >> axis) for axis in range(3)])
+
+
+def distinct(keys: Keys) -> Keys:
+    """Keys in order, each once; faster than `numpy.unique`, which makes a hash table first."""
+    ordered: Keys = np.sort(keys)
+    return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
+
+
+_SPREADS = ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
+            (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249))  # fmt: skip
+
+
+def _spread(values: NDArray[np.int64]) -> Keys:
+    for shift, mask in _SPREADS:
+        values = (values | values << shift) & mask
+    return values
+
+
+def _gathered(keys: Keys) -> NDArray[np.int64]:
+    values = keys & _SPREADS[-1][1]
+    masks = [mask for _, mask in _SPREADS[-2::-1]] + [(1 << AXIS_BITS + 1) - 1]
+    for (shift, _), mask in zip(_SPREADS[::-1], masks, strict=True):
+        values = (values | values >> shift) & mask
+    return values
+
+
+def parents_of(keys: Keys) -> tuple[Keys, Families]:
+    """Keys of the next coarser set, and the children of each of its voxels."""
+    above = keys >> 3
+    starts = np.flatnonzero(np.diff(above, prepend=-1))
+    parent = np.cumsum(np.diff(above, prepend=-1) != 0) - 1
+    return above[starts], Families(np.append(starts, len(keys)), 8 * parent + (keys & 7))
+
+
+def pyramid(
+    keys: Keys, scales: int, crew: Crew | None = None
+) -> tuple[list[Voxels], list[Families]]:
+    """A set and its coarser sets with their neighbours, finest first: `scales` + 1 of them.
+
+    The tables are made from the top down: a child's neighbours are children of its parent's
+    neighbours, so nothing is ever searched for. crew: shares the work.
+    """
+    sets, families = [keys], []
+    while len(sets) <= scales or len(sets[-1]) > 1:
+        coarser, family = parents_of(sets[-1])
+        sets.append(coarser)
+        families.append(family)
+    voxels = [_lone(sets[-1])]
+    for fine in reversed(sets[:-1]):
+        voxels.append(children_voxels(voxels[-1], fine, crew))
+    return voxels[::-1][: scales + 1], families[:scales]
+
+
+def _lone(keys: Keys) -> Voxels:
+    table = np.full((OFFSETS, 1), -1, dtype=np.int32)
+    table[CENTRE] = 0
+    return Voxels(keys, table)
+
+
+def children_voxels(parents: Voxels, keys: Keys, crew: Crew | None = None) -> Voxels:
+    """The set of some of the parents' children, each parent having at least one."""
+    first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
+    rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
+    rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
+    table = np.empty((OFFSETS, len(keys)), dtype=np.int32)
+
+    def work(offsets: slice, _: object = None) -> None:
+        steps = (*_family_steps(), offsets.start, offsets.stop)
+        _descend(parents.neighbours, first, keys, rows, *steps, table)
+
+    if crew is None:
+        work(slice(0, OFFSETS))
+    else:
+        crew.over(OFFSETS, -(-OFFSETS // crew.threads), work)
+    return Voxels(keys, table)
+
+
+def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
+    """Keys of children named by slots, ``8 * row of the parent + child number``."""
+    keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
+    return keys
+
+
+def descended(parents: Voxels, slots: NDArray[np.int64], crew: Crew | None = None) -> Voxels:
+    """The set of the children in ascending slots; parents may be left with none."""
+    stays = np.zeros(len(parents), dtype=bool)
+    stays[slots >> 3] = True
+    row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
+    table = parents.neighbours[:, stays]
+    left = Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
+    return children_voxels(left, keys_of_slots(parents.keys, slots), crew)
+
+
+@cache
+def _family_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For a child and an offset: the offset of the parent it leads to, and the child there."""
+    child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
+    above, within = np.zeros_like(child), np.zeros_like(child)
+    for axis in range(3):
+        position = (child >> axis & 1) + offset // 3**axis % 3 - 1
+        above += (position // 2 + 1) * 3**axis
+        within += position % 2 << axis
+    return above, within
+
+
+@numba.njit(cache=True, nogil=True)
+def _descend(
+    parent_table: Table,
+    first: NDArray[np.int64],
+    keys: Keys,
+    rows: Table,
+    above: NDArray[np.int64],
+    within: NDArray[np.int64],
+    first_offset: int,
+    last_offset: int,
+    table: Table,
+) -> None:
+    for offset in range(first_offset, last_offset):
+        for parent in range(len(first) - 1):
+            for row in range(first[parent], first[parent + 1]):
+                child = keys[row] & 7
+                other = parent_table[above[child, offset], parent]
+                table[offset, row] = -1 if other < 0 else rows[other, within[child, offset]]

@@ -1,0 +1,1 @@
+"""Training of learned codecs: settings, examples, loop, validation."""

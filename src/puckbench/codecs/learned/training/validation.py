@@ -1,0 +1,63 @@
+"""Validation of a set of weights: its codec on clouds that it did not learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from puckbench.codecs.base import Codec
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import read_cloud
+from puckbench.metrics.geometry import distortion
+from puckbench.metrics.psnr import mpeg_psnr
+
+Measures = dict[str, float]
+
+
+def validated(codec: Codec, clouds: Sequence[PointCloud], peak: float) -> dict[str, Measures]:
+    """For each rate the means over clouds, every byte counted.
+
+    bpp: bits per point of the input. d1_mse, cd_point: squared distances, the larger direction and
+    the mean of both. d1_psnr: of that d1_mse, in dB, left out where there is no error.
+    """
+    codec.load()
+    return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
+
+
+def validation(codec: Codec, paths: Sequence[Path], peak: float) -> dict[str, Any]:
+    """What `validated` finds of prepared clouds, and the faults in it, as model cards have them."""
+    found = validated(codec, [read_cloud(path) for path in paths], peak)
+    return {"rates": found, "faults": faults(found)}
+
+
+def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float) -> Measures:
+    found = [_measured(codec, cloud, rate) for cloud in clouds]
+    means = {name: float(np.mean([values[name] for values in found])) for name in found[0]}
+    return {**means, **(mpeg_psnr(means, peak) if means["d1_mse"] > 0 else {})}
+
+
+def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
+    stream = codec.encode(cloud.xyz, rate)
+    found = distortion(PointCloud(cloud.xyz), codec.decode(stream))
+    return {
+        "bpp": 8 * len(stream) / len(cloud),
+        **{name: found[name] for name in ("d1_mse", "cd_point")},
+    }
+
+
+def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Where bits fail to grow, or distortion to fall, from a rate to the next: nowhere, if good."""
+    wrong = []
+    for (low, before), (high, after) in pairwise(rates.items()):
+        if after["bpp"] <= before["bpp"]:
+            wrong.append(f"bpp does not grow from {low} to {high}")
+        wrong += [
+            f"{name} does not fall from {low} to {high}"
+            for name in ("d1_mse", "cd_point")
+            if after[name] >= before[name] > 0
+        ]
+    return wrong

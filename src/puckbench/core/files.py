@@ -1,0 +1,138 @@
+"""Writing files whole or not at all, and hashing them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+from puckbench.core.errors import InputError
+
+_TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.|$)")
+_DAY = 24 * 3600.0
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, renamed to it when the block ends without error.
+
+    A reader never sees a half-written file, whatever kills the writer, and writers of one path, on
+    whatever machines, do not disturb each other: the last one to end wins. The temporary name keeps
+    the suffix, for writers that choose a format by it. InputError when the system refuses to write.
+    """
+    temporary = _temporary(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        if not _is_of(error, temporary, path):
+            raise
+        raise unwritable(path, error) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def _temporary(path: Path) -> Path:
+    """A name that no other writer has: processes of two machines may have the same number."""
+    writer = f"{_host()}-{os.getpid()}-{token_hex(4)}"
+    return path.with_name(f".{path.stem}.{writer}.tmp{path.suffix}")
+
+
+def _host() -> str:
+    return platform.node().partition(".")[0]
+
+
+def _is_of(error: OSError, *paths: Path) -> bool:
+    """Whether the error can be one of writing these: it names one, a folder of theirs, or nothing.
+
+    Inside the block other files may be read.
+    """
+    if not isinstance(error.filename, str):
+        return True
+    named = Path(error.filename)
+    return any(named == path or named in path.parents for path in paths)
+
+
+def remove_leftovers(folder: Path) -> int:
+    """Remove temporary files that killed writers left in a folder or below it; how many.
+
+    Those of other machines, of whose processes nothing is known, are left for a day.
+    """
+    hidden = [
+        Path(place, name)
+        for place, _, names in os.walk(folder)
+        for name in names
+        if name.startswith(".")
+    ]
+    leftovers = [path for path in hidden if _is_leftover(path)]
+    for path in leftovers:
+        path.unlink(missing_ok=True)
+    return len(leftovers)
+
+
+def _is_leftover(path: Path) -> bool:
+    writer = _TEMPORARY.match(path.name)
+    if writer is None:
+        return False
+    if writer["host"] == _host():
+        return not Path("/proc", writer["process"]).exists() and Path("/proc/self").exists()
+    with suppress(OSError):
+        return time.time() - path.stat().st_mtime > _DAY
+    return False
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` as indented JSON with sorted keys; nan and infinity are refused."""
+    text = json.dumps(value, indent=1, sort_keys=True, allow_nan=False)
+    write_bytes(path, (text + "\n").encode())
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file; InputError when it is missing or not JSON."""
+    try:
+        return json.loads(read_bytes(path))
+    except ValueError as error:
+        raise InputError(f"{path}: not valid JSON ({error})") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file; InputError when it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
+    """The error of a path that the system refuses, in the system's own words where it has any."""
+    return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
+
+
+def unwritable(path: Path, error: OSError) -> InputError:
+    """The error of a path that cannot be written, in the system's own words where it has any.
+
+    Some writers only tell that fewer bytes were written than asked for, which is a full disk.
+    """
+    why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
+    return InputError(f"{path}: {why.lower()}")
+
+
+def sha256(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's bytes."""
+    return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -1,0 +1,1 @@
+"""Point clouds, meshes and their geometry: neighbours, planes, Morton order, scaling."""

@@ -1,0 +1,58 @@
+"""Point clouds: coordinates with optional attributes, and what is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Points with optional attributes, and what is known about them.
+
+    xyz: (n, 3) float64. normals: (n, 3) float64 unit vectors or None. colours: (n, 3) uint8 or
+    None. labels: (n,) int32 or None. about: what stands in the JSON beside the file (source,
+    seed, scale and offset to metres, ...).
+    """
+
+    xyz: Floats
+    normals: Floats | None = None
+    colours: NDArray[np.uint8] | None = None
+    labels: NDArray[np.int32] | None = None
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    def select(self, rows: NDArray[Any]) -> PointCloud:
+        """The cloud of the given rows (mask or indices), attributes taken along."""
+        return replace(
+            self,
+            xyz=self.xyz[rows],
+            normals=None if self.normals is None else self.normals[rows],
+            colours=None if self.colours is None else self.colours[rows],
+            labels=None if self.labels is None else self.labels[rows],
+        )
+
+    def to_metres(self, points: Floats) -> Floats:
+        """Bring points (m, 3) of this cloud's frame to metres: ``points / scale + offset``."""
+        scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
+        return np.asarray(points / scale + np.asarray(offset))
+
+
+def check_points(points: Floats, what: str) -> None:
+    """InputError unless `points` is a non-empty, finite (n, 3) array; `what` names its source."""
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{what}: expected points of shape (n, 3), got {points.shape}")
+    if len(points) == 0:
+        raise InputError(f"{what}: the cloud is empty")
+    if not np.isfinite(points).all():
+        bad = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
+        raise InputError(f"{what}: {bad} of {len(points)} points are not finite")

@@ -1,0 +1,104 @@
+"""Triangle meshes with labelled triangles: the ground truth of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """A geometric primitive that a surface lies on (thesis section 7).
+
+    kind: "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
+    parameters: its numbers in world coordinates (metres, radians), by name; directions are unit
+    vectors. A plane has ``normal`` and ``offset`` (normal . p = offset), a cylinder ``point``,
+    ``axis`` and ``radius``, a sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the
+    cone) and ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
+    superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
+    """
+
+    kind: str
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One object of a scene: its name (``"chair_3"``) and semantic class (``"chair"``)."""
+
+    name: str
+    semantic: str
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Per-triangle ground truth.
+
+    object_id: (t,) int32 index into `objects`. primitive_id: (t,) int32 index into `primitives`.
+    The semantic class of a triangle is that of its object.
+    """
+
+    object_id: NDArray[np.int32]
+    primitive_id: NDArray[np.int32]
+    objects: tuple[SceneObject, ...]
+    primitives: tuple[Primitive, ...]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles: vertices (v, 3) float64 in metres with z up, triangles (t, 3) int64 indices."""
+
+    vertices: Floats
+    triangles: NDArray[np.int64]
+    labels: Labels | None = None
+
+    def corners(self) -> Floats:
+        """Triangle corners, (t, 3, 3)."""
+        return self.vertices[self.triangles]
+
+    def areas(self) -> Floats:
+        """Triangle areas, (t,)."""
+        return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
+
+    def normals(self) -> Floats:
+        """Unit triangle normals, (t, 3); zero for triangles without area."""
+        doubled = self._doubled_areas()
+        lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
+        return np.asarray(
+            np.divide(doubled, lengths, where=lengths > 0, out=np.zeros_like(doubled))
+        )
+
+    def bounds(self) -> Floats:
+        """Corners of the axis-aligned bounding box of the triangles, (2, 3)."""
+        used = self.vertices[np.unique(self.triangles)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def _doubled_areas(self) -> Floats:
+        a, b, c = self.corners().swapaxes(0, 1)
+        return np.asarray(np.cross(b - a, c - a))
+
+
+def check_mesh(mesh: Mesh, what: str) -> None:
+    """InputError unless the mesh has triangles, finite vertices and valid indices."""
+    if len(mesh.triangles) == 0:
+        raise InputError(f"{what}: the mesh has no faces")
+    if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
+        raise InputError(f"{what}: a face refers to a vertex that does not exist")
+    unplaced = np.asarray(~np.isfinite(mesh.vertices).all(axis=1))
+    if unplaced.any() and unplaced[mesh.triangles].any():
+        raise InputError(f"{what}: a face has a vertex that is not finite")
+    if not _has_area(mesh):
+        raise InputError(f"{what}: every face of the mesh has zero area")
+
+
+def _has_area(mesh: Mesh) -> bool:
+    """Whether any triangle has an area; looks at no more of them than it takes."""
+    starts = range(0, len(mesh.triangles), 4096)
+    some = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
+    return any((part.areas() > 0).any() for part in some)

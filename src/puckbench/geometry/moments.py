@@ -1,0 +1,88 @@
+"""Planes of least squares from weighted moments.
+
+Moments are ten numbers: weight, three first and six second moments (xx, xy, xz, yy, yz, zz).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+
+SIZE = 10
+
+
+@compiled
+def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> None:
+    """Add a weighted point to `moments` (10,)."""
+    moments[0] += weight
+    moments[1] += weight * x
+    moments[2] += weight * y
+    moments[3] += weight * z
+    moments[4] += weight * x * x
+    moments[5] += weight * x * y
+    moments[6] += weight * x * z
+    moments[7] += weight * y * y
+    moments[8] += weight * y * z
+    moments[9] += weight * z * z
+
+
+@compiled
+def squared_distance(moments: Floats, plane: Floats) -> float:
+    """Weighted sum of the squared distances to a plane (nx, ny, nz, d), n.p = d, |n| = 1."""
+    a, b, c, d = plane[0], plane[1], plane[2], plane[3]
+    along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
+    along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
+    along -= 2 * d * (a * moments[1] + b * moments[2] + c * moments[3])
+    return float(max(along + d * d * moments[0], 0.0))
+
+
+@compiled
+def fit_plane(moments: Floats, plane: Floats) -> float:
+    """Write the plane of least squares; returns the weighted sum of squared distances."""
+    w = moments[0]
+    x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
+    xx, xy, xz = moments[4] / w - x * x, moments[5] / w - x * y, moments[6] / w - x * z
+    yy, yz, zz = moments[7] / w - y * y, moments[8] / w - y * z, moments[9] / w - z * z
+    least = _least_eigenvalue(xx, xy, xz, yy, yz, zz)
+    _null_vector(xx - least, xy, xz, yy - least, yz, zz - least, plane)
+    plane[3] = plane[0] * x + plane[1] * y + plane[2] * z
+    return float(max(least, 0.0) * w)
+
+
+@compiled
+def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
+    """Smallest eigenvalue of a symmetric 3 x 3 matrix, in closed form (Smith 1961)."""
+    q = (xx + yy + zz) / 3
+    off = xy * xy + xz * xz + yz * yz
+    p = np.sqrt(((xx - q) ** 2 + (yy - q) ** 2 + (zz - q) ** 2 + 2 * off) / 6)
+    if p < 1e-12:
+        return float(q)
+    a, b, c = (xx - q) / p, (yy - q) / p, (zz - q) / p
+    d, e, f = xy / p, xz / p, yz / p
+    half = (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)) / 2
+    angle = np.arccos(min(max(half, -1.0), 1.0)) / 3
+    return float(q + 2 * p * np.cos(angle + 2 * np.pi / 3))
+
+
+@compiled
+def _null_vector(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
+) -> None:
+    """Unit vector that a singular symmetric matrix maps to zero: the longest cross product."""
+    best = 0.0
+    out[0], out[1], out[2] = 0.0, 0.0, 1.0
+    for k in range(3):
+        if k == 0:
+            a, b, c, d, e, f = xx, xy, xz, xy, yy, yz
+        elif k == 1:
+            a, b, c, d, e, f = xx, xy, xz, xz, yz, zz
+        else:
+            a, b, c, d, e, f = xy, yy, yz, xz, yz, zz
+        u, v, w = b * f - c * e, c * d - a * f, a * e - b * d
+        length = u * u + v * v + w * w
+        if length > best:
+            best = length
+            root = np.sqrt(length)
+            out[0], out[1], out[2] = u / root, v / root, w / root

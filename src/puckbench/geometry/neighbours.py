@@ -1,0 +1,149 @@
+"""Nearest neighbours with all their ties, by MPEG's rule for points at the same distance.
+
+Decoded clouds lie on grids, where a fifth to a third of the queries have several nearest
+neighbours; a measure that picks one of them depends on the library and on the order of the points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pykdtree.kdtree import KDTree
+
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+
+Rows = NDArray[np.int64]
+Indices = NDArray[np.uint32]
+
+SAME_DISTANCE = 1e-8
+"""pc_error's similarPointThreshold: squared distances closer than this are one distance."""
+LOOKED_AT_FIRST, LOOKED_AT_MORE, LOOKED_AT_MOST = 10, 5, 30
+"""How many neighbours pc_error looks at: more while all of them are exactly as near."""
+LEAF_SIZE = 16
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The nearest of a set of points to each of m queries.
+
+    squared: (m,) squared distance to the nearest. starts: (m + 1,), the neighbours of query i are
+    index[starts[i]:starts[i + 1]], nearest first. exact: (m,) how many of them, from the first,
+    are at exactly the nearest distance; the others are within SAME_DISTANCE of the one before.
+    """
+
+    squared: Floats
+    starts: Rows
+    exact: Rows
+    index: Rows
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Queries with as many columns of sorted neighbours; `counts` and `exact` say how many tie."""
+
+    rows: Rows
+    index: Indices
+    counts: Rows
+    exact: Rows
+
+
+class Points:
+    """Distinct points (n, 3) float64 to find neighbours among."""
+
+    def __init__(self, points: Floats) -> None:
+        self._points = points
+        self._tree: Any = KDTree(points, leafsize=LEAF_SIZE)
+
+    def nearest(self, queries: Floats) -> Neighbours:
+        """Neighbours of each query (m, 3), complete as to ties whatever their number.
+
+        Few neighbours are looked at first, more only for the queries where all of those tie.
+        """
+        nearest, rows, groups = np.empty(len(queries)), np.arange(len(queries)), []
+        for k in _growing_numbers():
+            index, squared = self._sorted_neighbours(queries[rows], k)
+            nearest[rows] = squared[:, 0]
+            counts, exact = _count_ties(squared)
+            tied = counts == k if k < LOOKED_AT_FIRST else exact == k
+            done = ~tied | (k >= len(self._points))
+            groups.append(_Group(rows[done], index[done], counts[done], exact[done]))
+            rows = rows[~done]
+            if not len(rows):
+                break
+        return _join(nearest, groups)
+
+    def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
+        """Indices and squared distances, (m, min(k, n)), sorted by our own float64 distances."""
+        k = min(k, len(self._points))
+        _, index = self._tree.query(queries, k=k, sqr_dists=True)
+        index = index.reshape(len(queries), k)
+        return index, _sort_by_distance(queries, self._points, index)
+
+
+def _growing_numbers() -> Iterator[int]:
+    yield from (2, 5, LOOKED_AT_FIRST)
+    yield from (LOOKED_AT_MOST * 4**power for power in count())
+
+
+@compiled
+def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats:
+    """Squared distances of the neighbours; sorts them and, in place, `index`."""
+    squared = np.empty(index.shape, np.float64)
+    for i in range(len(index)):
+        for j in range(index.shape[1]):
+            candidate = index[i, j]
+            dx = queries[i, 0] - points[candidate, 0]
+            dy = queries[i, 1] - points[candidate, 1]
+            dz = queries[i, 2] - points[candidate, 2]
+            distance = dx * dx + dy * dy + dz * dz
+            place = j
+            while place > 0 and squared[i, place - 1] > distance:
+                squared[i, place], index[i, place] = squared[i, place - 1], index[i, place - 1]
+                place -= 1
+            squared[i, place], index[i, place] = distance, candidate
+    return squared
+
+
+@compiled
+def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
+    """How many of the sorted neighbours count as nearest, and how many are exactly so."""
+    m, k = squared.shape
+    counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
+    for i in range(m):
+        while exact[i] < k and squared[i, exact[i]] == squared[i, 0]:
+            exact[i] += 1
+        looked_at = LOOKED_AT_FIRST
+        while exact[i] >= looked_at and looked_at < LOOKED_AT_MOST:
+            looked_at += LOOKED_AT_MORE
+        counts[i] = exact[i]
+        for j in range(exact[i], min(looked_at, k)):
+            if squared[i, j] - squared[i, j - 1] >= SAME_DISTANCE:
+                break
+            counts[i] += 1
+    return counts, exact
+
+
+def _join(squared: Floats, groups: list[_Group]) -> Neighbours:
+    """Concatenate the groups' neighbours in the order of the queries."""
+    exact, starts = np.empty(len(squared), np.int64), np.zeros(len(squared) + 1, np.int64)
+    for group in groups:
+        exact[group.rows] = group.exact
+        starts[group.rows + 1] = group.counts
+    starts = np.cumsum(starts)
+    index = np.empty(starts[-1], np.int64)
+    for group in groups:
+        _fill(index, starts, group.rows, group.index, group.counts)
+    return Neighbours(squared, starts, exact, index)
+
+
+@compiled
+def _fill(target: Rows, starts: Rows, rows: Rows, index: Indices, counts: Rows) -> None:
+    for i in range(len(rows)):
+        for j in range(counts[i]):
+            target[starts[rows[i]] + j] = index[i, j]

@@ -1,0 +1,24 @@
+"""Points at random on the surface of a mesh, uniform by area (thesis section 6.1.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.mesh import Mesh
+
+
+def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
+    """`points` points on the mesh with the normals of their triangles.
+
+    The labels are the primitive ids of the triangles when the mesh is labelled.
+    Osada et al. 2002, equation 1: P = (1 - sqrt r1) A + sqrt r1 (1 - r2) B + sqrt r1 r2 C.
+    """
+    cumulative = np.cumsum(mesh.areas())
+    where = rng.random(points) * cumulative[-1]
+    triangle = np.searchsorted(cumulative, where, side="right")
+    root, r2 = np.sqrt(rng.random(points))[:, None], rng.random(points)[:, None]
+    a, b, c = mesh.vertices[mesh.triangles[triangle]].swapaxes(0, 1)
+    xyz = (1 - root) * a + root * (1 - r2) * b + root * r2 * c
+    labels = None if mesh.labels is None else mesh.labels.primitive_id[triangle]
+    return PointCloud(xyz=xyz, normals=mesh.normals()[triangle], labels=labels)

@@ -1,0 +1,81 @@
+"""Files of point clouds: binary PLY with double coordinates and a JSON beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, unreadable, write_json, written_whole
+from puckbench.geometry.cloud import PointCloud, check_points
+
+
+def sidecar(path: Path) -> Path:
+    """The JSON file that describes the artefact at `path`."""
+    return path.with_suffix(".json")
+
+
+_FIELDS = {
+    "xyz": (("x", "y", "z"), "<f8"),
+    "normals": (("nx", "ny", "nz"), "<f4"),
+    "colours": (("red", "green", "blue"), "u1"),
+    "labels": (("label",), "<i4"),
+}
+
+
+def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
+    """Write a binary little-endian PLY (double coordinates, float normals) and its JSON.
+
+    Both appear when both are written, the JSON first, so that a PLY that exists is complete.
+    """
+    from plyfile import PlyData, PlyElement
+
+    columns = {name: getattr(cloud, name) for name in _FIELDS if getattr(cloud, name) is not None}
+    names = [(axis, _FIELDS[name][1]) for name in columns for axis in _FIELDS[name][0]]
+    rows = np.empty(len(cloud), dtype=names)
+    for name, values in columns.items():
+        for axis, column in zip(_FIELDS[name][0], np.atleast_2d(values.T), strict=True):
+            rows[axis] = column
+    with written_whole(path) as temporary:
+        PlyData([PlyElement.describe(rows, "vertex")], byte_order="<").write(str(temporary))
+        if describe:
+            write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
+
+
+def read_cloud(path: str | Path) -> PointCloud:
+    """Read the vertices of any PLY file, and the JSON beside it where there is one.
+
+    Raises InputError when the file is missing, damaged, empty or has points that are not finite.
+    """
+    path = Path(path)
+    vertices = _read_vertices(path)
+    names = set(vertices.dtype.names or ())
+    values: dict[str, Any] = {}
+    for name, (axes, kind) in _FIELDS.items():
+        if names.issuperset(axes):
+            stacked = np.column_stack([vertices[axis] for axis in axes])
+            values[name] = np.ascontiguousarray(stacked, dtype=np.dtype(kind).newbyteorder("="))
+    if "xyz" not in values:
+        raise InputError(f"{path}: the vertices have no x, y, z")
+    if "labels" in values:
+        values["labels"] = values["labels"][:, 0]
+    if "normals" in values:
+        values["normals"] = values["normals"].astype(np.float64)
+    check_points(values["xyz"], str(path))
+    about = read_json(sidecar(path)) if sidecar(path).exists() else {}
+    return PointCloud(**values, about=about)
+
+
+def _read_vertices(path: Path) -> NDArray[Any]:
+    from plyfile import PlyData, PlyParseError
+
+    try:
+        data = PlyData.read(str(path), known_list_len={"face": {"vertex_indices": 3}})
+        return np.asarray(data["vertex"].data)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (PlyParseError, KeyError, ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a readable PLY file ({error})") from error

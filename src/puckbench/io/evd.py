@@ -1,0 +1,28 @@
+"""BlenSor's own file of returns (.evd): blocks of rows, ended by a block of -1 rows."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from puckbench.core.files import write_bytes
+from puckbench.lidar.scan_table import ScanTable
+
+_NUMBERS = (
+    *("timestamp", "yaw", "pitch", "distance", "distance_noisy"),
+    *("x", "y", "z", "x_noisy", "y_noisy", "z_noisy"),
+)
+_ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
+_WHITE = 255.0
+
+
+def write_evd(path: Path, table: ScanTable) -> None:
+    """One block of all returns: 11 columns, colour (0..255, white here), object (0: none)."""
+    rows = np.empty(len(table), dtype=_ROW)
+    for place, name in enumerate(_NUMBERS):
+        rows["numbers"][:, place] = table[name]
+    rows["numbers"][:, len(_NUMBERS) :] = _WHITE
+    rows["object_id"] = np.maximum(table["object_id"], 0)
+    write_bytes(path, struct.pack("<i", len(rows)) + rows.tobytes() + struct.pack("<i", -1))

@@ -1,0 +1,119 @@
+"""Reading Wavefront OBJ meshes, with what common readers drop: n-gons and relative indices."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+from puckbench.io.meshes.polygons import Integers, Polygons
+
+_SKIPPED = {
+    b"l": "polylines",
+    b"p": "point_elements",
+    b"curv": "curves",
+    b"curv2": "curves",
+    b"surf": "free_form_surfaces",
+}
+
+
+def read_obj(path: Path) -> Polygons:
+    """Read the vertices, faces and names of materials; nothing else of an OBJ file has an extent.
+
+    Faces may be ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``, of any size, with indices from 1 or
+    negative ones that count back from the last vertex given. Polylines, points and
+    curves are counted as skipped.
+    """
+    return parse_obj(read_bytes(path), str(path))
+
+
+def parse_obj(data: bytes, what: str) -> Polygons:
+    """Like `read_obj`, of bytes; `what` names them in errors."""
+    lines = _lines(data)
+    kinds = [line.partition(b" ")[0] for line in lines]
+    faces = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"f"]
+    points = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"v"]
+    materials, material_id = _materials(lines, kinds) if b"usemtl" in data else ((), None)
+    del lines
+    sizes = np.fromiter((len(face.split()) for face in faces), dtype=np.int64, count=len(faces))
+    corners = _corners(faces, what)
+    if len(corners) and corners.min() < 0:
+        corners = _absolute(corners, sizes, kinds)
+    return Polygons(
+        _vertices(points, what),
+        corners - 1,
+        sizes,
+        skipped=_skipped(kinds),
+        materials=materials,
+        material_id=material_id,
+    )
+
+
+def _lines(data: bytes) -> list[bytes]:
+    """Lines without blanks around them, continued lines joined."""
+    if b"\\" in data:
+        data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    return [line.strip() for line in data.replace(b"\t", b" ").splitlines()]
+
+
+def _vertices(lines: list[bytes], what: str) -> Floats:
+    try:
+        numbers = [float(number) for line in lines for number in line.split(None, 3)[:3]]
+        return np.array(numbers, dtype=np.float64).reshape(len(lines), 3)
+    except ValueError as error:
+        bad = next((line for line in lines if not _is_vertex(line)), b"")
+        raise InputError(f"{what}: not a vertex: {_shown(bad)}") from error
+
+
+def _corners(lines: list[bytes], what: str) -> Integers:
+    # Flat lists of bytes: a list per line costs more than the parsing.
+    tokens = b" ".join(lines).split()
+    try:
+        return np.array([int(token.partition(b"/")[0]) for token in tokens], dtype=np.int64)
+    except (ValueError, OverflowError) as error:
+        bad = next((line for line in lines if not all(map(_is_corner, line.split()))), b"")
+        raise InputError(f"{what}: not a face: {_shown(bad)}") from error
+
+
+def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Integers]:
+    """Names of the materials and, per face, which of them is in use; -1 before the first."""
+    changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
+    numbers: dict[bytes, int] = {}
+    chosen = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]
+    faces = np.flatnonzero(np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_))
+    material_id = np.array([-1, *chosen], dtype=np.int64)[np.searchsorted(changes, faces)]
+    return tuple(name.decode("utf-8", "replace") for name in numbers), material_id
+
+
+def _absolute(corners: Integers, sizes: Integers, kinds: list[bytes]) -> Integers:
+    """Replace indices that count back from the last vertex given before their face."""
+    seen = np.fromiter(accumulate(kind == b"v" for kind in kinds), dtype=np.int64)
+    is_face = np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_)
+    before: NDArray[np.int64] = np.repeat(seen[is_face], sizes)
+    return np.where(corners < 0, before + corners + 1, corners)
+
+
+def _skipped(kinds: list[bytes]) -> dict[str, int]:
+    return dict(Counter(_SKIPPED[kind] for kind in kinds if kind in _SKIPPED))
+
+
+def _is_vertex(line: bytes) -> bool:
+    try:
+        return len([float(number) for number in line.split()[:3]]) == 3
+    except ValueError:
+        return False
+
+
+def _is_corner(token: bytes) -> bool:
+    number = token.partition(b"/")[0].removeprefix(b"-")
+    return number.isdigit() and len(number) < 19
+
+
+def _shown(line: bytes) -> str:
+    return repr(line.strip()[:60].decode("ascii", "replace"))

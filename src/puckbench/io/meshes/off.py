@@ -1,0 +1,71 @@
+"""Reading OFF meshes, with the quirks of ModelNet40 (header glued to the counts) and others."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+from puckbench.io.meshes.polygons import Integers, Polygons
+
+# OFF, COFF, NOFF, STOFF and their mixtures put the position first; 4OFF and nOFF do not.
+_HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
+
+
+def read_off(path: Path) -> Polygons:
+    """Read an ASCII OFF file of any polygon sizes; colours, normals and comments are passed over.
+
+    The header may be missing, or stand on the line of the counts, glued to them or not.
+    """
+    counts, rows = _counts_and_rows(read_bytes(path), path)
+    vertices, faces = counts
+    if len(rows) < vertices + faces:
+        raise InputError(
+            f"{path}: truncated: {len(rows)} of {vertices} vertices and {faces} faces are there"
+        )
+    corners, sizes = _faces(rows[vertices : vertices + faces], path)
+    return Polygons(_vertices(rows[:vertices], path), corners, sizes)
+
+
+def _counts_and_rows(data: bytes, path: Path) -> tuple[tuple[int, int], list[bytes]]:
+    """The counts of vertices and faces, and the lines after them; blank lines left out."""
+    stripped = (line.partition(b"#")[0].strip() for line in data.splitlines())
+    rows = [line for line in stripped if line]
+    if rows and (header := _HEADER.match(rows[0])):
+        rest = rows[0][header.end() :].strip()
+        rows = [rest, *rows[1:]] if rest else rows[1:]
+    try:
+        vertices, faces = (int(count) for count in rows[0].split()[:2])
+    except (IndexError, ValueError) as error:
+        raise InputError(f"{path}: not a readable OFF file (no counts at its start)") from error
+    if vertices < 0 or faces < 0:
+        raise InputError(f"{path}: the counts of the OFF file are negative")
+    return (vertices, faces), rows[1:]
+
+
+def _vertices(rows: list[bytes], path: Path) -> Floats:
+    try:
+        numbers = [float(number) for row in rows for number in row.split(None, 3)[:3]]
+        return np.array(numbers, dtype=np.float64).reshape(len(rows), 3)
+    except ValueError as error:
+        raise InputError(f"{path}: a vertex is not three numbers") from error
+
+
+def _faces(rows: list[bytes], path: Path) -> tuple[Integers, Integers]:
+    corners: list[int] = []
+    sizes = np.empty(len(rows), dtype=np.int64)
+    for index, row in enumerate(rows):
+        tokens = row.split()
+        try:
+            size = int(tokens[0])
+            corners += map(int, tokens[1 : size + 1])
+        except ValueError as error:
+            raise InputError(f"{path}: face {index} is not made of integers") from error
+        if not 0 <= size < len(tokens):
+            raise InputError(f"{path}: face {index} has fewer corners than it says")
+        sizes[index] = size
+    return np.array(corners, dtype=np.int64), sizes

@@ -1,0 +1,87 @@
+"""Reading PLY meshes: ASCII or binary, polygons, and the labels of our own files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, unreadable
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Labels, Primitive, SceneObject
+from puckbench.io.clouds import sidecar
+from puckbench.io.meshes.polygons import Integers, Polygons
+
+_LISTS = ("vertex_indices", "vertex_index")
+_IDS = ("object_id", "primitive_id")
+
+
+def read_ply(path: Path) -> Polygons:
+    """Read the faces of a PLY file, and its labels where the JSON beside it explains them."""
+    elements = _elements(path)
+    if not {"vertex", "face"} <= {element.name for element in elements}:
+        raise InputError(f"{path}: the PLY file has no vertices and faces")
+    faces = np.asarray(elements["face"].data)
+    corners, sizes = _face_corners(path, faces)
+    labels = _labels(path, faces)
+    return Polygons(_vertices(path, elements["vertex"].data), corners, sizes, labels=labels)
+
+
+def _elements(path: Path) -> Any:
+    """Parse the file; the mapped reading of all-triangle files is tried first, for its speed."""
+    from plyfile import PlyData, PlyParseError
+
+    triangles = {"face": dict.fromkeys(_LISTS, 3)}
+    try:
+        try:
+            return PlyData.read(str(path), known_list_len=triangles)
+        except PlyParseError:
+            return PlyData.read(str(path))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a readable PLY file ({error})") from error
+
+
+def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
+    if not {"x", "y", "z"} <= set(rows.dtype.names or ()):
+        raise InputError(f"{path}: the vertices have no x, y, z")
+    return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(np.float64)
+
+
+def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
+    name = next((name for name in _LISTS if name in (rows.dtype.names or ())), None)
+    if name is None:
+        raise InputError(f"{path}: the faces have no vertex_indices")
+    lists = rows[name]
+    if lists.dtype != object:
+        corners = lists.astype(np.int64)
+        return corners.reshape(-1), np.full(len(corners), corners.shape[1], dtype=np.int64)
+    sizes = np.fromiter((len(corners) for corners in lists), dtype=np.int64, count=len(lists))
+    joined = np.concatenate(lists) if len(lists) else np.empty(0)
+    return joined.astype(np.int64), sizes
+
+
+def _labels(path: Path, rows: NDArray[Any]) -> Labels | None:
+    if not set(_IDS) <= set(rows.dtype.names or ()) or not sidecar(path).exists():
+        return None
+    about = read_json(sidecar(path))
+    try:
+        objects = tuple(SceneObject(item["name"], item["semantic"]) for item in about["objects"])
+        primitives = tuple(
+            Primitive(item["kind"], item["parameters"]) for item in about["primitives"]
+        )
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{sidecar(path)}: does not describe the labels of {path}") from error
+    object_id, primitive_id = (rows[name].astype(np.int32) for name in _IDS)
+    _check_ids(path, object_id, len(objects))
+    _check_ids(path, primitive_id, len(primitives))
+    return Labels(object_id, primitive_id, objects, primitives)
+
+
+def _check_ids(path: Path, ids: NDArray[np.int32], count: int) -> None:
+    if len(ids) and (ids.min() < 0 or ids.max() >= count):
+        raise InputError(f"{path}: a face has a label that {sidecar(path).name} does not list")

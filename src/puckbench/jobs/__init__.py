@@ -1,0 +1,1 @@
+"""One unit of work each, as the workflow's rules and the command line run it."""

@@ -1,0 +1,70 @@
+"""The preparation of a cloud, step by step as in thesis section 6.1: crop, normals, scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.crop import inside
+from puckbench.geometry.normals import estimate_normals
+from puckbench.geometry.scaling import GRID, Scaling, to_cube, to_grid
+from puckbench.metrics.density import density, in_metres
+from puckbench.metrics.diameter import diameter
+from puckbench.metrics.elongation import elongation, oriented_elongation
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Measured points and, row by row, the true points of the surface that they stand for."""
+
+    cloud: PointCloud
+    clean: PointCloud
+
+    def cropped(self, box: Floats, on: str = "clean") -> Returns:
+        """The rows whose clean (or noisy) coordinates lie in the box (2, 3)."""
+        chosen = self.clean if on == "clean" else self.cloud
+        rows = inside(chosen.xyz, box)
+        return Returns(self.cloud.select(rows), self.clean.select(rows))
+
+    def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
+        """The true points with their true normals, scaled as `prepared` was."""
+        about = {key: prepared.about[key] for key in ("scale", "offset")}
+        xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
+        return replace(self.clean, xyz=xyz, about=about)
+
+
+def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
+    """A cloud in metres, with normals estimated and scaled to [0, size - 1].
+
+    size: 0 for a cloud that is not scaled, `GRID` for voxels as they came: whole numbers.
+    Its description gains scale and offset to metres, elongation (of the axis-aligned and of
+    the oriented box), extent in metres, point density and outliers (see
+    `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
+    the scaled frame, as the thesis does.
+    """
+    scaling, xyz, side = _scaled(cloud, size)
+    about = {
+        **cloud.about,
+        "scale": float(scaling.scale),
+        "offset": scaling.offset.tolist(),
+        "size": side,
+        "neighbours": neighbours,
+        "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
+        "elongation": elongation(cloud.xyz),
+        "elongation_oriented": oriented_elongation(cloud.xyz),
+        **in_metres(density(xyz), float(scaling.scale)),
+        "diameter": diameter(xyz),
+    }
+    return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)
+
+
+def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
+    """The scaling to a size, the points (n, 3) scaled by it, and the size in units."""
+    if size == GRID:
+        scaling = to_grid(cloud.xyz, cloud.about)
+        return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])
+    side = int(size)
+    scaling = to_cube(cloud.xyz, side) if side else Scaling(1.0, np.zeros(3))
+    return scaling, scaling.apply(cloud.xyz), side

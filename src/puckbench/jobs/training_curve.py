@@ -1,0 +1,60 @@
+"""The curve of a training: a row for each step, kept with the training, and a table of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from puckbench.codecs.learned.training.loop import Trainer
+from puckbench.core.files import write_bytes
+
+_DIGITS = 5
+
+
+class Curve:
+    """Notes what steps cost; tells of it and writes the table (CSV) every so many steps."""
+
+    def __init__(self, trainer: Trainer[Any, Any], path: Path, every: int) -> None:
+        self.trainer, self.path, self.every = trainer, path, every
+        self._start = time.perf_counter() - self.seconds
+
+    @property
+    def seconds(self) -> float:
+        """What all steps took so far, those of earlier runs too."""
+        rows = self.trainer.curve
+        return rows[-1]["seconds"] if rows else 0.0
+
+    def note(self, step: int, loss: Any) -> None:
+        """Add the row of a step."""
+        seconds = round(time.perf_counter() - self._start, 1)
+        row = {"step": step, **self.trainer.row(loss), "seconds": seconds}
+        self.trainer.curve.append(row)
+        if step % self.every == 0:
+            self._tell()
+            self.write()
+
+    def write(self) -> None:
+        """Write the table."""
+        rows, text = self.trainer.curve, io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if rows:
+            writer.writerow(rows[0])
+        for row in rows:
+            writer.writerow(_short(value) for value in row.values())
+        write_bytes(self.path, text.getvalue().encode())
+
+    def _tell(self) -> None:
+        """The mean cost of the last steps."""
+        rows = self.trainer.curve[-self.every :]
+        cost = next(name for name in rows[0] if name != "step")
+        mean = sum(row[cost] for row in rows) / len(rows)
+        step = f"step {rows[-1]['step']} of {self.trainer.training.steps}"
+        print(f"{step}: {cost} {mean:.4g}, {self.seconds:.0f} s", file=sys.stderr)  # noqa: T201
+
+
+def _short(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.{_DIGITS}g}"

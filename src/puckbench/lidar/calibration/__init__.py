@@ -1,0 +1,18 @@
+"""Calibration of the range error model from plane residuals, real or virtual (docs/calibration.md).
+
+`calibrate` estimates by maximum likelihood, `write_calibration` makes of it a file that the error
+model `calibrated` draws from.
+"""
+
+from puckbench.lidar.calibration.calibrating import Calibration, Settings, calibrate
+from puckbench.lidar.calibration.fitting import Estimate
+from puckbench.lidar.calibration.model_file import model_file, write_calibration
+
+__all__ = [
+    "Calibration",
+    "Estimate",
+    "Settings",
+    "calibrate",
+    "model_file",
+    "write_calibration",
+]

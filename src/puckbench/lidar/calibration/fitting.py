@@ -1,0 +1,213 @@
+"""Maximum-likelihood sigmas of a range error model, with 95 % intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.calibration.likelihood import (
+    BIASES,
+    NAMES,
+    RAYS,
+    RestrictedLikelihood,
+    Sigmas,
+)
+from puckbench.lidar.calibration.observations import Observations
+
+# A parameter is outside its 95 % interval where the deviance is greater by this (chi squared, 1).
+DEVIANCE_95 = 3.841458820694124
+_NORMAL_95 = 1.959963984540054
+# Above this relative error a sigma's likelihood is not symmetric: its profile tells the interval.
+_SHARP = 0.1
+_MM = 1e-3
+# Of what a ray's sigma depends on, each scaled to the length of one: beyond it they are the same.
+_MOST_CONDITION = 1e4
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and the ends of its 95 % interval, in one unit."""
+
+    value: float
+    low: float
+    high: float
+
+
+def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
+    """Those of `wanted` that the observations can tell: a scan's bias needs two scans of a laser.
+
+    Raises InputError for a name that is no parameter, or if incidence and range go together.
+    """
+    for name in wanted:
+        if name not in NAMES:
+            raise InputError(f"unknown parameter {name!r} (known: {', '.join(NAMES)})")
+    lasers = len(seen.laser_ids)
+    repeated = {"laser_sigma_m": lasers > 2, "scan_sigma_m": seen.scans > lasers}
+    repeated["frame_sigma_m"] = seen.cells > seen.scans
+    chosen = [
+        name
+        for name in NAMES
+        if name == "ray_sigma_m" or (name in wanted and repeated.get(name, True))
+    ]
+    _check_features(seen, [RAYS.index(name) for name in chosen if name in RAYS])
+    return tuple(chosen)
+
+
+def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
+    """InputError when incidence and range go together, or do not change at all."""
+    features = seen.features[:, chosen]
+    if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
+        raise InputError(
+            "the residuals do not tell incidence from range: leave ray_incidence_m or ray_range out"
+        )
+
+
+def fit(
+    likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
+) -> Sigmas:
+    """The sigmas in `free` of the greatest restricted likelihood, the others as in `start`.
+
+    Raises InputError when the search does not end.
+    """
+    from scipy import optimize
+
+    minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
+    first = start or _start(likelihood, free)
+    if not free:
+        return first
+    deviance = _in_millimetres(likelihood, free, first)
+    bounds = [(0.0, None) if name in BIASES else (None, None) for name in free]
+    lowest = deviance(_values(first, free))
+    found = minimize(
+        lambda values: deviance(values) - lowest,
+        _values(first, free),
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"ftol": 1e-10, "gtol": 0.02, "eps": 1e-4, "maxiter": 200},
+    )
+    if not np.isfinite(found.fun):
+        raise InputError("the likelihood of the residuals has no maximum")
+    return _sigmas(found.x, free, first)
+
+
+def intervals(
+    likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
+) -> dict[str, Estimate]:
+    """95 % intervals of the sigmas in `free` about the greatest likelihood `best`.
+
+    From the curvature of the likelihood (observed Fisher information); for a bias's sigma that is
+    known to no better than 10 % from its profile instead, which is not symmetric and ends at zero.
+    widening: of the rays' errors, for noise that is not Gaussian (`RayShape.widening`).
+    """
+    deviance = _in_millimetres(likelihood, free, best)
+    centre = _values(best, free)
+    errors = _standard_errors(deviance, centre, free)
+    found: dict[str, Estimate] = {}
+    for name, value, error in zip(free, centre, errors, strict=True):
+        if name in BIASES and not error < _SHARP * value:
+            found[name] = _profile(likelihood, free, best, name)
+        else:
+            wide = error if name in BIASES else error * widening
+            found[name] = interval(value * _MM, wide * _MM)
+    return found
+
+
+def interval(value: float, error: float) -> Estimate:
+    """A value with the 95 % interval of a normal distribution with this standard error."""
+    value, reach = float(value), _NORMAL_95 * float(error)
+    return Estimate(value, value - reach, value + reach)
+
+
+Deviance = Callable[[Floats], float]
+
+
+def _in_millimetres(
+    likelihood: RestrictedLikelihood, free: Sequence[str], base: Sigmas
+) -> Deviance:
+    return lambda values: likelihood.deviance(_sigmas(values, free, base))
+
+
+def _values(sigmas: Sigmas, free: Sequence[str]) -> Floats:
+    return np.array([getattr(sigmas, name) / _MM for name in free])
+
+
+def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
+    return replace(base, **dict(zip(free, (float(value) * _MM for value in values), strict=True)))
+
+
+def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
+    """Every kind of noise some half of the spread within cells."""
+    seen = likelihood.seen
+    count = np.diff(seen.groups)
+    within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)
+    spread = float(np.sqrt(np.mean((seen.error - within) ** 2))) or 1e-4
+    return Sigmas(**{name: spread for name in free if name in {*BIASES, "ray_sigma_m"}})
+
+
+def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) -> Floats:
+    """Standard errors from the curvature of the deviance; nan for a sigma of zero."""
+    inner = [i for i, name in enumerate(free) if name not in BIASES or centre[i] > 1e-3]
+    steps = np.array([_step(deviance, centre, i) for i in inner])
+    curvature = _curvature(deviance, centre, inner, steps)
+    errors = np.full(len(centre), np.nan)
+    errors[inner] = steps * np.sqrt(np.maximum(np.diag(2 * np.linalg.inv(curvature)), 0))
+    return errors
+
+
+def _step(deviance: Deviance, centre: Floats, index: int) -> float:
+    """A step that raises the deviance by about one."""
+    step, lowest = 0.01 * max(abs(float(centre[index])), 0.1), deviance(centre)
+    for _ in range(4):
+        aside = centre.copy()
+        aside[index] += step
+        rise = deviance(aside) - lowest
+        if 0.3 < rise < 3:
+            break
+        step *= float(np.clip(np.sqrt(1 / max(rise, 1e-4)), 0.02, 50))
+    return step
+
+
+def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
+    """Second differences of the deviance, in units of the steps."""
+    result = np.empty((len(inner), len(inner)))
+
+    def at(*moves: tuple[int, float]) -> float:
+        aside = centre.copy()
+        for i, direction in moves:
+            aside[inner[i]] += direction * steps[i]
+        return deviance(aside)
+
+    lowest = deviance(centre)
+    for i in range(len(inner)):
+        result[i, i] = at((i, 1)) + at((i, -1)) - 2 * lowest
+        for j in range(i):
+            crossed = at((i, 1), (j, 1)) - at((i, 1), (j, -1))
+            crossed += at((i, -1), (j, -1)) - at((i, -1), (j, 1))
+            result[i, j] = result[j, i] = crossed / 4
+    return result
+
+
+def _profile(
+    likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
+) -> Estimate:
+    """Where the likelihood with `name` held, the others fitted to it, is lower by the bound."""
+    from scipy.optimize import brentq
+
+    # The rays' sigma is known thousands of times better: it can stay.
+    others = tuple(one for one in free if one in BIASES and one != name)
+    lowest, value = likelihood.deviance(best), float(getattr(best, name))
+
+    def excess(held: float) -> float:
+        fitted = fit(likelihood, others, replace(best, **{name: held}))
+        return likelihood.deviance(fitted) - lowest - DEVIANCE_95
+
+    low = 0.0 if value <= 1e-6 or excess(0.0) <= 0 else brentq(excess, 0.0, value, xtol=1e-5)
+    high = max(2 * value, 1e-3)
+    while excess(high) < 0:
+        high *= 2
+    return Estimate(value, float(low), float(brentq(excess, value, high, xtol=1e-5)))

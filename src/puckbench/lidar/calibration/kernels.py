@@ -1,0 +1,189 @@
+"""Compiled loops of the likelihood: normal equations of all returns, the cells' biases left out.
+
+The design of one return has five columns that are not zero: (b0, b1, b2) of its surface's plane, 1
+of its laser and 1 of its laser in its scan; the last two are alike for a whole group.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.calibration.observations import Codes
+
+# Columns of the sums of a group: w = 1 / variance, b the basis, z the error.
+WIDTH = 16
+_W, _WB, _WBB, _WZ, _WZB = 0, 1, 4, 10, 11
+SQUARES, LOGARITHMS = 14, 15
+
+
+@compiled
+def group_sums(
+    groups: Codes,
+    values: tuple[Floats, Floats, Floats],
+    sigma: tuple[float, float, float],
+    least: tuple[float, float],
+    sums: Floats,
+) -> None:
+    """Fill `sums` (g, 16): w, w b (3), w b b (6), w z, w z b (3), w z z and log variances.
+
+    values: errors (n,), basis (n, 3), features (n, 3). sigma: of the features, m; least: the least
+    sigma there is, and the variance added to its square.
+    """
+    errors, basis, features = values
+    for group in range(len(groups) - 1):
+        total = np.zeros(16)
+        for row in range(groups[group], groups[group + 1]):
+            scale = sigma[0] + sigma[1] * features[row, 1] + sigma[2] * features[row, 2]
+            variance = max(scale, least[0]) ** 2 + least[1]
+            weight, b0, b1, b2 = 1.0 / variance, basis[row, 0], basis[row, 1], basis[row, 2]
+            w0, w1, w2, wz = weight * b0, weight * b1, weight * b2, weight * errors[row]
+            total[0] += weight
+            total[1] += w0
+            total[2] += w1
+            total[3] += w2
+            total[4] += w0 * b0
+            total[5] += w0 * b1
+            total[6] += w0 * b2
+            total[7] += w1 * b1
+            total[8] += w1 * b2
+            total[9] += w2 * b2
+            total[10] += wz
+            total[11] += wz * b0
+            total[12] += wz * b1
+            total[13] += wz * b2
+            total[14] += wz * errors[row]
+            total[15] += np.log(variance)
+        sums[group] = total
+
+
+@compiled
+def absorb_cells(
+    codes: tuple[Codes, Codes, Codes, Codes],
+    sums: Floats,
+    variance: float,
+    matrix: Floats,
+    right: Floats,
+) -> tuple[float, float]:
+    """Add ``X' V^-1 X`` to `matrix` and ``X' V^-1 z`` to `right`.
+
+    V is the covariance of the errors z: the rays' variances on the diagonal and `variance` between
+    all returns of a cell, inverted by the formula of Sherman and Morrison. codes: (g,) cell,
+    surface, and the columns of laser and of laser in scan. Gives how much the cells take from
+    ``z' V^-1 z`` and what they add to ``log |V|``.
+    """
+    cell, surface, laser, scan = codes
+    taken, added, first = 0.0, 0.0, 0
+    while first < len(cell):
+        last = first
+        weight, product = 0.0, 0.0
+        while last < len(cell) and cell[last] == cell[first]:
+            _add_group(surface[last], laser[last], scan[last], sums[last], matrix, right)
+            weight += sums[last, _W]
+            product += sums[last, _WZ]
+            last += 1
+        shrunk = variance / (1.0 + variance * weight)
+        taken += shrunk * product * product
+        added += np.log1p(variance * weight)
+        _take_cell(first, last, codes, sums, (shrunk, weight, product), matrix, right)
+        first = last
+    return taken, added
+
+
+@compiled
+def _add_group(
+    surface: int, laser: int, scan: int, sums: Floats, matrix: Floats, right: Floats
+) -> None:
+    at, pair = 3 * surface, _WBB
+    for i in range(3):
+        for j in range(i, 3):
+            matrix[at + i, at + j] += sums[pair]
+            if i != j:
+                matrix[at + j, at + i] += sums[pair]
+            pair += 1
+        right[at + i] += sums[_WZB + i]
+    for one in (laser, scan):
+        for i in range(3):
+            matrix[at + i, one] += sums[_WB + i]
+            matrix[one, at + i] += sums[_WB + i]
+        right[one] += sums[_WZ]
+        for other in (laser, scan):
+            matrix[one, other] += sums[_W]
+
+
+@compiled
+def _take_cell(
+    first: int,
+    last: int,
+    codes: tuple[Codes, Codes, Codes, Codes],
+    sums: Floats,
+    about: tuple[float, float, float],
+    matrix: Floats,
+    right: Floats,
+) -> None:
+    """Take a cell's bias out: a matrix of rank one over the columns that the cell has."""
+    shrunk, weight, product = about
+    width = 3 * (last - first) + 2
+    columns, outer = np.empty(width, dtype=np.int64), np.empty(width)
+    columns[0], columns[1] = codes[2][first], codes[3][first]
+    outer[0], outer[1] = weight, weight
+    for group in range(first, last):
+        for i in range(3):
+            at = 2 + 3 * (group - first) + i
+            columns[at] = 3 * codes[1][group] + i
+            outer[at] = sums[group, _WB + i]
+    for i in range(width):
+        right[columns[i]] -= shrunk * outer[i] * product
+        for j in range(width):
+            matrix[columns[i], columns[j]] -= shrunk * outer[i] * outer[j]
+
+
+@compiled
+def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
+    """Take the biases of lasers in scans, the columns from `core` on, out of the others.
+
+    They have the given variance and meet no other of their kind in the equations, so that each
+    leaves by a division. Gives what `absorb_cells` gives.
+    """
+    taken, added = 0.0, 0.0
+    for scan in range(core, len(matrix)):
+        own = matrix[scan, scan]
+        shrunk = variance / (1.0 + variance * own)
+        taken += shrunk * right[scan] * right[scan]
+        added += np.log1p(variance * own)
+        columns = np.flatnonzero(matrix[scan, :core])
+        for i in columns:
+            right[i] -= shrunk * matrix[scan, i] * right[scan]
+            for j in columns:
+                matrix[i, j] -= shrunk * matrix[scan, i] * matrix[scan, j]
+    return taken, added
+
+
+@compiled
+def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
+    """``log |A|`` and ``b' A^-1 b`` of a positive definite matrix; nan for another one.
+
+    Threads of a linear algebra library cost more than they give for a hundred rows.
+    """
+    size = len(matrix)
+    lower, y = np.zeros((size, size)), np.zeros(size)
+    determinant, product = 0.0, 0.0
+    for i in range(size):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            if i != j:
+                lower[i, j] = rest / lower[j, j]
+            elif rest > 1e-12 * matrix[i, i]:
+                lower[i, i] = np.sqrt(rest)
+            else:
+                return np.nan, np.nan
+        value = right[i]
+        for k in range(i):
+            value -= lower[i, k] * y[k]
+        y[i] = value / lower[i, i]
+        determinant += 2.0 * np.log(lower[i, i])
+        product += y[i] * y[i]
+    return determinant, product

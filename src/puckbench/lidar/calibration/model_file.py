@@ -1,0 +1,106 @@
+"""The model file of a calibration: what the error model `calibrated` reads, and where it is from.
+
+The same tables give the same bytes: numbers are rounded, and there is no date in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from puckbench import __version__
+from puckbench.core.files import sha256, write_bytes
+from puckbench.lidar.calibration.calibrating import SPOT, Calibration
+from puckbench.lidar.calibration.fitting import Estimate
+from puckbench.lidar.errors.calibrated import FORMAT
+
+# A micrometre is far below what any sensor's ranges tell.
+_DIGITS = 6
+
+
+def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The content of a model file: parameters, 95 % intervals, and provenance.
+
+    sources: what to say of each table, as `described_table` does.
+    """
+    return {
+        "format": FORMAT,
+        "parameters": _parameters(found),
+        "intervals_95": _intervals(found),
+        "ray_noise": {
+            "kurtosis": round(found.shape.kurtosis, 2),
+            "log_likelihood_laplace_over_gaussian": round(found.shape.laplace_over_gaussian, 1),
+        },
+        "provenance": {
+            "tables": [dict(source) for source in sources],
+            "counts": dict(found.counts),
+            "cells": found.settings.cells,
+            "estimated": list(found.sigmas),
+            "quantum_m": found.settings.quantum_m,
+            "version": __version__,
+        },
+    }
+
+
+def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) -> dict[str, Any]:
+    """Write the model file of a calibration by the given tables; its content."""
+    content = model_file(found, [described_table(table) for table in tables])
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=100)
+    write_bytes(path, text.encode())
+    return content
+
+
+def described_table(path: Path) -> dict[str, str]:
+    """A table's name and hash."""
+    return {"file": path.name, "sha256": sha256(path)}
+
+
+def _parameters(found: Calibration) -> dict[str, Any]:
+    sigmas = {name: _rounded(one.value) for name, one in found.sigmas.items()}
+    if found.settings.cells == SPOT:
+        # The walls' unevenness is no error of the sensor.
+        sigmas.pop("frame_sigma_m", None)
+    mean = found.mean
+    parameters: dict[str, Any] = {
+        **sigmas,
+        "ray_distribution": found.shape.distribution,
+        # A mean that is not told from zero is what the planes could have followed.
+        "range_mean_m": 0.0 if mean is None or mean.low <= 0 <= mean.high else _rounded(mean.value),
+        "most_incidence_rad": _rounded(found.domain.most_incidence_rad),
+        "ranges_m": [_rounded(one) for one in found.domain.ranges_m],
+    }
+    if found.biases:
+        parameters["bias_m"] = [_rounded(one.value) for one in _by_laser(found)]
+    return parameters
+
+
+def _intervals(found: Calibration) -> dict[str, Any]:
+    ends: dict[str, Any] = {name: _ends(one) for name, one in found.sigmas.items()}
+    if found.settings.cells == SPOT and "frame_sigma_m" in ends:
+        unevenness = found.sigmas["frame_sigma_m"]
+        ends["unevenness_of_the_walls_m"] = ends.pop("frame_sigma_m")
+        ends["unevenness_of_the_walls_m"].insert(1, _rounded(unevenness.value))
+    if found.mean is not None:
+        ends["range_mean_m"] = _ends(found.mean)
+    if found.biases:
+        ends["bias_m"] = [_ends(one) for one in _by_laser(found)]
+    return ends
+
+
+def _by_laser(found: Calibration) -> list[Estimate]:
+    """The bias of every laser up to the last that was seen; one that was not may have any."""
+    reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
+    seen = dict(zip(found.laser_ids, found.biases, strict=True))
+    unseen = Estimate(0.0, -reach, reach)
+    return [seen.get(laser, unseen) for laser in range(max(found.laser_ids) + 1)]
+
+
+def _ends(one: Estimate) -> list[float]:
+    return [_rounded(one.low), _rounded(one.high)]
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), _DIGITS) + 0.0

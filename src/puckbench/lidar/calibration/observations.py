@@ -1,0 +1,205 @@
+"""What a residual table says of the range errors: one row per return, grouped as biases are drawn.
+
+The residual, the range and the place on the plane give the measured point, and so the ray. A return
+beyond where its ray meets the fitted plane has that excess for a range error, up to how far the
+fitted plane is from the true one. A plane at the distance h with the normal n meets the ray d at
+the range r with ``1 / r = n d / h``, which is linear in d: so, along the ray, a plane near the
+fitted one is off it by ``r^2 d`` times three unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+NEEDED = ("distance_m", "surface", "run", "laser_id", "residual_m", "incidence_rad")
+PLACE = ("range_m", "frame", "plane_u_m", "plane_v_m")
+_NUMBERS = tuple(name for name in (*NEEDED, *PLACE) if name != "surface")
+# Nearer to grazing than this a residual says nothing of the range: 1 mm of plane is 20 mm of it.
+_LEAST_COSINE = 0.05
+# A returned spot of a static sensor: twice the azimuth step at 600 turns a minute.
+SPOT_RAD = np.radians(0.4)
+
+_FEWEST = 100
+_PLANE = ["device", "distance_m", "run", "surface"]
+_FOUND = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
+_CELLS = {"frame": ["laser_id", "frame"], "spot": ["surface", "laser_id", "spot"]}
+
+Codes = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Range errors up to an unknown plane per surface; rows sorted by cell, then by surface.
+
+    error: (n,) m. basis: (n, 3), coefficients of the surface's plane. features: (n, 3), what a
+    ray's sigma depends on: 1, incidence squared (rad^2) and range (m). A group is what one cell saw
+    of one surface: groups is (g + 1,), its first rows and the end; surface, laser, scan, cell are
+    (g,) codes from 0. A cell is one laser in one frame (or on one spot) of one scan, `scan` one
+    laser in one scan; lasers of different devices have different codes. laser_ids: (lasers,).
+    tells_mean: whether the lasers' mean bias can be told from the planes at all.
+    """
+
+    error: Floats
+    basis: Floats
+    features: Floats
+    groups: Codes
+    surface: Codes
+    laser: Codes
+    scan: Codes
+    cell: Codes
+    laser_ids: tuple[int, ...]
+    devices: int
+    tells_mean: bool
+
+    def __len__(self) -> int:
+        return len(self.error)
+
+    @property
+    def surfaces(self) -> int:
+        """How many planes were fitted."""
+        return int(self.surface.max()) + 1
+
+    @property
+    def scans(self) -> int:
+        """How many pairs of a laser and a scan there are."""
+        return int(self.scan.max()) + 1
+
+    @property
+    def cells(self) -> int:
+        """How many cells there are."""
+        return int(self.cell.max()) + 1
+
+
+def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
+    """The range errors of residual tables, one table per device.
+
+    cells: ``"frame"``, or ``"spot"`` for the captures of a sensor that stands still, where what one
+    laser sees in one direction is the same in every turn.
+
+    Raises InputError for no table, columns that are missing (an older table) or not finite,
+    incidences or ranges that cannot be, and too few rows.
+    """
+    if not tables:
+        raise InputError("a calibration needs at least one residual table")
+    for table in tables:
+        _check(table)
+    device = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+    rows = pd.concat([table[[*NEEDED, *PLACE]] for table in tables], ignore_index=True)
+    rows = rows.assign(device=device, surface=rows["surface"].astype(str))
+    rows = _along_rays(rows)
+    rows = rows[rows["cosine"] >= _LEAST_COSINE]
+    if len(rows) < _FEWEST:
+        raise InputError(f"a calibration needs at least {_FEWEST} residuals, there are {len(rows)}")
+    return _grouped(rows, cells)
+
+
+def _check(table: pd.DataFrame) -> None:
+    if missing := [name for name in (*NEEDED, *PLACE) if name not in table]:
+        raise InputError(f"the residual table has no {', '.join(missing)}: measure it again")
+    for name in _NUMBERS:
+        if table[name].dtype.kind not in "fiu":
+            raise InputError(f"residual table: {name} has values that are not numbers")
+        if not np.isfinite(table[name].to_numpy(dtype=np.float64)).all():
+            raise InputError(f"residual table: {name} has a missing or infinite value")
+    if (table["range_m"] <= 0).any():
+        raise InputError("residual table: range_m has a value that is not above 0")
+    if not table["incidence_rad"].between(0, np.pi / 2 + 1e-6).all():
+        raise InputError("residual table: incidence_rad has a value that is not from 0 to pi/2")
+
+
+def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
+    """`rows` with the range error beyond each plane, where the ray meets it, and the ray.
+
+    The planes are fitted anew by least squares: about a plane that RANSAC left askew, what is of
+    second order would show.
+    """
+    height = _heights(rows)
+    values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
+    points = values - np.outer(height, [0.0, 0.0, 1.0])
+    found = np.empty((len(rows), len(_FOUND)))
+    planes = _codes(rows, _PLANE)
+    for plane in range(int(planes.max()) + 1):
+        on_it = planes == plane
+        found[on_it] = _beyond_plane(points[on_it])
+    return rows.assign(height=height, **dict(zip(_FOUND, found.T, strict=True)))
+
+
+def _heights(rows: pd.DataFrame) -> Floats:
+    """Distance from the sensor to the fitted plane, m, (n,).
+
+    One number per plane: the ranges of a capture are not from the sensor's origin (vertical
+    correction) and do not agree on it to better than some millimetres.
+    """
+    names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
+    far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
+    each = np.sqrt(np.maximum(far**2 - u**2 - v**2, 0)) + residual
+    keys = [rows[name] for name in _PLANE]
+    return np.asarray(pd.Series(each, rows.index).groupby(keys).transform("median"))
+
+
+def _beyond_plane(points: Floats) -> Floats:
+    """The columns `_FOUND` of the points of one plane, (n, 3), from the sensor, normal last."""
+    terms = np.column_stack([np.ones(len(points)), points[:, :2]])
+    (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
+    normal = np.array([-slopes[0], -slopes[1], 1.0])
+    far = np.linalg.norm(points, axis=1)
+    rays = points / far[:, None]
+    met = offset / (rays @ normal)
+    cosine = -(rays @ normal) / np.linalg.norm(normal)
+    return np.column_stack([far - met, met, cosine, met[:, None] ** 2 * rays])
+
+
+def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
+    scan = ["device", "distance_m", "run"]
+    coded = pd.DataFrame(
+        {
+            "surface": _codes(rows, [*scan, "surface"]),
+            "laser": _codes(rows, ["device", "laser_id"]),
+            "scan": _codes(rows, [*scan, "laser_id"]),
+            "cell": _codes(rows.assign(spot=_spot(rows)), [*scan, *_CELLS[cells]]),
+        }
+    )
+    order = np.lexsort((coded["surface"], coded["cell"]))
+    coded, rows = coded.iloc[order], rows.iloc[order]
+    changes = np.diff(coded[["cell", "surface"]].to_numpy(), axis=0).any(axis=1)
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    error, met = rows[["error", "met"]].to_numpy(dtype=np.float64).T
+    angle = rows["incidence_rad"].to_numpy(dtype=np.float64)
+    basis = rows[["basis_u", "basis_v", "basis_n"]].to_numpy(dtype=np.float64)
+    return Observations(
+        error=error,
+        basis=_of_rings(basis, coded) if cells == "spot" else basis,
+        features=np.column_stack([np.ones(len(rows)), angle**2, met]),
+        groups=np.append(starts, len(rows)),
+        surface=coded["surface"].to_numpy()[starts],
+        laser=coded["laser"].to_numpy()[starts],
+        scan=coded["scan"].to_numpy()[starts],
+        cell=coded["cell"].to_numpy()[starts],
+        laser_ids=tuple(rows.groupby(["device", "laser_id"])["laser_id"].first()),
+        devices=int(rows["device"].max()) + 1,
+        tells_mean=cells == "frame",
+    )
+
+
+def _of_rings(basis: Floats, coded: pd.DataFrame) -> Floats:
+    """The mean of `basis` (n, 3) over each ring, what one laser saw of one surface."""
+    rings = [coded["surface"].to_numpy(), coded["laser"].to_numpy()]
+    return pd.DataFrame(basis).groupby(rings).transform("mean").to_numpy()
+
+
+def _spot(rows: pd.DataFrame) -> Codes:
+    """Number of the azimuth bin about the sensor that a point on its surface falls into."""
+    azimuth = np.arctan2(rows["plane_u_m"], rows["height"])
+    return np.asarray(np.floor(azimuth / SPOT_RAD), dtype=np.int64)
+
+
+def _codes(rows: pd.DataFrame, names: list[str]) -> Codes:
+    return np.asarray(rows.groupby(names, sort=True).ngroup(), dtype=np.int64)

@@ -1,0 +1,82 @@
+"""A beam with a footprint: several rays over its cross-section, and one return made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.lidar.errors.beam import beam_widths_deg
+from puckbench.lidar.errors.model import Draws, Hits
+from puckbench.lidar.errors.vlp16 import Vlp16
+from puckbench.lidar.options import check_at_least
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Rays
+
+T = TypeVar("T", bound=np.generic)
+
+_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+# In the order that the compiled loop numbers them.
+_RETURNS = ("first", "strongest", "last", "mean")
+
+
+@dataclass(frozen=True)
+class BeamFootprint(Vlp16):
+    """As `Vlp16`, for the return of a beam that is an ellipse of the sensor's divergence.
+
+    `sub_rays` rays of equal energy lie over the ellipse in a sunflower pattern, turned at random
+    about the axis of each beam. What they hit within `merged_within_m` of the next in range is one
+    echo, at the mean of its ranges (a mixed pixel); farther apart they are several. The default is
+    half the length of a pulse of 6 ns, the VLP-16's. The return is the ``first``, the ``strongest``
+    (of most rays; the first of equals), the ``last`` echo, or the ``mean`` of everything hit. It is
+    placed along the nominal ray.
+    """
+
+    sub_rays: int = 9
+    returns: str = "strongest"
+    merged_within_m: float = 0.9
+    yaw_width_deg: float | None = None
+    pitch_width_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_at_least(self, 0, "merged_within_m", "yaw_width_deg", "pitch_width_deg")
+        check_at_least(self, 1, "sub_rays")
+        if self.returns not in _RETURNS:
+            raise InputError(f"returns is {self.returns!r}, but must be one of {_RETURNS}")
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        """The rays of each beam, one beam's after another's: (frames, steps, lasers * sub_rays)."""
+        turn = draws.running("footprint").random(rays.yaw.shape)[..., None] * (2 * np.pi)
+        order = np.arange(self.sub_rays)
+        radius = np.sqrt((order + 0.5) / self.sub_rays)
+        angle = turn + order * _GOLDEN_ANGLE
+        yaw_half, pitch_half = np.radians(beam_widths_deg(self, sensor)) / 2
+        yaw = rays.yaw[..., None] + yaw_half * radius * np.cos(angle)
+        pitch = rays.pitch[..., None] + pitch_half * radius * np.sin(angle)
+        shape = (*rays.yaw.shape[:2], -1)
+        return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
+
+    def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
+        """The echo that returns from each beam, with the triangle and incidence in its middle."""
+        from puckbench.lidar.kernels import fill_echoes
+
+        shape = (*hits.distance.shape[:2], sensor.lasers)
+        apart = hits.distance.reshape(-1, self.sub_rays)
+        distance, middle = np.empty(len(apart)), np.empty(len(apart), dtype=np.int64)
+        fill_echoes(apart, self.merged_within_m, _RETURNS.index(self.returns), distance, middle)
+        return Hits(
+            distance.reshape(shape),
+            _taken(hits.triangle, middle).reshape(shape),
+            _taken(hits.incidence, middle).reshape(shape),
+            hits.surfaces,
+        )
+
+
+def _taken(values: NDArray[T], middle: NDArray[np.int64]) -> NDArray[T]:
+    """Of each beam's values the one of its middle ray, (beams,)."""
+    beams = values.reshape(len(middle), -1)
+    return np.asarray(beams[np.arange(len(middle)), middle])

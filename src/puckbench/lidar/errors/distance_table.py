@@ -1,0 +1,51 @@
+"""Range noise that depends on the distance: BlenSor's error model of time-of-flight cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.model import Draws, Hits
+from puckbench.lidar.errors.noise import check_distributions, standard_noise
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Rays
+
+
+@dataclass(frozen=True)
+class DistanceTable:
+    """``d + N(mu(d), sigma(d))``, both interpolated linearly from a table over the true distance.
+
+    table: rows of distance, mu and sigma, m, in the order of the distance; before the first and
+    after the last row their values hold.
+    """
+
+    table: tuple[tuple[float, ...], ...]
+    distribution: str = "gaussian"
+
+    def __post_init__(self) -> None:
+        check_distributions(self, "distribution")
+        if not self.table:
+            raise InputError("table is empty")
+        if any(len(row) != 3 for row in self.table):
+            raise InputError("table has a row that is not distance, mu, sigma")
+        distance, _, sigma = np.transpose(self.table)
+        if (np.diff(distance) <= 0).any():
+            raise InputError("table has distances that do not increase")
+        if (sigma < 0).any():
+            raise InputError("table has a sigma below 0")
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        """The nominal rays."""
+        return rays
+
+    def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        """True distance plus the noise of its ray."""
+        distance, mean, scale = np.transpose(self.table)
+        noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.distribution)
+        noisy *= np.interp(hits.distance, distance, scale)
+        noisy += np.interp(hits.distance, distance, mean)
+        noisy += hits.distance
+        return noisy

@@ -1,0 +1,34 @@
+"""Shapes of range noise: Gaussian and Laplace, each in units of its scale parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+_DRAW: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Floats]] = {
+    "gaussian": lambda stream, shape: stream.standard_normal(shape),
+    "laplace": lambda stream, shape: stream.laplace(size=shape),
+}
+
+
+def standard_noise(
+    stream: np.random.Generator, shape: tuple[int, ...], distribution: str
+) -> Floats:
+    """Numbers of the given shape with mean 0 and scale 1.
+
+    The scale is sigma of a Gaussian and b of a Laplace distribution, whose standard deviation is
+    b times the root of two: BlenSor reads one parameter as either, and so do we.
+    """
+    return _DRAW[distribution](stream, shape)
+
+
+def check_distributions(parameters: object, *names: str) -> None:
+    """InputError unless the named values of `parameters` are known distributions."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value not in _DRAW:
+            raise InputError(f"{name} is {value!r}, but must be {' or '.join(map(repr, _DRAW))}")

@@ -1,0 +1,131 @@
+"""What becomes of a return at the receiver: lost when dark, at random or near; ranges in steps.
+
+These effects go on top of any error model: they are applied, in the order of the fields, to the
+distances that the model measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, Surfaces, lifted, merged
+from puckbench.lidar.options import check_above_zero, check_at_least
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Rays
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """Losses and steps of the range; as it stands it changes nothing within 140 m.
+
+    Attenuation, as BlenSor has it in code (equation 5.3 of the thesis misprints it): a return at a
+    true distance d of `attenuation_from_m` or more needs a diffuse reflectivity of at least
+    ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``; nearer ones always
+    return. reflectivity: by the name or else the semantic class of an object; all others have
+    `default_reflectivity`.
+
+    Raydrop: a return is lost with the probability ``raydrop + raydrop_incidence * (1 - cos theta)
+    + raydrop_per_m * d``, at most 1; theta is the incidence angle.
+
+    min_range_m: nearer measured distances are lost. range_quantum_mm: measured distances are
+    multiples of it.
+
+    mirrors: names or semantic classes of objects that reflect like a mirror, as in BlenSor: what is
+    seen in one is measured along the fired ray, at the length of the path; the mirror itself never
+    returns. The true values of such a row are those of the mirror. Glass is opaque, as in BlenSor.
+    """
+
+    reflectivity: dict[str, float] = field(default_factory=dict)
+    default_reflectivity: float = 1.0
+    attenuation_from_m: float = 50.0
+    attenuation_limit: float = 0.1
+    attenuation_slope_per_m: float = 0.01
+    raydrop: float = 0.0
+    raydrop_incidence: float = 0.0
+    raydrop_per_m: float = 0.0
+    min_range_m: float = 0.0
+    range_quantum_mm: float | None = None
+    mirrors: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 0, "default_reflectivity", "attenuation_from_m", "attenuation_limit")
+        check_at_least(self, 0, "attenuation_slope_per_m", "raydrop", "raydrop_incidence")
+        check_at_least(self, 0, "raydrop_per_m", "min_range_m")
+        check_above_zero(self, "range_quantum_mm")
+        for name, value in self.reflectivity.items():
+            if not 0 <= value <= 1:
+                raise InputError(f"reflectivity of {name} is {value:g}, but must be from 0 to 1")
+
+    def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
+        """`measured` distances in steps, inf where a return is lost."""
+        lost = self._too_dark(hits) | self._dropped(hits, draws)
+        if self.range_quantum_mm is not None:
+            quantum = self.range_quantum_mm * 1e-3
+            measured = np.round(measured / quantum) * quantum
+        lost |= measured < self.min_range_m
+        return np.where(lost, np.inf, measured)
+
+    def _too_dark(self, hits: Hits) -> NDArray[np.bool_]:
+        beyond = np.maximum(hits.distance - self.attenuation_from_m, 0)
+        far = np.isfinite(hits.distance) & (hits.distance >= self.attenuation_from_m)
+        needed = self.attenuation_limit + self.attenuation_slope_per_m * beyond
+        return np.asarray(far & (self._reflectivity(hits, far) < needed))
+
+    def _reflectivity(self, hits: Hits, where: NDArray[np.bool_]) -> Floats:
+        """Reflectivity at the hits, in their shape; undefined but `where`."""
+        if not self.reflectivity:
+            return np.full(hits.distance.shape, self.default_reflectivity)
+        if hits.surfaces is None:
+            raise InputError("reflectivity is given by object, but the mesh has no labels")
+        each = hits.surfaces.values(self.reflectivity, self.default_reflectivity)
+        return each[np.where(where, hits.triangle, 0)]
+
+    def _dropped(self, hits: Hits, draws: Draws) -> NDArray[np.bool_]:
+        if not (self.raydrop or self.raydrop_incidence or self.raydrop_per_m):
+            return np.zeros(hits.distance.shape, dtype=np.bool_)
+        chance = self.raydrop + self.raydrop_incidence * (1 - np.cos(hits.incidence))
+        chance += self.raydrop_per_m * np.where(np.isfinite(hits.distance), hits.distance, 0)
+        return np.asarray(draws.running("raydrop").random(hits.distance.shape) < chance)
+
+
+@dataclass(frozen=True)
+class Received:
+    """An error model whose returns go through a receiver."""
+
+    model: ErrorModel
+    receiver: Receiver
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        """The model's rays."""
+        return self.model.perturb_rays(rays, sensor, draws)
+
+    def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
+        """The model's hits."""
+        return merged(self.model, hits, sensor)
+
+    def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        """The model's distances as the receiver lets them through."""
+        measured = self.model.perturb_ranges(hits, sensor, draws)
+        return self.receiver.received(measured, hits, draws)
+
+    def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
+        """The model's displacements along the normal."""
+        return lifted(self.model, hits, sensor, draws)
+
+
+def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
+    """Which triangles are mirrors to the model's receiver, (t,); None when it knows none.
+
+    Raises InputError when it does and the mesh has no labels.
+    """
+    names = model.receiver.mirrors if isinstance(model, Received) else ()
+    if not names:
+        return None
+    if surfaces is None:
+        raise InputError("mirrors are given by object, but the mesh has no labels")
+    return surfaces.values(dict.fromkeys(names, 1.0), 0.0) > 0

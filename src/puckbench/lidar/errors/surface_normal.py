@@ -1,0 +1,37 @@
+"""Noise along the normal of the surface, which the thesis proposed and did not try."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.model import Draws, Hits
+from puckbench.lidar.errors.noise import check_distributions, standard_noise
+from puckbench.lidar.errors.vlp16 import Vlp16
+from puckbench.lidar.options import check_at_least
+from puckbench.lidar.sensor import Sensor
+
+
+@dataclass(frozen=True)
+class SurfaceNormal(Vlp16):
+    """A measured point is off its surface by ``N(0, normal_sigma_m)`` along the true normal.
+
+    So plane residuals have that sigma at any incidence, as the real wall and floor have (0.014 m),
+    where noise along the ray makes them shrink with the cosine. The noise along the ray of `Vlp16`
+    can be added; it is off here.
+    """
+
+    bias_sigma_m: float = 0.0
+    ray_sigma_m: float = 0.0
+    normal_sigma_m: float = 0.014
+    normal_distribution: str = "gaussian"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_at_least(self, 0, "normal_sigma_m")
+        check_distributions(self, "normal_distribution")
+
+    def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        """Noise along the normal, m."""
+        stream, shape = draws.running("normal"), hits.distance.shape
+        return standard_noise(stream, shape, self.normal_distribution) * self.normal_sigma_m

@@ -1,0 +1,53 @@
+"""Range noise of the VLP-16 with beam divergence: the error model that the thesis chose (5.5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.beam import beam_widths_deg
+from puckbench.lidar.errors.model import Draws
+from puckbench.lidar.errors.vlp16 import Vlp16
+from puckbench.lidar.options import check_at_least
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Rays
+
+
+@dataclass(frozen=True)
+class Vlp16Divergence(Vlp16):
+    """As `Vlp16`, each ray first turned at random within the beam.
+
+    Yaw and pitch change by uniform numbers within half the beam's width (None: the sensor's
+    divergence). The reported yaw and pitch stay nominal.
+
+    ``returns_along="fired"`` puts a noisy point on the ray that was fired, which is what BlenSor
+    does and the thesis ran. Such a point leaves its surface by range noise alone, so divergence
+    cannot widen plane residuals, whatever the distance. ``"nominal"`` puts the measured distance
+    on the nominal ray, as a real sensor does, which knows no other direction.
+    """
+
+    yaw_width_deg: float | None = None
+    pitch_width_deg: float | None = None
+    returns_along: str = "fired"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_at_least(self, 0, "yaw_width_deg", "pitch_width_deg")
+        if self.returns_along not in {"fired", "nominal"}:
+            what = f"returns_along is {self.returns_along!r}"
+            raise InputError(f"{what}, but must be 'fired' or 'nominal'")
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        """Rays turned within the beam."""
+        yaw_width, pitch_width = beam_widths_deg(self, sensor)
+        yaw = rays.yaw + _uniform("beam yaw", yaw_width, rays.yaw.shape, draws)
+        pitch = rays.pitch + _uniform("beam pitch", pitch_width, rays.pitch.shape, draws)
+        return Rays(yaw, pitch, placed_as_fired=self.returns_along == "fired")
+
+
+def _uniform(stream: str, width_deg: float, shape: tuple[int, ...], draws: Draws) -> Floats:
+    """Angles within half of `width_deg` to either side of zero, rad."""
+    return np.asarray((draws.running(stream).random(shape) - 0.5) * np.radians(width_deg))

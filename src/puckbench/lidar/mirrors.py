@@ -1,0 +1,93 @@
+"""Mirrors as BlenSor has them: what is seen in one returns along the ray that was fired."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.model import Hits
+from puckbench.lidar.raycast import Cast, RayCaster
+
+# A path is followed over this many mirrors.
+_MIRRORS_IN_A_PATH = 8
+# A reflected ray starts so far along it, m, lest the mirror itself be hit in float32.
+_OFF_THE_MIRROR = 1e-4
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """Paths that end on a mirror: their rays' indices, last directions, ends, lengths, mirrors."""
+
+    rays: NDArray[np.int64]
+    directions: Floats
+    ends: Floats
+    lengths: Floats
+    triangles: NDArray[np.uint32]
+
+    def select(self, chosen: NDArray[np.bool_]) -> _Paths:
+        return _Paths(
+            self.rays[chosen],
+            self.directions[chosen],
+            self.ends[chosen],
+            self.lengths[chosen],
+            self.triangles[chosen],
+        )
+
+
+def follow_mirrors(
+    caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
+) -> Cast:
+    """`cast` with what is seen in mirrors, at the length of the whole path.
+
+    The direction stays that of the ray that was fired, so what is seen lies behind the mirror; a
+    ray that meets nothing but mirrors hits nothing. mirrors: which triangles are one, (t,).
+    farthest: greatest length of a path, m.
+    """
+    shape = cast.hits.distance.shape
+    distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()
+    incidence = cast.hits.incidence.ravel().copy()
+    paths = _paths_to_mirrors(caster, cast, mirrors)
+    distance[paths.rays], incidence[paths.rays] = np.inf, np.nan
+    for _ in range(_MIRRORS_IN_A_PATH):
+        if not len(paths.rays):
+            break
+        paths, angles = _reflected(caster, paths)
+        hit = paths.lengths <= farthest
+        again = hit & mirrors[np.where(hit, paths.triangles, 0)]
+        seen, rays = hit & ~again, paths.rays[hit & ~again]
+        distance[rays], triangle[rays] = paths.lengths[seen], paths.triangles[seen]
+        incidence[rays] = angles[seen]
+        paths = paths.select(again)
+    found = Hits(
+        distance.reshape(shape),
+        triangle.reshape(shape),
+        incidence.reshape(shape),
+        caster.surfaces,
+    )
+    return Cast(cast.directions, cast.origins, found)
+
+
+def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_]) -> _Paths:
+    lengths, triangles = cast.hits.distance.ravel(), cast.hits.triangle.ravel()
+    hit = np.isfinite(lengths)
+    rays = np.flatnonzero(hit & mirrors[np.where(hit, triangles, 0)])
+    starts = cast.origins[rays // (len(lengths) // len(cast.origins))] - caster.origin
+    directions = cast.directions[rays]
+    ends = starts + lengths[rays, None] * directions
+    return _Paths(rays, directions, ends, lengths[rays], triangles[rays])
+
+
+def _reflected(caster: RayCaster, paths: _Paths) -> tuple[_Paths, Floats]:
+    """The paths up to what they meet next, length inf for nothing, and the incidence there."""
+    normals = caster.planes[paths.triangles, :3]
+    across = (paths.directions * normals).sum(axis=1, keepdims=True)
+    turned = paths.directions - 2 * across * normals
+    starts = paths.ends + _OFF_THE_MIRROR * turned
+    single = np.column_stack([starts, turned]).astype(np.float32)
+    seen = caster.hits(turned, single, starts, paths.rays.shape, (0.0, np.inf))
+    ends = starts + np.where(np.isfinite(seen.distance), seen.distance, 0)[:, None] * turned
+    lengths = paths.lengths + _OFF_THE_MIRROR + seen.distance
+    return _Paths(paths.rays, turned, ends, lengths, seen.triangle), seen.incidence

@@ -1,0 +1,140 @@
+"""Casting rays at a mesh: Embree (through Open3D) finds the triangle, float64 the exact distance.
+
+Embree works in float32, good to some 1e-6 of the coordinates. So the mesh is moved until the
+sensor stands at the origin, and the distance is computed again in float64 from the plane of the
+triangle that was hit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.lidar.errors.model import Hits, Surfaces
+from puckbench.lidar.sweep import Rays
+from puckbench.lidar.trajectory import Poses
+
+
+@dataclass(frozen=True)
+class Cast:
+    """Rays that were cast: their unit directions in the world, (n, 3), and what they hit.
+
+    origins: where the rays of each azimuth step start in the world, (steps, 3).
+    """
+
+    directions: Floats
+    origins: Floats
+    hits: Hits
+
+
+class RayCaster:
+    """A mesh seen from a sensor at `origin` (3,), or near it.
+
+    planes: of each triangle the unit normal and the distance of its plane from `origin`, (t, 4).
+    object_id, primitive_id: of each triangle, (t,); -1 where the mesh has no labels.
+    """
+
+    def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
+        import open3d as o3d
+
+        self.threads = threads
+        self.origin = np.asarray(origin, dtype=np.float64)
+        self.planes = _planes(mesh, self.origin)
+        unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
+        self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
+        self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
+        self.surfaces = (
+            Surfaces(mesh.labels.object_id, mesh.labels.objects) if mesh.labels else None
+        )
+        self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
+        self.scene.add_triangles(
+            o3d.core.Tensor.from_numpy((mesh.vertices - self.origin).astype(np.float32)),
+            o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
+        )
+
+    def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
+        """Cast the rays of some frames; poses of their steps, positions from `origin`.
+
+        limits: least and greatest range, m; a hit outside them counts as a miss.
+        """
+        from puckbench.lidar.kernels import fill_directions
+
+        directions = np.empty((rays.yaw.size, 3))
+        single = np.zeros((rays.yaw.size, 6), dtype=np.float32)
+        fill_directions(
+            _sine_cosine(rays.yaw), _sine_cosine(rays.pitch), poses.rotations, directions, single
+        )
+        starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
+        if starts.any():
+            single[:, :3] = np.repeat(starts, len(single) // len(starts), axis=0)
+        hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
+        return Cast(directions, self.origin + starts, hits)
+
+    def clearances(self, places: Floats) -> Floats:
+        """Distance to the nearest point of the mesh from places (n, 3) relative to `origin`, m."""
+        import open3d as o3d
+
+        queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
+        return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
+
+    def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
+        """Distance, in float32 accuracy, and triangle that rays meet, (n,); inf for a miss.
+
+        starts: (n, 3), relative to `origin`. directions: (n, 3) unit vectors.
+        """
+        answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
+        return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
+
+    def hits(
+        self,
+        directions: Floats,
+        single: NDArray[np.float32],
+        starts: Floats,
+        shape: tuple[int, ...],
+        limits: tuple[float, float],
+    ) -> Hits:
+        """What rays hit, in the given shape of their array.
+
+        directions: (n, 3). single: starts and directions for Embree, (n, 6). starts: those of each
+        step's rays from `origin`, (steps, 3), or of each ray. limits: as for `cast`.
+        """
+        from puckbench.lidar.kernels import fill_distances
+
+        answer = self._nearest(single)
+        triangle = answer["primitive_ids"].numpy()
+        distance, cosine = np.empty(len(directions)), np.empty(len(directions))
+        nearest = answer["t_hit"].numpy()
+        fill_distances(directions, nearest, triangle, self.planes, starts, limits, distance, cosine)
+        incidence = np.arccos(cosine, out=cosine)
+        return Hits(
+            distance.reshape(shape),
+            triangle.reshape(shape),
+            incidence.reshape(shape),
+            self.surfaces,
+        )
+
+    def _nearest(self, single: NDArray[np.float32]) -> Any:
+        import open3d as o3d
+
+        return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
+
+
+def _planes(mesh: Mesh, origin: Floats) -> Floats:
+    from puckbench.lidar.kernels import fill_planes
+
+    planes = np.empty((len(mesh.triangles), 4))
+    vertices, triangles = np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.triangles)
+    fill_planes(vertices, triangles, origin, planes)
+    return planes
+
+
+def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
+    """Sine and cosine in the shape of `angles`, worked out once where it is a broadcast."""
+    index = tuple(slice(None) if stride else slice(1) for stride in angles.strides)
+    few = angles[index]
+    return np.broadcast_to(np.sin(few), angles.shape), np.broadcast_to(np.cos(few), angles.shape)

@@ -1,0 +1,42 @@
+"""The capture table: one row per return of a real sensor, in the sensor's own frame; Parquet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from puckbench.io.columns import Columns, Declared, Table, read_table, write_table
+
+STRONGEST, LAST, BOTH = 0, 1, 2
+"""Kinds of return: BOTH is the only return of a beam that was asked for two."""
+
+CAPTURE_COLUMNS: Columns = {
+    "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
+    "turn": ("<i4", "", "turn of the sensor, from 0; a turn begins at azimuth 0"),
+    "laser_id": ("<i2", "", "laser, from 0"),
+    "return_kind": ("<i2", "", "0 strongest, 1 last, 2 both"),
+    "azimuth": ("<f8", "rad", "clockwise from forward (y) seen from above, at the firing"),
+    "elevation": ("<f8", "rad", "nominal elevation of the laser"),
+    "distance": ("<f8", "m", "measured distance"),
+    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector"),
+    "x": ("<f8", "m", "right, sensor's frame"),
+    "y": ("<f8", "m", "forward, sensor's frame"),
+    "z": ("<f8", "m", "up, sensor's frame, vertical correction applied"),
+}
+
+
+@dataclass(frozen=True)
+class CaptureTable(Table):
+    """Returns of a real sensor in the order of firing."""
+
+    declared = Declared("capture table", "puckbench_capture", CAPTURE_COLUMNS)
+
+
+def write_capture_table(path: Path, table: CaptureTable) -> None:
+    """Write a Parquet file as `columns.write_table` does."""
+    write_table(path, table)
+
+
+def read_capture_table(path: Path) -> CaptureTable:
+    """Read what `write_capture_table` wrote; InputError when it is missing or something else."""
+    return read_table(path, CaptureTable)

@@ -1,0 +1,136 @@
+"""A scan as VLP-16 data packets in a packet capture, to play into ROS or VeloView."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
+from puckbench.geometry.cloud import Floats
+from puckbench.io.recordings.packet_log import PacketLog
+from puckbench.lidar.recordings.packets import (
+    BLOCKS,
+    CENTIDEGREES,
+    DISTANCE_UNIT_M,
+    FLAG,
+    HOUR_S,
+    LASERS,
+    MODES,
+    PACKET,
+    PACKET_BYTES,
+    RETURN,
+    VLP16,
+)
+from puckbench.lidar.scan_table import ScanTable
+from puckbench.lidar.sensor import load_sensor
+
+_PORT = 2368
+_SENDER, _RECEIVER = bytes([192, 168, 1, 201]), b"\xff" * 4
+_MAC = b"\xff" * 6 + bytes.fromhex("607688000001")
+# Where a scan tells no reflectivity: a bright diffuse surface.
+_REFLECTIVITY = 100
+
+
+def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
+    """Write a scan as a packet capture of a VLP-16; the numbers of packets and returns in it.
+
+    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Packets know the sensor's frame
+    only: the poses of a sweep are not in them. InputError when the scan is not a VLP-16's.
+    """
+    log = scan_packets(table, noisy)
+    write_bytes(path, pcap_bytes(log))
+    return {"packets": len(log), "returns": log.about["returns"]}
+
+
+def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
+    """Packets of a scan, turn by turn, columns in the order in which a real sensor fires them.
+
+    A real VLP-16 turns clockwise and on while its lasers fire one after the other. The virtual one
+    turns as BlenSor's, counter-clockwise, and fires a column at one azimuth. So the columns of a
+    turn come in reverse order, and each takes two blocks of the same azimuth, of which the first
+    firing of the first has the returns: between two equal azimuths a decoder interpolates nothing.
+    """
+    rotation_hz = _rotation_hz(table)
+    centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
+    turns = np.rint(table["timestamp"] * rotation_hz - table["yaw"] / (2 * np.pi)).astype(np.int64)
+    turns -= turns.min()
+    columns, index = np.unique(turns * CENTIDEGREES + centidegrees, return_inverse=True)
+    returns = np.zeros((len(columns), 2, 2, LASERS), dtype=RETURN)
+    place = (index, 0, 0, table["laser_id"])
+    returns["distance"][place] = distance_counts(table["distance_noisy" if noisy else "distance"])
+    returns["reflectivity"][place] = _reflectivity(table)
+    seconds = np.repeat(columns / (CENTIDEGREES * rotation_hz), 2)
+    azimuth = np.repeat(columns % CENTIDEGREES, 2)
+    return pack_blocks(azimuth, returns.reshape(-1, 2, LASERS), seconds)
+
+
+def pack_blocks(
+    azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = 0x37
+) -> PacketLog:
+    """Data packets of blocks: azimuth (b,) in 0.01 degrees, returns (b, 2, 16), times (b,) in s.
+
+    A last packet that is not full is filled up with blocks that have no return.
+    """
+    if MODES.get(mode) is None:
+        raise ValueError(f"no return mode 0x{mode:02X}")
+    fill = -len(azimuth) % BLOCKS
+    blocks = np.zeros((len(azimuth) + fill) // BLOCKS * BLOCKS, dtype=PACKET["blocks"].base)
+    blocks["flag"] = FLAG
+    blocks["azimuth"] = np.pad(azimuth, (0, fill), mode="edge")
+    blocks["returns"][: len(returns)] = returns
+    packets = np.zeros(len(blocks) // BLOCKS, dtype=PACKET)
+    packets["blocks"] = blocks.reshape(-1, BLOCKS)
+    start = seconds[::BLOCKS]
+    packets["time_us"] = np.rint(np.mod(start, HOUR_S) * 1e6).astype(np.int64) % 3_600_000_000
+    packets["mode"], packets["product"] = mode, VLP16
+    about = {"returns": int(np.count_nonzero(returns["distance"]))}
+    return PacketLog(packets.view(np.uint8).reshape(-1, PACKET_BYTES), start, about)
+
+
+def pcap_bytes(log: PacketLog) -> bytes:
+    """A packet capture (Ethernet, microseconds) of UDP datagrams from a sensor's usual address."""
+    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+    wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
+    size = len(wrapping) + PACKET_BYTES
+    parts = [head]
+    for payload, time in zip(log.payloads, log.received, strict=True):
+        seconds, micros = divmod(round(float(time) * 1e6), 1_000_000)
+        parts += [struct.pack("<IIII", seconds, micros, size, size), wrapping, payload.tobytes()]
+    return b"".join(parts)
+
+
+def distance_counts(distance: Floats) -> NDArray[np.uint16]:
+    """Distances in units of 2 mm; 0, which means no return, where they do not fit 16 bits."""
+    counts = np.rint(distance / DISTANCE_UNIT_M)
+    return np.where((counts > 0) & (counts <= 0xFFFF), counts, 0).astype(np.uint16)
+
+
+def _rotation_hz(table: ScanTable) -> float:
+    """The scan's rate of rotation; InputError when the lasers are not those of a VLP-16."""
+    device, sweep = table.about.get("sensor", {}), table.about.get("sweep", {})
+    if tuple(device.get("laser_elevation_deg", ())) != load_sensor("vlp16").laser_elevation_deg:
+        name = device.get("name", "an unknown sensor")
+        raise InputError(f"a scan by {name} cannot be written as packets of a VLP-16")
+    return float(sweep.get("rotation_hz") or device["rotation_hz"])
+
+
+def _reflectivity(table: ScanTable) -> NDArray[np.uint8]:
+    """The table's reflectivity (0..1) as the sensor's 0..100, or the usual one."""
+    if "reflectivity" not in table.columns:
+        return np.full(len(table), _REFLECTIVITY, dtype=np.uint8)
+    percent: NDArray[np.uint8] = np.rint(table["reflectivity"] * 100).clip(0, 100).astype(np.uint8)
+    return percent
+
+
+def _ip_udp_header(payload: int) -> bytes:
+    total = 20 + 8 + payload
+    head = struct.pack(">BBHHHBBH", 0x45, 0, total, 0, 0x4000, 64, 17, 0) + _SENDER + _RECEIVER
+    words = sum(struct.unpack(">10H", head))
+    checksum = ~((words & 0xFFFF) + (words >> 16)) & 0xFFFF
+    udp = struct.pack(">HHHH", _PORT, _PORT, 8 + payload, 0)
+    return head[:10] + struct.pack(">H", checksum) + head[12:] + udp

@@ -1,0 +1,255 @@
+"""A virtual scan: a sensor sweeps a scene, with the errors of a model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh, check_mesh
+from puckbench.io.columns import empty_columns
+from puckbench.lidar.errors import described
+from puckbench.lidar.errors.model import Draws, ErrorModel, lifted, merged
+from puckbench.lidar.errors.receiver import mirrors_of
+from puckbench.lidar.mirrors import follow_mirrors
+from puckbench.lidar.placement import check_free, check_untouched
+from puckbench.lidar.raycast import Cast, RayCaster
+from puckbench.lidar.scan_table import ScanTable, read_scan, write_scan
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Rays, Sweep
+
+__all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
+
+Progress = Callable[[int, int], None]
+"""Is told how many frames are done, and of how many."""
+
+# Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
+_RAYS_AT_A_TIME = 1 << 16
+# Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
+_RAYS_IN_A_PORTION = 1 << 20
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """What is scanned, by what, with which errors, from where: a mesh (metres, z up), origin (3,).
+
+    anywhere: false refuses a sensor outside the scene, inside of an object, or that moves through
+    a surface. The rows do not depend on `threads` (0: all).
+    """
+
+    mesh: Mesh
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    origin: Floats | Sequence[float]
+    anywhere: bool = True
+    threads: int = 0
+
+    def table(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_at_a_time: int = _RAYS_AT_A_TIME,
+    ) -> ScanTable:
+        """All rows, see `scan`."""
+        scanner = self._scanner(rng)
+        table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
+        if len(table) == 0:
+            raise scanner.no_return()
+        return table
+
+    def portions(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_in_a_portion: int = _RAYS_IN_A_PORTION,
+    ) -> Iterator[ScanTable]:
+        """The rows of `table`, some frames at a time, for a scan that is too long for the memory.
+
+        `rays_in_a_portion` bounds the rows of a table (at least one frame). Raises as `scan` does;
+        that no ray returned shows at the end.
+        """
+        scanner, rows = self._scanner(rng), 0
+        at_a_time = rays_in_a_portion // scanner.rays_per_frame
+        for frames in _portions(range(self.sweep.frames), at_a_time):
+            table = scanner.table(frames, _RAYS_AT_A_TIME, progress)
+            rows += len(table)
+            if len(table):
+                yield table
+        if rows == 0:
+            raise scanner.no_return()
+
+    def _scanner(self, rng: np.random.Generator) -> _Scanner:
+        check_mesh(self.mesh, "the mesh to scan")
+        caster = RayCaster(self.mesh, _checked_origin(self.origin), self.threads)
+        times, places = self.sweep.way()
+        check_untouched(caster, places)
+        if not self.anywhere:
+            check_free(caster, times, places)
+        return _Scanner(caster, self.sensor, self.sweep, self.model, Draws(rng))
+
+
+def scan(
+    mesh: Mesh,
+    sensor: Sensor,
+    sweep: Sweep,
+    model: ErrorModel,
+    origin: Floats | Sequence[float],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> ScanTable:
+    """Scan `mesh` (metres, z up) by a sensor that stands at `origin` (3,) and sweeps.
+
+    A row is one nominal ray. Its clean values are the truth about that ray: where it meets the
+    surface, on what, at what angle. Its noisy values are what the sensor measured. A model that
+    fires another ray than the nominal one (beam divergence) measures along that other ray, and the
+    nominal ray is cast as well, so that the truth stays at hand; here we differ from BlenSor, whose
+    clean values are jittered too. Then a row needs both: the fired ray must return and the nominal
+    one must hit something in range. A missed ray has no row and no noise.
+
+    The rows come in the order of firing (frame, azimuth step, laser id).
+    progress(frames done, frames) is called as work goes on.
+
+    Raises InputError for a mesh without faces, an origin that is no point or touches the mesh, or
+    no return at all.
+    """
+    return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
+
+
+@dataclass(frozen=True)
+class _Scanner:
+    """A scan in progress: what fires, at what, with which errors."""
+
+    caster: RayCaster
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    draws: Draws
+
+    @property
+    def rays_per_frame(self) -> int:
+        return self.sweep.steps(self.sensor) * self.sensor.lasers
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """How the scan is made."""
+        return _about(self.sensor, self.sweep, self.model, self.caster.origin)
+
+    def no_return(self) -> InputError:
+        """The error of a scan without a row."""
+        place = self.caster.origin.tolist()
+        return InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
+
+    def table(self, frames: range, rays_at_a_time: int, progress: Progress | None) -> ScanTable:
+        """The returns of the given frames."""
+        columns = empty_columns(ScanTable.declared, len(frames) * self.rays_per_frame)
+        rows = 0
+        for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
+            rows = self.add_returns(portion, columns, rows)
+            if progress is not None:
+                progress(portion.stop, self.sweep.frames)
+        return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
+
+    def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
+        """Scan the given frames and write their returns from `row` on; the row after the last."""
+        nominal = self.sweep.rays(self.sensor, frames)
+        fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
+        truth = self._cast(nominal, frames)
+        measured = truth if fired is nominal else self._cast(fired, frames)
+        if self.mirrors is not None:
+            measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
+        hits = merged(self.model, measured.hits, self.sensor)
+        distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
+        lift = lifted(self.model, hits, self.sensor, self.draws)
+        returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
+        placed = measured if fired.placed_as_fired else truth
+        noisy = (distance, placed.directions)
+        end = self._write(frames, nominal, truth, noisy, returned, columns, row)
+        if lift is not None:
+            step_of_row = np.flatnonzero(returned) // returned.shape[2]
+            origins = truth.origins[step_of_row]
+            _lift(lift[returned], origins, {k: v[row:end] for k, v in columns.items()})
+        return end
+
+    def _cast(self, rays: Rays, frames: range) -> Cast:
+        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+
+    @cached_property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        """Which triangles the model takes for mirrors, if any."""
+        return mirrors_of(self.model, self.caster.surfaces)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
+
+    def _write(
+        self,
+        frames: range,
+        nominal: Rays,
+        truth: Cast,
+        noisy: tuple[Floats, Floats],
+        returned: NDArray[np.bool_],
+        columns: dict[str, NDArray[Any]],
+        row: int,
+    ) -> int:
+        from puckbench.lidar import kernels
+
+        hits, flat, origin = truth.hits, returned.ravel(), truth.origins
+        times = self.sweep.firing_times(self.sensor, frames)
+        angles = (times, nominal.yaw, nominal.pitch)
+        fired = tuple(columns[name] for name in ("frame", "laser_id", "timestamp", "yaw", "pitch"))
+        end: int = kernels.fill_rays(returned, angles, frames.start, row, fired)
+        clean_out = tuple(columns[name] for name in ("distance", "x", "y", "z"))
+        kernels.fill_points(flat, origin, truth.directions, hits.distance.ravel(), row, clean_out)
+        noisy_out = tuple(columns[f"{name}_noisy"] for name in ("distance", "x", "y", "z"))
+        kernels.fill_points(flat, origin, noisy[1], noisy[0].ravel(), row, noisy_out)
+        struck = (truth.directions, hits.triangle.ravel(), hits.incidence.ravel())
+        surface = (self.caster.planes, self.caster.object_id, self.caster.primitive_id)
+        names = ("incidence", "triangle_id", "object_id", "primitive_id", "nx", "ny", "nz")
+        kernels.fill_surface(flat, struck, surface, row, tuple(columns[name] for name in names))
+        return end
+
+
+def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> None:
+    """Move measured points along their normals, and measure their distance from `origins`."""
+    squared = np.zeros(len(along))
+    for place, axis in zip(origins.T, "xyz", strict=True):
+        points = columns[f"{axis}_noisy"]
+        points += along * columns[f"n{axis}"]
+        squared += (points - place) ** 2
+    columns["distance_noisy"][:] = np.sqrt(squared)
+
+
+def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
+    try:
+        place = np.asarray(origin, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise InputError(f"the sensor's origin is {origin}, but must be three finite numbers")
+    return place
+
+
+def _portions(frames: range, at_a_time: int) -> list[range]:
+    step = max(at_a_time, 1)
+    return [frames[first : first + step] for first in range(0, len(frames), step)]
+
+
+def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
+    about = {
+        "sensor": asdict(sensor),
+        "sweep": asdict(sweep),
+        "errors": described(model),
+        "origin": origin.tolist(),
+    }
+    # As it comes back from a file: lists for tuples.
+    as_read: dict[str, Any] = json.loads(json.dumps(about))
+    return as_read

@@ -1,0 +1,85 @@
+"""The scan table: one row per return, clean and noisy values of the same rays; Parquet on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.geometry.cloud import Floats
+from puckbench.io.columns import (
+    Columns,
+    Declared,
+    Table,
+    read_table,
+    write_portions,
+    write_table,
+)
+
+COLUMNS: Columns = {
+    "timestamp": ("<f8", "s", "time of firing since the start of the sweep"),
+    "frame": ("<i4", "", "frame of the sweep, from 0"),
+    "laser_id": ("<i2", "", "laser, from 0"),
+    "yaw": ("<f8", "rad", "nominal azimuth in the sensor's frame, counter-clockwise from forward"),
+    "pitch": ("<f8", "rad", "nominal elevation in the sensor's frame"),
+    "distance": ("<f8", "m", "true distance along the nominal ray"),
+    "distance_noisy": ("<f8", "m", "measured distance"),
+    "x": ("<f8", "m", "true point of the nominal ray on the surface, world"),
+    "y": ("<f8", "m", "true point of the nominal ray on the surface, world"),
+    "z": ("<f8", "m", "true point of the nominal ray on the surface, world"),
+    "x_noisy": ("<f8", "m", "measured point, world"),
+    "y_noisy": ("<f8", "m", "measured point, world"),
+    "z_noisy": ("<f8", "m", "measured point, world"),
+    "incidence": ("<f8", "rad", "angle between nominal ray and true normal"),
+    "object_id": ("<i4", "", "object at the true point, -1: no labels"),
+    "primitive_id": ("<i4", "", "geometric primitive at the true point, -1: no labels"),
+    "triangle_id": ("<i4", "", "triangle of the mesh at the true point"),
+    "nx": ("<f8", "1", "true unit normal at the true point, turned to the sensor"),
+    "ny": ("<f8", "1", "true unit normal at the true point, turned to the sensor"),
+    "nz": ("<f8", "1", "true unit normal at the true point, turned to the sensor"),
+}
+
+
+@dataclass(frozen=True)
+class ScanTable(Table):
+    """Returns of a scan in the order of firing."""
+
+    declared = Declared("scan table", "puckbench", COLUMNS)
+
+    @property
+    def xyz_noisy(self) -> Floats:
+        """Measured points in world coordinates, m, (n, 3)."""
+        return self.vectors("x_noisy", "y_noisy", "z_noisy")
+
+    @property
+    def normals(self) -> Floats:
+        """True unit normals at the true points, turned to the sensor, (n, 3)."""
+        return self.vectors("nx", "ny", "nz")
+
+    @property
+    def object_id(self) -> NDArray[np.int32]:
+        """Object at the true point, (n,), -1 without labels."""
+        return self.columns["object_id"]
+
+    @property
+    def primitive_id(self) -> NDArray[np.int32]:
+        """Geometric primitive at the true point, (n,), -1 without labels."""
+        return self.columns["primitive_id"]
+
+
+def write_scan(path: Path, table: ScanTable) -> None:
+    """Write a Parquet file as `columns.write_table` does."""
+    write_table(path, table)
+
+
+def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
+    """Write a scan that comes in portions; the number of its rows, see `columns.write_portions`."""
+    return write_portions(path, portions)
+
+
+def read_scan(path: Path) -> ScanTable:
+    """Read a scan table; InputError when it is missing, damaged or lacks a column."""
+    return read_table(path, ScanTable)

@@ -1,0 +1,136 @@
+"""Rotating LiDAR sensors as data: one cited YAML file each, read into a frozen dataclass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.lidar.options import check_above_zero, check_at_least, from_options
+
+_SENSORS = Path(__file__).parent / "sensors"
+# Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
+_STEP_TOLERANCE = 0.05
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
+
+    `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
+    what the sensor runs at unless a sweep says otherwise. `accuracy_m` is the typical one that the
+    manufacturer states, either way; no error model uses it. Lasers that do not fire one after the
+    other state `firing_offsets_us`, from the start of a firing sequence, in place of the interval.
+    """
+
+    name: str
+    laser_elevation_deg: tuple[float, ...]
+    rotation_hz: float
+    azimuth_step_deg: float
+    max_range_m: float
+    min_range_m: float = 0.0
+    divergence_horizontal_deg: float = 0.0
+    divergence_vertical_deg: float = 0.0
+    vertical_correction_mm: tuple[float, ...] | None = None
+    range_quantum_mm: float | None = None
+    firing_sequence_us: float | None = None
+    firing_interval_us: float | None = None
+    firing_offsets_us: tuple[float, ...] | None = None
+    wavelength_nm: float | None = None
+    pulse_ns: float | None = None
+    accuracy_m: float | None = None
+    manufacturer: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.laser_elevation_deg:
+            raise InputError("laser_elevation_deg is empty")
+        if len(set(self.laser_elevation_deg)) < self.lasers:
+            raise InputError("laser_elevation_deg has the same angle twice")
+        if any(abs(elevation) > 90 for elevation in self.laser_elevation_deg):
+            raise InputError("laser_elevation_deg has an angle beyond 90 degrees")
+        corrections = self.vertical_correction_mm
+        if corrections is not None and len(corrections) != self.lasers:
+            raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
+        check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
+        check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
+        check_above_zero(self, "wavelength_nm", "pulse_ns", "accuracy_m")
+        check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
+        check_at_least(self, 0, "divergence_vertical_deg")
+        if self.min_range_m >= self.max_range_m:
+            raise InputError(
+                f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"
+            )
+        self._check_firing()
+
+    def _check_firing(self) -> None:
+        """InputError when firing times and azimuth step contradict each other."""
+        sequence, offsets = self.firing_sequence_us, self._firing_offsets()
+        if sequence is None:
+            if offsets is not None:
+                raise InputError("firing_interval_us and firing_offsets_us need firing_sequence_us")
+            return
+        if offsets is not None and not 0 <= min(offsets) <= max(offsets) < sequence:
+            raise InputError(
+                f"{self.lasers} lasers that fire at {min(offsets):g} to {max(offsets):g} us do not"
+                f" fit in the firing_sequence_us of {sequence}"
+            )
+        turned = 360.0 * self.rotation_hz * sequence * 1e-6
+        if abs(turned / self.azimuth_step_deg - 1) > _STEP_TOLERANCE:
+            raise InputError(
+                f"azimuth_step_deg is {self.azimuth_step_deg}, but the sensor turns {turned:.4g}"
+                f" degrees in a firing sequence of {sequence} us at {self.rotation_hz} Hz"
+            )
+
+    def _firing_offsets(self) -> tuple[float, ...] | None:
+        interval, offsets = self.firing_interval_us, self.firing_offsets_us
+        if offsets is None:
+            return None if interval is None else tuple(k * interval for k in range(self.lasers))
+        if interval is not None:
+            raise InputError("firing_interval_us and firing_offsets_us exclude each other")
+        if len(offsets) != self.lasers:
+            raise InputError(f"{len(offsets)} firing_offsets_us for {self.lasers} lasers")
+        return offsets
+
+    @property
+    def firing_times_us(self) -> tuple[float, ...]:
+        """When each laser fires after the start of a firing sequence; InputError if unknown."""
+        offsets = self._firing_offsets()
+        if offsets is None:
+            raise InputError(f"sensor {self.name} does not state when its lasers fire")
+        return offsets
+
+    @property
+    def lasers(self) -> int:
+        """Number of lasers."""
+        return len(self.laser_elevation_deg)
+
+
+def sensor_names() -> list[str]:
+    """Names of the sensors that are shipped."""
+    return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
+
+
+def load_sensor(name_or_path: str | Path) -> Sensor:
+    """Load a shipped sensor by name, or a user's own from a YAML file.
+
+    Raises InputError (one line) for an unknown name, an unreadable file or a wrong entry.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in {".yaml", ".yml"}:
+        path = _SENSORS / f"{name_or_path}.yaml"
+        if str(name_or_path) not in sensor_names():
+            known = ", ".join(sensor_names())
+            raise InputError(
+                f"unknown sensor {str(name_or_path)!r} (known: {known}, or a .yaml file)"
+            )
+    try:
+        options = yaml.safe_load(read_bytes(path))
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(options, Mapping):
+        raise InputError(f"{path}: expected names and values of a sensor")
+    return from_options(Sensor, options, str(path))

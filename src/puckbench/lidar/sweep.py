@@ -1,0 +1,279 @@
+"""The sweep of a scan: frames of rays while the sensor turns and its pitch eases from end to end.
+
+Conventions, those of BlenSor with its camera's axes named for a level sensor: x right, y forward,
+z up; the sensor turns about z, counter-clockwise seen from above, starting forward; pitch turns
+it about x, upwards positive. All lasers of an azimuth step fire together; one pose per frame.
+Two things go past BlenSor where they are asked for: `timing="firing"` gives each laser its own
+moment, and a trajectory gives each azimuth step its own pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.options import check_above_zero, check_at_least, from_options
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
+
+# Blender puts the handles of an automatic Bezier key at the length of the interval over this
+# number (blenkernel/intern/curve.c, calchandleNurb_intern; in use up to 2.79, on which BlenSor is
+# built), and levels them at the first and the last key (fcurve.c, calchandles_fcurve).
+_HANDLE_DIVISOR = 2.5614
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Angles in the sensor's frame that rays are fired at, rad, shape (frames, steps, lasers).
+
+    The arrays may be broadcast views. `placed_as_fired` says where a return of these rays is put:
+    along the fired ray, or (false) along the nominal one, as a real sensor must, which knows no
+    other.
+    """
+
+    yaw: Floats
+    pitch: Floats
+    placed_as_fired: bool = True
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep as the thesis ran it (section 5.2): 4 s at 120 frames per second, pitch -60..60 deg.
+
+    None means the sensor's own value. `frames_skipped` frames at the end are keyed but not
+    scanned (the room scans of the thesis leave out the last one).
+
+    timing: ``"step"``, BlenSor's convention: all lasers of an azimuth step fire together.
+    ``"firing"``: a laser fires at its own time within a step and points where the sensor has
+    turned to by then, and a step is what the sensor turns in a firing sequence. A frame has whole
+    steps only, so the last part of one before the next frame is not fired in.
+
+    trajectory: poses instead of the pitch, rows as `trajectory.trajectory_from_rows` takes them; t
+    is the time since the sweep's start, and positions count from the scan's origin. Each azimuth
+    step has its own pose (rolling shutter). One row alone is a fixed pose.
+    """
+
+    frames_per_second: float = 120.0
+    duration_s: float = 4.0
+    pitch_start_deg: float = -60.0
+    pitch_end_deg: float = 60.0
+    rotation_hz: float | None = None
+    azimuth_step_deg: float | None = None
+    max_range_m: float | None = None
+    frames_skipped: int = 0
+    timing: str = "step"
+    trajectory: tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        check_above_zero(self, "frames_per_second", "duration_s", "rotation_hz")
+        check_above_zero(self, "azimuth_step_deg", "max_range_m")
+        check_at_least(self, 0, "frames_skipped")
+        if self.frames < 1:
+            raise InputError(
+                f"the sweep has no frame ({self.duration_s} s, {self.frames_per_second}/s)"
+            )
+        if self.timing not in {"step", "firing"}:
+            raise InputError(f"timing is {self.timing!r}, but must be 'step' or 'firing'")
+        if self.timing == "firing" and self.azimuth_step_deg is not None:
+            raise InputError("azimuth_step_deg is given, but timing 'firing' sets the step")
+        self._check_trajectory()
+
+    def _check_trajectory(self) -> None:
+        """InputError for a trajectory that is none, or that ends before the sweep does."""
+        if self._trajectory is None or len(self._trajectory.times) == 1:
+            return
+        start, end = self._trajectory.times[[0, -1]]
+        if start > 0 or end < self.duration_s * (1 - 1e-9):
+            raise InputError(
+                f"trajectory is from {start:g} to {end:g} s,"
+                f" the sweep from 0 to {self.duration_s:g} s"
+            )
+
+    @cached_property
+    def _trajectory(self) -> Trajectory | None:
+        return None if self.trajectory is None else trajectory_from_rows(self.trajectory)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames that are scanned."""
+        return self._keyed_frames - self.frames_skipped
+
+    @property
+    def _keyed_frames(self) -> int:
+        return round(self.duration_s * self.frames_per_second)
+
+    def pitch_rad(self) -> Floats:
+        """Pitch of the sensor in each frame, (frames,): keyed in the first and the last frame."""
+        return self._pitch(range(self.frames))
+
+    def _pitch(self, frames: range) -> Floats:
+        time = np.asarray(frames) / max(self._keyed_frames - 1, 1)
+        span = self.pitch_end_deg - self.pitch_start_deg
+        return np.radians(self.pitch_start_deg + span * ease(time))
+
+    def rotations(self) -> Floats:
+        """Rotation of each frame from the sensor's frame to the world, (frames, 3, 3)."""
+        return self._rotations(range(self.frames))
+
+    def poses(self, sensor: Sensor, frames: range) -> Poses:
+        """Poses of the sensor at each step of the given frames, their shape (frames, steps).
+
+        Positions count from the scan's origin.
+        """
+        shape = (len(frames), self.steps(sensor))
+        if self._trajectory is not None:
+            return self._trajectory.at(self.timestamps(sensor, frames))
+        rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
+        return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
+
+    def way(self) -> tuple[Floats, Floats]:
+        """Times (n,), s, and places (n, 3), m, between which the sensor moves in straight lines.
+
+        Places count from the scan's origin; there is one where the sensor stays.
+        """
+        if self._trajectory is None:
+            return np.zeros(1), np.zeros((1, 3))
+        keyed = self._trajectory.times
+        if len(keyed) == 1:
+            return np.zeros(1), self._trajectory.positions
+        within = keyed[(keyed > 0) & (keyed < self.duration_s)]
+        times = np.concatenate([[0.0], within, [self.duration_s]])
+        return times, self._trajectory.at(times).positions
+
+    def _rotations(self, frames: range) -> Floats:
+        pitch = self._pitch(frames)
+        sine, cosine = np.sin(pitch), np.cos(pitch)
+        rotations = np.zeros((len(frames), 3, 3))
+        rotations[:, 0, 0] = 1
+        rotations[:, 1, 1] = rotations[:, 2, 2] = cosine
+        rotations[:, 1, 2], rotations[:, 2, 1] = -sine, sine
+        return rotations
+
+    def steps(self, sensor: Sensor) -> int:
+        """Azimuth steps in a frame: the whole ones that its share of a turn has room for."""
+        steps = self._degrees_per_frame(sensor) / self._step_deg(sensor)
+        count = int(steps * (1 + 1e-9))
+        if count < 1:
+            raise InputError(
+                f"a frame of the sweep has {steps:.3g} azimuth steps, needs at least one"
+            )
+        return count
+
+    def rays(self, sensor: Sensor, frames: range) -> Rays:
+        """Nominal rays of the given frames; azimuth runs on from frame to frame."""
+        starts = np.asarray(frames) * self._degrees_per_frame(sensor)
+        steps = np.arange(self.steps(sensor)) * self._step_deg(sensor)
+        degrees = (starts[:, None] + steps)[:, :, None]
+        if self.timing == "firing":
+            degrees = degrees + 360.0 * self._rotation_hz(sensor) * _delays(sensor)
+        yaw = np.radians(np.mod(degrees, 360.0))
+        pitch = np.radians(sensor.laser_elevation_deg)
+        shape = (*yaw.shape[:2], sensor.lasers)
+        return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
+
+    def timestamps(self, sensor: Sensor, frames: range) -> Floats:
+        """Seconds since the sweep's start at which each step of the given frames begins.
+
+        Shape (frames, steps).
+        """
+        second_per_step = self._step_deg(sensor) / (360.0 * self._rotation_hz(sensor))
+        within = np.arange(self.steps(sensor)) * second_per_step
+        return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
+
+    def firing_times(self, sensor: Sensor, frames: range) -> Floats:
+        """Seconds since the sweep's start at which each ray is fired, (frames, steps, lasers)."""
+        steps = self.timestamps(sensor, frames)[:, :, None]
+        fired = steps + _delays(sensor) if self.timing == "firing" else steps
+        return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
+
+    def _rotation_hz(self, sensor: Sensor) -> float:
+        return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
+
+    def _step_deg(self, sensor: Sensor) -> float:
+        if self.timing == "firing":
+            return 360.0 * self._rotation_hz(sensor) * _sequence_s(sensor)
+        return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
+
+    def _degrees_per_frame(self, sensor: Sensor) -> float:
+        return 360.0 * self._rotation_hz(sensor) / self.frames_per_second
+
+
+def _delays(sensor: Sensor) -> Floats:
+    """Seconds after the start of a firing sequence at which each laser fires, (lasers,)."""
+    return np.array(sensor.firing_times_us) * 1e-6
+
+
+def _sequence_s(sensor: Sensor) -> float:
+    if sensor.firing_sequence_us is None:
+        raise InputError(f"sensor {sensor.name} does not state its firing_sequence_us")
+    return sensor.firing_sequence_us * 1e-6
+
+
+# `thesis_room`: the room scans as run, with BlenSor's own defaults instead of the VLP-16's.
+# `spin`: one turn at a fixed level pose, in one frame.
+SWEEPS: dict[str, dict[str, Any]] = {
+    "thesis": {},
+    "thesis_room": {
+        "frames_per_second": 24.0,
+        "frames_skipped": 1,
+        "rotation_hz": 10.0,
+        "azimuth_step_deg": 0.1728,
+        "max_range_m": 120.0,
+    },
+    "spin": {
+        "frames_per_second": 5.0,
+        "rotation_hz": 5.0,
+        "duration_s": 0.2,
+        "pitch_start_deg": 0.0,
+        "pitch_end_deg": 0.0,
+    },
+}
+
+
+def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
+    """A sweep by the name of a preset, or by values that differ from a preset.
+
+    The entry ``preset`` of a mapping names it (default: ``thesis``), for example
+    ``{"preset": "thesis_room", "duration_s": 1.0}``. A ``trajectory`` is rows of poses or the path
+    of a file with them, and the sweep lasts as long as it does unless it says otherwise. Raises
+    InputError for an unknown name.
+    """
+    options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
+    name = options.pop("preset", "thesis")
+    if name not in SWEEPS:
+        raise InputError(f"unknown sweep {name!r} (known: {', '.join(SWEEPS)})")
+    if isinstance(options.get("trajectory"), str):
+        options["trajectory"] = read_rows(Path(options["trajectory"]))
+    if "duration_s" not in options:
+        options |= _duration(options.get("trajectory"))
+    return from_options(Sweep, {**SWEEPS[name], **options}, f"sweep {name}")
+
+
+def _duration(rows: Any) -> dict[str, float]:
+    """The time of a trajectory's last row, where it has one that is no fixed pose's."""
+    if isinstance(rows, (list, tuple)) and len(rows) > 1 and isinstance(rows[-1], (list, tuple)):
+        return {"duration_s": rows[-1][0]} if rows[-1] else {}
+    return {}
+
+
+def ease(time: Floats) -> Floats:
+    """Blender's default Bezier interpolation from 0 to 1 (slow in, slow out) at `time` in [0, 1].
+
+    The curve has the control points (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614; its
+    parameter at a time is found by Newton's method: the slope of time over the parameter stays
+    within 0.91 and 1.18.
+    """
+    h = 1 / _HANDLE_DIVISOR
+    s = np.array(time, dtype=np.float64)
+    for _ in range(6):
+        value = 3 * h * s * (1 - s) ** 2 + 3 * (1 - h) * s**2 * (1 - s) + s**3
+        slope = 3 * h * (1 - s) ** 2 + 6 * (1 - 2 * h) * s * (1 - s) + 3 * h * s**2
+        s -= (value - time) / slope
+    return np.asarray(s**2 * (3 - 2 * s))

@@ -1,0 +1,146 @@
+"""Where a moving sensor is: poses over time, interpolated for each azimuth step."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+
+Row = tuple[float, ...]
+
+_ANGLES, _QUATERNION = 7, 8
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the sensor: rotations to the world (..., 3, 3) and positions (..., 3), m."""
+
+    rotations: Floats
+    positions: Floats
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses at rising times: times (n,) s, positions (n, 3) m, unit quaternions (n, 4) wxyz.
+
+    The quaternions take the sensor's frame (x right, y forward, z up) to the world's.
+    """
+
+    times: Floats
+    positions: Floats
+    quaternions: Floats
+
+    def at(self, times: Floats) -> Poses:
+        """Poses at `times`: positions linear, rotations by slerp; the end poses hold beyond."""
+        if len(self.times) == 1:
+            first = np.zeros(times.shape, dtype=np.intp)
+            return Poses(_matrices(self.quaternions[first]), self.positions[first])
+        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
+        start, end = self.times[after - 1], self.times[after]
+        share = np.clip((times - start) / (end - start), 0, 1)[..., None]
+        positions = (1 - share) * self.positions[after - 1] + share * self.positions[after]
+        turned = _slerp(self.quaternions[after - 1], self.quaternions[after], share)
+        return Poses(_matrices(turned), positions)
+
+
+def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
+    """A trajectory from rows of t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
+
+    Yaw turns about z, counter-clockwise seen from above, pitch about x, upwards positive, roll
+    about y, right side down positive; in the sensor's frame they follow each other in this order.
+    Raises InputError (one line) for rows of another length, times that do not rise, no rotation.
+    """
+    lengths = {len(row) for row in rows}
+    if lengths not in ({_ANGLES}, {_QUATERNION}):
+        raise InputError(
+            "trajectory needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy, qz"
+        )
+    values = np.array(rows, dtype=np.float64)
+    if (np.diff(values[:, 0]) <= 0).any():
+        raise InputError("trajectory has times that do not increase")
+    turns = values[:, 4:] if lengths == {_QUATERNION} else _quaternions(np.radians(values[:, 4:]))
+    length = np.linalg.norm(turns, axis=1, keepdims=True)
+    if (np.abs(length - 1) > 1e-3).any():
+        raise InputError("trajectory has a quaternion that is not of length 1")
+    return Trajectory(values[:, 0], values[:, 1:4], turns / length)
+
+
+def read_rows(path: Path) -> tuple[Row, ...]:
+    """Rows of a trajectory from a CSV file (a heading is skipped) or a YAML list of lists.
+
+    Raises InputError (one line) that names the file.
+    """
+    text = read_bytes(path).decode(errors="replace")
+    if path.suffix == ".csv":
+        return _numbers(csv.reader(text.splitlines()), path, heading=True)
+    try:
+        rows = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+        raise InputError(f"{path}: expected a list of poses, each a list of numbers")
+    return _numbers(rows, path, heading=False)
+
+
+def _numbers(rows: Iterable[Sequence[Any]], path: Path, heading: bool) -> tuple[Row, ...]:
+    found = []
+    for number, row in enumerate(rows, start=1):
+        if not row:
+            continue
+        try:
+            values = tuple(float(value) for value in row)
+        except (TypeError, ValueError) as error:
+            if heading and number == 1:
+                continue
+            raise InputError(f"{path}: pose {number} is not a row of numbers") from error
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: pose {number} has a number that is not finite")
+        found.append(values)
+    return tuple(found)
+
+
+def _quaternions(angles: Floats) -> Floats:
+    """Quaternions (n, 4) of yaw about z, then pitch about x, then roll about y, (n, 3) rad."""
+    (cy, cp, cr), (sy, sp, sr) = np.cos(angles.T / 2), np.sin(angles.T / 2)
+    return np.column_stack(
+        [
+            cy * cp * cr - sy * sp * sr,
+            cy * sp * cr - sy * cp * sr,
+            cy * cp * sr + sy * sp * cr,
+            sy * cp * cr + cy * sp * sr,
+        ]
+    )
+
+
+def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
+    """Unit quaternions at `share` of the shorter arc from `one` to `other`, (..., 4)."""
+    cosine = (one * other).sum(axis=-1, keepdims=True)
+    other = np.where(cosine < 0, -other, other)
+    arc = np.arccos(np.clip(np.abs(cosine), 0, 1))
+    # Below this arc the straight line is off by less than its square, and 0 / 0 is near.
+    near = arc < 1e-6
+    sine = np.sin(np.where(near, 1.0, arc))
+    first = np.where(near, 1 - share, np.sin((1 - share) * arc) / sine)
+    second = np.where(near, share, np.sin(share * arc) / sine)
+    turned = first * one + second * other
+    return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
+
+
+def _matrices(quaternions: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,300 @@
+"""Walls, floors and ceilings in a capture of a sensor that stands still.
+
+Planes are looked for in the sensor's own image (`cells`): a cell is on a plane when nearly all of
+its returns are, and a plane is one connected patch of cells. So a plane through points that have
+nothing in common falls apart, and the edges of a patch, with their mixed returns, are cut off by
+whole cells. Returns that graze a plane do not support it: the rings of the level lasers would make
+a floor at the height of the sensor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.ransac import Plane, robust_plane, robust_std
+from puckbench.lidar.options import check_above_zero, check_at_least
+from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.walls.range_image import CellImage, Mask, largest_patch, widened, without_ends
+from puckbench.thesis.residuals.virtual import plane_coordinates
+
+WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
+
+_FIT_ROUNDS = 10
+_SAMPLES, _SAMPLE_SPAN_RAD = 384, math.radians(30)
+_MOST_SCORED, _PLANES_AT_A_TIME = 4096, 32
+# Returns so many thresholds from a patch belong to no other plane.
+_TAKEN_THRESHOLDS = 3
+
+
+@dataclass(frozen=True)
+class PlaneSearch:
+    """What counts as a plane of a capture; lengths in m.
+
+    threshold_m: a return farther from a plane than this is not on it while patches are looked for.
+    share_on_plane: of a cell's returns that must be, for the cell to be.
+    most_planes: patches that are looked at, the largest first.
+    up: what is up in the sensor's frame, of any length; a sensor that is tilted sees more floor.
+    tilt_deg: a wall may be so far from upright, a floor or ceiling from level.
+    most_incidence_deg: returns that meet the plane at a greater angle do not count.
+    inlier_sigmas: nor those farther from it than so many robust standard deviations.
+    least_laser_share: nor those of a laser with less than this share of the median laser's: such a
+    laser runs along an edge.
+    least_...: a patch that has less of what counts is not taken (of returns: in the mean turn).
+    most_noise_m: nor one with a greater robust standard deviation of the distances to its plane.
+    """
+
+    threshold_m: float = 0.03
+    share_on_plane: float = 0.9
+    most_planes: int = 30
+    up: tuple[float, ...] = (0.0, 0.0, 1.0)
+    tilt_deg: float = 10.0
+    most_incidence_deg: float = 75.0
+    inlier_sigmas: float = 5.0
+    least_laser_share: float = 0.25
+    least_returns: int = 100
+    least_lasers: int = 4
+    least_width_m: float = 0.5
+    least_height_m: float = 0.25
+    most_noise_m: float = 0.02
+
+    def __post_init__(self) -> None:
+        if len(self.up) != 3 or not any(self.up):
+            raise InputError("up must be a direction, three numbers that are not all 0")
+        check_above_zero(self, "threshold_m", "share_on_plane", "tilt_deg", "inlier_sigmas")
+        check_above_zero(self, "most_noise_m", "most_incidence_deg")
+        check_at_least(self, 1, "most_planes", "least_lasers")
+        check_at_least(self, 1, "least_returns")
+        check_at_least(self, 0, "least_width_m", "least_height_m", "least_laser_share")
+
+    @property
+    def least_cosine(self) -> float:
+        """Cosine of the greatest incidence that counts."""
+        return math.cos(math.radians(self.most_incidence_deg))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A plane of a capture, its normal towards the sensor, and the rows (n,) that count.
+
+    width_m and height_m are the extents of these rows on the plane: level, and across.
+    """
+
+    kind: str
+    plane: Plane
+    rows: NDArray[np.intp]
+    width_m: float
+    height_m: float
+
+    @property
+    def distance_m(self) -> float:
+        """Distance of the plane from the sensor."""
+        return -self.plane.offset
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A plane that was found and not taken, and why."""
+
+    surface: Surface
+    reason: str
+
+
+def find_surfaces(
+    table: CaptureTable, search: PlaneSearch, rng: np.random.Generator
+) -> tuple[list[Surface], list[Rejected]]:
+    """Planes of a capture by RANSAC, those with the most returns first, and those not taken.
+
+    They are looked for one after the other: the returns of a patch are taken out before the next
+    one, whether it is taken or not. The same generator finds the same planes.
+    """
+    least = least_returns(table, search)
+    view = _View(table.xyz, table["azimuth"], CellImage.of(table), search, least)
+    free = np.ones(len(table), dtype=bool)
+    taken: list[Surface] = []
+    rejected: list[Rejected] = []
+    for _ in range(search.most_planes):
+        plane = view.candidate(free, rng)
+        if plane is None:
+            break
+        plane, patch = view.grown(plane, free)
+        near = view.near(plane, _TAKEN_THRESHOLDS)
+        rows = np.flatnonzero(near & free & view.image.rows(without_ends(patch)))
+        free &= ~(near & view.image.rows(widened(patch)))
+        surface = surface_of(table, rows, plane, kind_of(plane, search), search)
+        reason = fault_of(table, surface, search)
+        if reason is None:
+            taken.append(surface)
+        elif len(surface.rows):
+            rejected.append(Rejected(surface, reason))
+    return sorted(taken, key=lambda surface: -len(surface.rows)), rejected
+
+
+def surface_of(
+    table: CaptureTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
+) -> Surface:
+    """The robust plane of some returns (at least three, or none count), and which of them count."""
+    part = table.select(rows)
+    if len(rows) < 3:
+        return Surface(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
+    plane, near = robust_plane(part.xyz, start, sigmas=search.inlier_sigmas)
+    plane = plane.facing(np.zeros(3))
+    counts = near & (np.cos(incidence(part, plane)) >= search.least_cosine)
+    counts &= _of_full_lasers(part["laser_id"], counts, search.least_laser_share)
+    return Surface(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
+
+
+def fault_of(table: CaptureTable, surface: Surface, search: PlaneSearch) -> str | None:
+    """Why a surface is not taken, or None."""
+    returns = len(surface.rows)
+    lasers = len(np.unique(table["laser_id"][surface.rows]))
+    noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
+    faults = (
+        (surface.kind == OBLIQUE, "neither upright nor level"),
+        (returns < least_returns(table, search), f"{returns} returns"),
+        (lasers < search.least_lasers, f"{lasers} lasers"),
+        (surface.width_m < search.least_width_m, f"{surface.width_m:.2f} m wide"),
+        (surface.height_m < search.least_height_m, f"{surface.height_m:.2f} m across"),
+        (noise > search.most_noise_m, f"rough, robust standard deviation {1e3 * noise:.1f} mm"),
+    )
+    return next((text for found, text in faults if found), None)
+
+
+def least_returns(table: CaptureTable, search: PlaneSearch) -> int:
+    """Returns that a plane must have in all turns of a capture together."""
+    return search.least_returns * len(np.unique(table["turn"]))
+
+
+def incidence(table: CaptureTable, plane: Plane) -> Floats:
+    """Angle between each return's nominal ray and the plane's normal, rad, (n,)."""
+    azimuth, elevation = table["azimuth"], table["elevation"]
+    level = np.cos(elevation)
+    rays = [level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)]
+    cosine = np.abs(np.column_stack(rays) @ plane.normal)
+    return np.asarray(np.arccos(np.minimum(cosine, 1.0)))
+
+
+def kind_of(plane: Plane, search: PlaneSearch) -> str:
+    """Wall, floor or ceiling by the plane's normal; one in between is oblique."""
+    up = np.array(search.up) / np.linalg.norm(search.up)
+    rise = float(plane.facing(np.zeros(3)).normal @ up)
+    tilt = math.radians(search.tilt_deg)
+    if abs(rise) <= math.sin(tilt):
+        return WALL
+    if abs(rise) < math.cos(tilt):
+        return OBLIQUE
+    return FLOOR if rise > 0 else CEILING
+
+
+@dataclass(frozen=True)
+class _View:
+    """Points (n, 3), azimuths (n,) and image of a capture; what is sought, in how many returns."""
+
+    points: Floats
+    azimuth: Floats
+    image: CellImage
+    search: PlaneSearch
+    least: int
+
+    def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
+        """Returns within so many thresholds of a plane that they do not graze."""
+        close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
+        # The cosine of the incidence is the plane's distance over the point's.
+        steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)
+        near: Mask = close & steep
+        return near
+
+    def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
+        """The best supported plane through three free returns that were fired close together.
+
+        None when no plane has enough support.
+        """
+        rows = np.flatnonzero(free)
+        if len(rows) < self.least:
+            return None
+        scored = rows if len(rows) <= _MOST_SCORED else rng.choice(rows, _MOST_SCORED, False)
+        normals, offsets = self._samples(rows, rng)
+        support = self._support(self.points[scored], normals, offsets)
+        best = int(np.argmax(support)) if len(support) else 0
+        if not len(support) or support[best] * len(rows) < self.least * len(scored):
+            return None
+        return Plane(normals[best], float(offsets[best]))
+
+    def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
+        """A plane refitted to its largest patch of free returns until both stay, and the patch.
+
+        Each laser is allowed its bias, or those with the greatest would lose their cells.
+        """
+        patch = np.zeros(self.image.shape, dtype=bool)
+        bias = np.zeros(len(patch))
+        wanted = self.image.counts(np.ones_like(free)) * self.search.share_on_plane
+        for _ in range(_FIT_ROUNDS):
+            away = np.abs(plane.distances(self.points) - bias[self.image.laser_rank])
+            near = free & (away < self.search.threshold_m) & self.near(plane, 2)
+            returns = self.image.counts(near)
+            found = largest_patch((returns > 0) & (returns >= wanted), returns)
+            rows = near & self.image.rows(found)
+            if np.array_equal(found, patch) or np.count_nonzero(rows) < 3:
+                break
+            patch = found
+            plane, _ = robust_plane(self.points[rows], plane, sigmas=self.search.inlier_sigmas)
+            bias = self._bias(plane, free & self.image.rows(widened(patch)))
+        return plane, patch
+
+    def _bias(self, plane: Plane, rows: Mask) -> Floats:
+        """Median distance of each laser's returns from a plane, as far as the threshold at most."""
+        chosen = rows & self.near(plane, 2)
+        distances = plane.distances(self.points[chosen])
+        lasers = self.image.laser_rank[chosen]
+        parts = [distances[lasers == rank] for rank in range(self.image.shape[0])]
+        medians = [float(np.median(part)) if len(part) else 0.0 for part in parts]
+        return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
+
+    def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Upright and level planes through three of the rows within a span of azimuth.
+
+        Normals (k, 3) and offsets (k,).
+        """
+        order = rows[np.argsort(self.azimuth[rows], kind="stable")]
+        span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
+        first = rng.integers(len(order), size=_SAMPLES)
+        others = first + rng.integers(-span, span + 1, size=(2, _SAMPLES))
+        a, b, c = self.points[order[np.vstack([first, others]) % len(order)]]
+        normals = np.cross(b - a, c - a)
+        lengths = np.linalg.norm(normals, axis=1)
+        normals /= np.maximum(lengths, 1e-12)[:, None]
+        planes = zip(normals, np.sum(normals * a, axis=1), strict=True)
+        kinds = [kind_of(Plane(normal, offset), self.search) for normal, offset in planes]
+        usable = (lengths > 1e-4) & (np.array(kinds) != OBLIQUE)
+        return normals[usable], np.sum(normals * a, axis=1)[usable]
+
+    def _support(self, points: Floats, normals: Floats, offsets: Floats) -> NDArray[np.intp]:
+        """How many of the points support each plane, (k,)."""
+        counts = np.zeros(len(normals), dtype=np.intp)
+        steep = np.linalg.norm(points, axis=1) * self.search.least_cosine
+        for at in range(0, len(normals), _PLANES_AT_A_TIME):
+            part = slice(at, at + _PLANES_AT_A_TIME)
+            away = np.abs(np.einsum("ki,ni->kn", normals[part], points) - offsets[part, None])
+            near = (away < self.search.threshold_m) & (steep <= np.abs(offsets[part, None]))
+            counts[part] = np.count_nonzero(near, axis=1)
+        return counts
+
+
+def _of_full_lasers(laser: NDArray[np.int16], rows: Mask, share: float) -> Mask:
+    """Returns of lasers that have at least a share of the median laser's among the given rows."""
+    returns = np.bincount(laser[rows], minlength=int(laser.max()) + 1)
+    usual = np.median(returns[returns > 0]) if rows.any() else 0.0
+    full: Mask = (returns >= share * usual)[laser]
+    return full
+
+
+def _extents(points: Floats, plane: Plane) -> tuple[float, float]:
+    if len(points) == 0:
+        return 0.0, 0.0
+    width, height = np.ptp(plane_coordinates(points, plane, np.zeros(3)), axis=0)
+    return float(width), float(height)

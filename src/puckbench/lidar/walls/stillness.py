@@ -1,0 +1,111 @@
+"""When the sensor of a capture stood still: successive turns that measure the same distances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.recordings import CaptureTable
+
+SHIFT_M = 0.003
+"""Turns whose distances differ by less than this repeat each other."""
+
+# Neighbours on a surface, between which distances are interpolated: the step of a VLP-16 is 0.1 to
+# 0.4 degrees; at a greater change of distance there is an edge.
+_WIDEST_GAP_RAD, _GREATEST_STEP_M = math.radians(0.9), 0.1
+_SECTORS, _LEAST_IN_SECTOR, _LEAST_SECTORS = 36, 30, 3
+# Lasers side by side on one axis, farther apart than a turn.
+_LASER_STRIDE = 7.0
+
+
+@dataclass(frozen=True)
+class Still:
+    """Turns `first` to `last`, whose distances are within `shift_m` of the first one's."""
+
+    first: int
+    last: int
+    shift_m: float
+
+    @property
+    def turns(self) -> int:
+        """Number of turns."""
+        return self.last - self.first + 1
+
+
+def still_rows(table: CaptureTable, limit_m: float = SHIFT_M) -> tuple[CaptureTable, Still]:
+    """The longest interval of at least two turns that repeat its first one, and its rows.
+
+    Raises InputError when no turn repeats the one before it.
+    """
+    turns = _turns(table)
+    if len(turns) < 2:
+        raise InputError("a capture of one turn does not show whether the sensor stood still")
+    numbers = list(turns)
+    best = run = Still(numbers[0], numbers[0], 0.0)
+    reference, smallest = table.select(turns[run.first]), math.inf
+    for number in numbers[1:]:
+        other = table.select(turns[number])
+        shift = turn_shift(reference, other)
+        smallest = min(smallest, shift)
+        if shift <= limit_m:
+            run = Still(run.first, number, max(run.shift_m, shift))
+        else:
+            run, reference = Still(number, number, 0.0), other
+        best = run if run.turns > best.turns else best
+    if best.turns < 2:
+        raise InputError(_never_still(smallest, limit_m))
+    return table.select((table["turn"] >= best.first) & (table["turn"] <= best.last)), best
+
+
+def turn_shift(reference: CaptureTable, other: CaptureTable) -> float:
+    """How far distances of one turn are from another's, m; infinite when too few compare.
+
+    Each return of `other` is compared with the same laser's distances of `reference`, interpolated
+    to its azimuth, where these are on one surface. The medians of sectors of 10 degrees average the
+    noise away; their third quartile of size sees a sensor that moved, and not one that a person
+    walked past.
+    """
+    change, azimuth = _changes(reference, other)
+    sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
+    parts = [change[sector == number] for number in range(_SECTORS)]
+    medians = [abs(float(np.median(part))) for part in parts if len(part) >= _LEAST_IN_SECTOR]
+    if len(medians) < _LEAST_SECTORS:
+        return math.inf
+    return float(np.quantile(medians, 0.75))
+
+
+def _turns(table: CaptureTable) -> dict[int, NDArray[np.intp]]:
+    """The rows of each turn, the turns in order."""
+    order = np.argsort(table["turn"], kind="stable")
+    numbers, starts = np.unique(table["turn"][order], return_index=True)
+    return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
+
+
+def _changes(reference: CaptureTable, other: CaptureTable) -> tuple[Floats, Floats]:
+    """Changes of distance from the reference, and azimuths of the returns that compare."""
+    places, wanted = _places(reference), _places(other)
+    order = np.argsort(places, kind="stable")
+    places, distance = places[order], reference["distance"][order]
+    after = np.clip(np.searchsorted(places, wanted), 1, len(places) - 1)
+    gap = places[after] - places[after - 1]
+    inside = (wanted >= places[after - 1]) & (wanted <= places[after]) & (gap < _WIDEST_GAP_RAD)
+    step = distance[after] - distance[after - 1]
+    change = other["distance"] - np.interp(wanted, places, distance)
+    rows = inside & (np.abs(step) < _GREATEST_STEP_M)
+    return change[rows], other["azimuth"][rows]
+
+
+def _places(table: CaptureTable) -> Floats:
+    return np.asarray(table["laser_id"] * _LASER_STRIDE + table["azimuth"])
+
+
+def _never_still(shift_m: float, limit_m: float) -> str:
+    seen = "too few returns of two turns compare"
+    if math.isfinite(shift_m):
+        seen = f"from turn to turn distances change by {1e3 * shift_m:.1f} mm or more"
+    return f"the sensor never stands still: {seen} (limit {1e3 * limit_m:g} mm)"

@@ -1,6 +1,0 @@
-"""Mesh files: the benchmark's own labelled PLY, and readers for OBJ, OFF, PLY, STL and GLB."""
-
-from puckbench.meshfiles.reading import SUFFIXES, read_mesh, read_mesh_report
-from puckbench.meshfiles.writing import write_mesh
-
-__all__ = ["SUFFIXES", "read_mesh", "read_mesh_report", "write_mesh"]

@@ -1,0 +1,108 @@
+"""Bjontegaard deltas: how far apart two rate-distortion curves are, in rate and in quality.
+
+G. Bjontegaard, "Calculation of average PSNR differences between RD-curves" (VCEG-M33, 2001), with
+piecewise cubic Hermite interpolation (PCHIP) of the logarithm of the rate, as in the Common Test
+Conditions of JVET and of MPEG, in place of the third-order polynomial of 2001.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.geometry.cloud import Floats
+
+COMPARED = "compared"
+NO_COMMON_RANGE = "no common range"
+TOO_FEW_POINTS = "too few points"
+
+LEAST_POINTS = 2
+"""Fewer points of a curve leave nothing to interpolate between."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A codec's rate-distortion points on one cloud, both arrays strictly rising, (k,).
+
+    log_rate: natural logarithm of the rate. quality: in dB. dropped: how many points were left
+    out because a cheaper one was as good.
+    """
+
+    log_rate: Floats
+    quality: Floats
+    dropped: int = 0
+
+
+@dataclass(frozen=True)
+class Delta:
+    """A curve against an anchor's.
+
+    log_ratio: mean of ln(rate / anchor's rate) at equal quality, over the qualities that both
+    reach; quality_db: mean difference of quality at equal rate, over the rates of both. None where
+    there is no such range, which `rate_status` and `quality_status` say. shared: length of the
+    common range of quality over the anchor's.
+    """
+
+    log_ratio: float | None
+    quality_db: float | None
+    rate_status: str
+    quality_status: str
+    shared: float = 0.0
+
+    @property
+    def rate_percent(self) -> float | None:
+        """The BD-rate: negative where the codec needs fewer bits than the anchor."""
+        return None if self.log_ratio is None else 100 * float(np.expm1(self.log_ratio))
+
+
+def curve(rates: Floats, qualities: Floats) -> Curve:
+    """The curve through points of positive rate (k,) and quality (k,); missing values left out.
+
+    A point that is no better than a cheaper one is left out: it would make the curve ambiguous,
+    and nobody would choose it.
+    """
+    known = np.isfinite(rates) & np.isfinite(qualities)
+    rates, qualities = rates[known], qualities[known]
+    order = np.lexsort((-qualities, rates))
+    rates, qualities = rates[order], qualities[order]
+    best = np.maximum.accumulate(np.concatenate([[-np.inf], qualities]))[:-1]
+    kept = qualities > best
+    return Curve(np.log(rates[kept]), qualities[kept], int(np.count_nonzero(~kept)))
+
+
+def delta(anchor: Curve, tested: Curve) -> Delta:
+    """`tested` against `anchor`; nothing is ever extrapolated."""
+    if min(len(anchor.quality), len(tested.quality)) < LEAST_POINTS:
+        return Delta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
+    low, high = _common(anchor.quality, tested.quality)
+    ratio = _mean_difference(
+        (anchor.quality, anchor.log_rate), (tested.quality, tested.log_rate), low, high
+    )
+    gain = _mean_difference(
+        (anchor.log_rate, anchor.quality),
+        (tested.log_rate, tested.quality),
+        *_common(anchor.log_rate, tested.log_rate),
+    )
+    shared = max(0.0, high - low) / float(np.ptp(anchor.quality))
+    return Delta(ratio, gain, _status(ratio), _status(gain), shared)
+
+
+def _status(value: float | None) -> str:
+    return NO_COMMON_RANGE if value is None else COMPARED
+
+
+def _common(a: Floats, b: Floats) -> tuple[float, float]:
+    return float(max(a[0], b[0])), float(min(a[-1], b[-1]))
+
+
+def _mean_difference(
+    anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats], low: float, high: float
+) -> float | None:
+    """Mean of `tested` less `anchor`, curves of x and y, over x from `low` to `high`."""
+    from scipy.interpolate import PchipInterpolator
+
+    if high <= low:
+        return None
+    areas = [float(PchipInterpolator(x, y).integrate(low, high)) for x, y in (anchor, tested)]
+    return (areas[1] - areas[0]) / (high - low)

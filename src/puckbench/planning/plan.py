@@ -1,0 +1,306 @@
+"""What a configuration asks for: scenes, data sets with their clouds, codecs, a sensor study.
+
+The workflow reads this to lay out its graph; it imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from puckbench.codecs import registry as codecs
+from puckbench.codecs.learned.catalogue import weights_file, weights_files
+from puckbench.codecs.learned.training.settings import open_training
+from puckbench.core.errors import InputError
+from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.scene import SceneSet, has_primitives
+from puckbench.geometry.scaling import GRID
+from puckbench.lidar import load_sensor, open_error_model, open_sweep
+from puckbench.planning.config import Config
+from puckbench.scenes.calibration import CALIBRATIONS
+
+
+@dataclass(frozen=True)
+class ScenePlan:
+    """A scene set of the configuration, opened, with the scenes chosen from it."""
+
+    name: str
+    loader: str
+    seed: int
+    options: dict[str, Any]
+    scenes: SceneSet
+    chosen: tuple[str, ...]
+
+    def files(self, scene: str) -> list[str]:
+        """Files that the scene is read from; none for generated scenes."""
+        return [str(path) for path in self.scenes.files(scene)]
+
+
+@dataclass(frozen=True)
+class DataSetPlan:
+    """A data set of the configuration and the clouds in it.
+
+    points: how many a cloud is expected to have, for the estimates of resources.
+    """
+
+    name: str
+    scenes: str
+    seed: int
+    clouds: tuple[str, ...]
+    points: int
+    settings: dict[str, Any]
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether decoded clouds are measured against the true surface as well."""
+        return bool(self.settings["truth"] and self.settings["make"] != "cloud")
+
+    @property
+    def is_scanned_from_truth(self) -> bool:
+        """Whether it is a scan of a surface that decoded clouds are measured against."""
+        return self.has_truth and self.settings["make"] == "scan"
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """The measurements of the thesis's chapter 5: error models and captures, and from where.
+
+    models: name -> (error model, its options); far_m: one more distance, or None. rows: those of
+    each scan that are kept.
+    """
+
+    models: dict[str, tuple[str, dict[str, Any]]]
+    captures: dict[str, tuple[str, dict[str, Any]]]
+    distances_m: tuple[float, ...]
+    far_m: float | None
+    runs: int
+    rows: int
+    refit: bool
+    seed: int
+
+    @property
+    def all_distances_m(self) -> tuple[float, ...]:
+        """The near distances, then the far one."""
+        return self.distances_m if self.far_m is None else (*self.distances_m, self.far_m)
+
+    @property
+    def shown_m(self) -> tuple[float, ...]:
+        """Distances whose scans are drawn point by point, where they are among the near ones."""
+        return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """Weights to train: of which codec, on which clouds (data set, cloud), measured on which.
+
+    entry: changes to the codec's entry. start: file of weights to start from, if any. settings: of
+    the codec's training.
+    """
+
+    codec: str
+    entry: dict[str, Any]
+    clouds: tuple[tuple[str, str], ...]
+    validate: tuple[tuple[str, str], ...]
+    validate_every: int
+    start: str | None
+    settings: dict[str, Any]
+
+
+class Plan:
+    """Everything that a checked configuration asks for; InputError names what does not exist."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.scenes = {
+            name: open_scenes(name, value, config) for name, value in _items(config, "scenes")
+        }
+        self.datasets = {
+            name: self._dataset(name, value) for name, value in _items(config, "datasets")
+        }
+        self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
+        self.weights = {name: _weights(name, value) for name, value in _items(config, "codecs")}
+        self.trainings: dict[str, TrainingPlan] = {}
+        for name, value in _items(config, "train"):
+            self.trainings[name] = self._training(name, value)
+        self.study = _study(config)
+        if not self.datasets and self.study is None:
+            raise InputError("the configuration asks for nothing: no data set, no sensor study")
+
+    @property
+    def results(self) -> Path:
+        """Folder of everything that is made."""
+        return Path(self.config["results"])
+
+    @cached_property
+    def clouds(self) -> tuple[tuple[str, str], ...]:
+        """Every (data set, cloud), in the order of the table."""
+        return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
+
+    @cached_property
+    def scanned(self) -> tuple[tuple[str, str], ...]:
+        """Those (data set, cloud) whose own distance to the truth is measured, in their order."""
+        known = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
+        return tuple(cloud for cloud in self.clouds if cloud[0] in known)
+
+    @cached_property
+    def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Those cells whose primitives are compared with the labels of their scenes."""
+        chosen = self.config["codecs"]
+        coding = {name for name in self.codecs if codecs.codes_surfaces(name, chosen[name])}
+        labelled = {
+            data.name
+            for data in self.datasets.values()
+            if data.settings["recovery"]
+            and data.settings["make"] != "cloud"
+            and has_primitives(self.scenes[data.scenes].scenes)
+        }
+        return tuple(cell for cell in self.cells if cell[0] in labelled and cell[2] in coding)
+
+    @cached_property
+    def cells(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Every (data set, cloud, codec, rate), in the order of the table."""
+        return tuple(
+            (dataset, cloud, codec, rate)
+            for dataset, cloud in self.clouds
+            for codec, entry in self.codecs.items()
+            for rate in entry["rates"]
+        )
+
+    def _training(self, name: str, value: Mapping[str, Any]) -> TrainingPlan:
+        where = f"train.{name}"
+        settings = {**value["options"], "seed": value.get("seed", self.config["seed"])}
+        settings |= {"steps": value["steps"]} if "steps" in value else {}
+        entry = self.config["codecs"].get(value["codec"]) or {}
+        try:
+            open_training(value["codec"], entry, settings)
+            start = self._start(value.get("start"))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+        clouds, validate = (
+            tuple(cloud for data in value[key] for cloud in self._clouds(f"{where}.{key}", data))
+            for key in ("datasets", "validate")
+        )
+        return TrainingPlan(
+            value["codec"], entry, clouds, validate, value["validate_every"], start, settings
+        )
+
+    def _start(self, start: str | None) -> str | None:
+        """The file of a training before this one, or of weights that are there."""
+        if start in self.trainings:
+            return str(self.results / "weights" / f"{start}.pcgw")
+        return None if start is None else str(weights_file(start))
+
+    def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
+        if name not in self.datasets:
+            raise InputError(f"{where}: no data set '{name}' (known: {', '.join(self.datasets)})")
+        return [(name, cloud) for cloud in self.datasets[name].clouds]
+
+    def _dataset(self, name: str, value: Mapping[str, Any]) -> DataSetPlan:
+        scenes = self.scenes.get(value["scenes"])
+        if scenes is None:
+            known = ", ".join(self.scenes)
+            raise InputError(
+                f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
+            )
+        if value["size"] == GRID and value["make"] != "cloud":
+            raise InputError(
+                f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
+            )
+        seed = value.get("seed", self.config["seed"])
+        points = _points(f"datasets.{name}", value)
+        return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, dict(value))
+
+
+def _items(config: Config, key: str) -> list[tuple[str, Any]]:
+    return list(config[key].items())
+
+
+def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
+    """A scene set of the configuration, opened; InputError says what is missing and where."""
+    options = {**value["options"]}
+    seed = value.get("seed", config["seed"])
+    try:
+        scenes = open_scene_set(value["loader"], options, seed)
+        known = scenes.names()
+    except InputError as error:
+        raise InputError(f"scenes.{name}: {error}") from error
+    return ScenePlan(name, value["loader"], seed, options, scenes, _chosen(name, value, known))
+
+
+def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
+    """Files of a codec's weights; none for a codec without. InputError names those missing."""
+    if not codecs.has_weights(name, changes):
+        return []
+    where = codecs.entry(name, changes)["options"].get("weights")
+    if where is None:
+        raise InputError(
+            f"codecs.{name}: no weights are shipped for it; its options must name some"
+        )
+    try:
+        return weights_files(where)
+    except InputError as error:
+        raise InputError(f"codecs.{name}: {error}") from error
+
+
+_CAPTURED_POINTS = 1_500_000
+"""Expected of clouds that others captured: most rooms of S3DIS have fewer."""
+
+
+def _points(where: str, settings: Mapping[str, Any]) -> int:
+    """Expected points of a cloud; InputError when the sensor, sweep or errors do not exist."""
+    if settings["make"] != "scan":
+        return int(settings["points"]) if settings["make"] == "sample" else _CAPTURED_POINTS
+    try:
+        open_error_model(settings["errors"], settings["error_options"])
+        sensor, sweep = load_sensor(settings["sensor"]), open_sweep(settings["sweep"])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    return sweep.frames * sweep.steps(sensor) * sensor.lasers
+
+
+def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str, ...]:
+    wanted = value.get("select", known)
+    missing = [scene for scene in wanted if scene not in known]
+    if missing:
+        raise InputError(f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}")
+    return tuple(wanted[: value.get("limit")])
+
+
+def _study(config: Config) -> StudyPlan | None:
+    """The sensor study, or None where the configuration has none; InputError names its fault."""
+    value = config.get("sensor_study")
+    if not isinstance(value, Mapping):
+        return None
+    models = {name: _model(name, item or {}) for name, item in value["models"].items()}
+    captures = {name: _capture(name, item) for name, item in value["captures"].items()}
+    distances, far = tuple(map(float, value["distances_m"])), value["far_m"]
+    for distance in (*distances, *([] if far is None else [far])):
+        _check_distance(distance)
+    seed = value.get("seed", config["seed"])
+    numbers = {name: value[name] for name in ("runs", "rows", "refit")}
+    return StudyPlan(models, captures, distances, far, seed=seed, **numbers)
+
+
+def _model(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    errors, options = item.get("errors", name), item.get("error_options", {})
+    try:
+        open_error_model(errors, options)
+    except InputError as error:
+        raise InputError(f"sensor_study.models.{name}: {error}") from error
+    return errors, dict(options)
+
+
+def _capture(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    if not Path(item["path"]).exists():
+        raise InputError(f"sensor_study.captures.{name}: {item['path']}: no such file")
+    return item["path"], dict(item["options"])
+
+
+def _check_distance(distance: float) -> None:
+    known = sorted(CALIBRATIONS.values())
+    if distance not in known:
+        places = ", ".join(f"{place:g}" for place in known)
+        raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")

@@ -1,0 +1,67 @@
+"""What of a configuration its report shows, so that the workflow can make it first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from puckbench.planning.plan import Plan
+from puckbench.report.contents import Contents, Example
+
+FIRST_TABLES = ("summary", "clouds")
+"""Tables of every benchmark, beside those that have an entry in a registry."""
+
+
+def planned_contents(
+    plan: Plan,
+    figures: Iterable[str],
+    tables: Iterable[str],
+    captions: Path,
+    style: Sequence[Mapping[str, Any]],
+) -> Contents:
+    """The contents of the report of a plan with these figures and tables.
+
+    captions: the folder with NAME.rst for each figure and table.
+    """
+    chosen = plan.config["report"]
+    folder = plan.results / "tables"
+    of_datasets = FIRST_TABLES if plan.datasets else ()
+    return Contents(
+        title=chosen["title"],
+        metrics=str(folder / "metrics.parquet") if plan.datasets else None,
+        tables={name: str(folder / f"{name}.csv") for name in (*of_datasets, *tables)},
+        figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
+        captions=str(captions),
+        examples=tuple(_examples(plan, chosen["rates"])),
+        configuration=plan.config,
+        style=tuple(style),
+        points=chosen["points"],
+        most_mb=chosen["most_mb"],
+    )
+
+
+def _examples(plan: Plan, rates: int) -> Iterable[Example]:
+    """The configuration's example clouds, with some rates of every codec."""
+    for kind, name in plan.config["figures"]["examples"].items():
+        dataset, cloud = name.split("/")
+        original = plan.results / "clouds" / dataset / f"{cloud}.ply"
+        folder = plan.results / "decoded" / dataset / cloud
+        decoded = {
+            codec: {
+                rate: str(folder / codec / f"{rate}.ply")
+                for rate in spread_out(list(entry["rates"]), rates)
+            }
+            for codec, entry in plan.codecs.items()
+        }
+        yield Example(kind, dataset, cloud, str(original), decoded)
+
+
+def spread_out(names: Sequence[str], count: int) -> list[str]:
+    """`count` of the names, evenly spread from the first to the last; one is the middle one."""
+    if count >= len(names):
+        return list(names)
+    if count == 1:
+        return [names[len(names) // 2]]
+    step = (len(names) - 1) / (count - 1)
+    return [names[round(place * step)] for place in range(count)]

@@ -1,0 +1,93 @@
+"""What a run does around its jobs: hold the results, see that there is room, say what failed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TextIO
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import remove_leftovers, unreadable, unwritable
+
+_held: list[TextIO] = []
+_ROOM = 2**20
+"""Bytes without which no run is begun."""
+_MOST_TOLD = 10
+_PREFIX = "puckbench: "
+
+
+def hold_results(results: Path) -> None:
+    """Keep other runs off the results folder while this process lives, however it ends.
+
+    A lock of the operating system, which dies with its holder: a killed run leaves none behind.
+    What it left half written is removed. InputError when another run holds the lock or the folder
+    cannot be written.
+    """
+    import fcntl
+
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+        lock = (results / ".lock").open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InputError(f"{results}: another run is writing there") from error
+    except OSError as error:
+        raise unreadable(results, error, "not writable") from error
+    _held.append(lock)
+    check_room(results)
+    remove_leftovers(results)
+
+
+def check_room(folder: Path) -> None:
+    """InputError when a folder cannot take files, for want of room or of the right to write."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(_ROOM))
+            probe.flush()
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+def check_storage(provider: str | None) -> None:
+    """InputError where Snakemake is to carry files between jobs and a store.
+
+    It would carry those that rules name alone, and jobs read others beside them: what a stream
+    cost, how a cloud was scaled. Without these, results would be wrong and nobody would know.
+    """
+    if provider is not None:
+        raise InputError(
+            f"default storage provider {provider}: jobs must share the folder of the run itself,"
+            " see docs/cluster.md"
+        )
+
+
+def failures(logs: Path, since: float) -> Iterator[str]:
+    """The errors that jobs ended with, each once with a log that has it; not more than some.
+
+    since: time stamp of the run's beginning; older logs are of other runs.
+    """
+    found: dict[str, Path] = {}
+    for log in sorted(logs.rglob("*.log")):
+        last = _last_line(log) if log.stat().st_mtime >= since else ""
+        if last.startswith(_PREFIX):
+            found.setdefault(last, log)
+    for line, log in list(found.items())[:_MOST_TOLD]:
+        yield f"{line} ({log})"
+    if len(found) > _MOST_TOLD:
+        yield f"{_PREFIX}{len(found) - _MOST_TOLD} more errors in {logs}"
+
+
+def _last_line(log: Path) -> str:
+    text = log.read_text(encoding="utf-8", errors="replace").rstrip()
+    return text.rpartition("\n")[2]
+
+
+def now() -> float:
+    """Time stamp of now, as files that are written from now on have it or a later one.
+
+    File systems and clocks of servers differ from ours by less than a minute.
+    """
+    return time.time() - 60

@@ -1,1 +1,0 @@
-"""From geometry or returns to clouds that codecs take: sampling, cropping, normals, scaling."""

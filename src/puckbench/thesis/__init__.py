@@ -1,0 +1,1 @@
+"""The thesis: its claims, its published numbers, its residual study and its figures."""

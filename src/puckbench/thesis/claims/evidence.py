@@ -1,0 +1,89 @@
+"""The tables of a run that claims are tested on, by the parts that its data and codecs play."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from puckbench.figures.binning import ordered_rates
+from puckbench.geometry.cloud import Floats
+
+MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
+LEAST_RATES = 3
+"""Points that a rate-distortion curve needs for values between them."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Tables of a run, each None where there is none, and what plays which part.
+
+    datasets: data set -> what it is (`roles.DATASETS`); codecs: role -> codec. The tables are
+    those of ``results/tables`` of the same names.
+    """
+
+    metrics: pd.DataFrame | None = None
+    clouds: pd.DataFrame | None = None
+    residual_statistics: pd.DataFrame | None = None
+    thesis_numbers: pd.DataFrame | None = None
+    incidence_effect: pd.DataFrame | None = None
+    datasets: Mapping[str, str] = field(default_factory=dict)
+    codecs: Mapping[str, str] = field(default_factory=dict)
+
+    def named(self, *roles: str) -> list[str]:
+        """The data sets with results that are one of these."""
+        return [name for name, role in self.datasets.items() if role in roles and name in self.has]
+
+    @cached_property
+    def has(self) -> set[str]:
+        """Data sets with results."""
+        return set() if self.metrics is None else set(self.metrics["dataset"])
+
+    @cached_property
+    def medians(self) -> pd.DataFrame:
+        """Medians over clouds, by data set, role of the codec, and rate.
+
+        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (its place) and
+        those of `MEASURED`, missing ones as nan.
+        """
+        columns = ["dataset", "codec", "rate", *MEASURED]
+        if self.metrics is None:
+            return pd.DataFrame(columns=[*columns, "number"])
+        roles = {codec: role for role, codec in self.codecs.items()}
+        rows = self.metrics.reindex(columns=columns).assign(
+            codec=self.metrics["codec"].map(roles.get)
+        )
+        rows = rows[rows["dataset"].isin(self.datasets)].dropna(subset=["codec"])
+        medians = rows.groupby(["dataset", "codec", "rate"], sort=False).median().reset_index()
+        places = {rate: place for place, rate in enumerate(ordered_rates(set(medians["rate"])))}
+        return medians.assign(number=medians["rate"].map(places))
+
+    def rates(self, dataset: str, codec: str, column: str) -> Floats:
+        """Medians of a column from the first to the last rate, (n,); those without one left out."""
+        rows = self.medians
+        rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
+        return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
+
+    def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
+        """A codec's medians over another's at the same bits per point, by rising ``bpp``.
+
+        Columns ``bpp`` and ``ratio``. The base's values are interpolated between the logarithms
+        of its rates; nothing is extrapolated, and a base of fewer than three rates tells nothing.
+        """
+        one, other = (self._curve(dataset, codec, column) for codec in (tested, base))
+        if len(other) < LEAST_RATES:
+            return pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
+        one = one[one["bpp"].between(other["bpp"].iloc[0], other["bpp"].iloc[-1])]
+        logs = np.log(other.to_numpy(dtype=float))
+        between = np.interp(np.log(one["bpp"]), logs[:, 0], logs[:, 1])
+        return pd.DataFrame({"bpp": one["bpp"], "ratio": one[column] / np.exp(between)})
+
+    def _curve(self, dataset: str, codec: str, column: str) -> pd.DataFrame:
+        """Positive medians of bpp and a column, by rising bpp."""
+        rows = self.medians
+        rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
+        rows = rows[["bpp", column]].dropna()
+        return rows[(rows > 0).all(axis=1)].sort_values("bpp")

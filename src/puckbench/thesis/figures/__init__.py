@@ -1,0 +1,1 @@
+"""Figures of the thesis, and figures that set its numbers beside ours."""

@@ -1,0 +1,134 @@
+"""G-PCC against the scale of its grid: steps that are no power of two, truncation, contexts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.figures.checks import require_rows
+from puckbench.figures.panels import (
+    add_legend,
+    figure_width,
+    log_limits,
+    panel_grid,
+    set_log,
+    set_title,
+)
+from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
+from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_D1 = Quantity("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
+_ROWS = (BPP.within(0.01, 10), _D1)
+_COLUMNS = ("dataset", "codec", "scale", "dyadic")
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
+_MARKERS = ("o", "s", "^", "D", "P", "v", "X")
+
+
+def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Above bits per point, below CD, against the scale; hollow where it is no power of two."""
+    require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
+    datasets = style.ordered_datasets(gpcc_scales["dataset"])
+    figure, panels = panel_grid(2 * len(datasets), len(datasets), 1.9, style, sharey="row")
+    for index, axes in enumerate(panels):
+        quantity, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
+        rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
+        limits = style.axis_range(quantity.column, quantity.limits)
+        set_log(axes, "y", log_limits(gpcc_scales[quantity.column].to_numpy(float), limits), False)
+        for codec in style.ordered_codecs(rows["codec"]):
+            look = style.look(codec)
+            own = rows[rows["codec"] == codec]
+            _draw(axes, own, own[quantity.column], look.colour, look.marker, look.line)
+        _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
+        if index < len(datasets):
+            set_title(axes, style.title(dataset), len(datasets), style)
+        if index % len(datasets) == 0:
+            axes.set_ylabel(quantity.short_label)
+    figure.supxlabel("Scale (hollow: no power of two)", fontsize=style.font_size)
+    add_legend(figure, style.ordered_codecs(gpcc_scales["codec"]), style)
+    return figure
+
+
+def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Distortion with truncated over that with rounded coordinates, per scale and data set."""
+    label = "CD with truncated over CD with\nrounded coordinates"
+    return _draw_ratio(gpcc_scales, "distortion", label, style)
+
+
+def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Bits of TMC13's defaults over those of the common test conditions' tools, likewise."""
+    label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
+    return _draw_ratio(gpcc_scales, "bits", label, style)
+
+
+def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:
+    """Medians over clouds with quartiles, one line per data set, of the codec as it was run."""
+    from matplotlib.figure import Figure
+
+    columns = tuple(f"{name}_{suffix}" for suffix in ("q25", "median", "q75"))
+    rows = table[table["role"] == "gpcc_as_run"].dropna(subset=list(columns))
+    if rows.empty:
+        raise InputError("scales table: no scale that both G-PCC codecs have")
+    figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.8))
+    axes = figure.subplots()
+    datasets = style.ordered_datasets(rows["dataset"])
+    for place, dataset in enumerate(datasets):
+        own = rows[rows["dataset"] == dataset].sort_values("scale")
+        low, high = own[columns[0]], own[columns[2]]
+        colour = _COLOURS[place % len(_COLOURS)]
+        axes.fill_between(own["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
+        marker = _MARKERS[place % len(_MARKERS)]
+        _draw(axes, own, own[columns[1]], colour, marker, "-", style.title(dataset))
+    axes.axhline(1, color="#555555", linewidth=0.7)
+    _set_scales(axes, rows["scale"].to_numpy(dtype=float))
+    axes.set_xlabel("Scale (hollow: no power of two)")
+    axes.set_ylabel(label)
+    abreast = 2 if figure_width(1, style) <= COLUMN_WIDTH_IN else 4
+    figure.legend(loc="outside upper center", ncols=abreast)
+    return figure
+
+
+def _draw(
+    axes: Axes,
+    rows: pd.DataFrame,
+    values: pd.Series[float],
+    colour: str,
+    marker: str,
+    line: str,
+    label: str = "_none",
+) -> None:
+    """A line over the scales, its markers hollow where the scale is no power of two."""
+    order = np.argsort(rows["scale"].to_numpy())
+    scale, y = rows["scale"].to_numpy()[order], values.to_numpy(dtype=float)[order]
+    solid = rows["dyadic"].to_numpy(dtype=bool)[order]
+    axes.plot(
+        scale, y, color=colour, linestyle=line, marker=marker, markevery=_at(solid), label=label
+    )
+    axes.plot(
+        scale[~solid], y[~solid], linestyle="", marker=marker, color=colour,
+        markerfacecolor="white", zorder=3,
+    )  # fmt: skip
+
+
+def _at(chosen: NDArray[np.bool_]) -> list[int]:
+    return [int(place) for place in np.flatnonzero(chosen)]
+
+
+def _set_scales(axes: Axes, scales: Floats) -> None:
+    """A logarithmic axis with a tick at each power of two."""
+    from matplotlib.ticker import NullLocator
+
+    axes.set_xscale("log", base=2)
+    low, high = (int(f(np.log2(v))) for f, v in ((np.floor, scales.min()), (np.ceil, scales.max())))
+    ticks = [2.0**power for power in range(low, high + 1)]
+    names = [f"1/{round(1 / tick)}" if tick < 1 else f"{tick:g}" for tick in ticks]
+    axes.set_xticks(ticks, names)
+    axes.xaxis.set_minor_locator(NullLocator())

@@ -1,0 +1,223 @@
+"""Scans of a wall and a floor coloured by laser: thesis Figures 5.2 to 5.9, 5.16 and 5.17.
+
+The table has one row per return: model (`REAL` for captures), surface ("wall", "floor", or another
+word for what is cropped), distance_m, laser_id, elevation_deg, and the measured point x_m, y_m, z_m
+with the wall at y = 0, the floor at z = 0, and the sensor at y = distance_m, z = 1.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.figures.checks import require_rows
+from puckbench.figures.panels import wrapped
+from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
+from puckbench.thesis.figures.model_styles import model_look, ordered_models
+from puckbench.thesis.figures.residual_legend import source_title
+from puckbench.thesis.figures.residual_table import compared, subsample
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+SAMPLE = 60_000
+"""Points drawn of a scan, chosen with a fixed seed: more would only cover one another."""
+
+_COLUMNS = ("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m")
+_LABELS = {
+    "x_m": "Along the wall, x (m)",
+    "y_m": "Distance from the wall, y (m)",
+    "z_m": "Height, z (m)",
+}
+_MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
+_FAR_M, _NEAR_M = 5.0, 1.0
+_ROOM_VIEW = (40, 110)
+
+
+def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.2: everything that the sensor saw at 5 m from the wall."""
+    return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
+
+
+def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.3: everything that the sensor saw at 1 m from the wall."""
+    return _draw_space(_shown(scans, _NEAR_M), _ROOM_VIEW, style)
+
+
+def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.4: the wall at 5 m from the front."""
+    return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
+
+
+def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.5: the floor at 5 m from above, the sensor on the right."""
+    return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
+
+
+def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.6: the wall at 5 m from the side, its depth stretched."""
+    return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
+
+
+def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.7: what one laser saw of the wall at 5 m, its depth stretched."""
+    return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
+
+
+def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.8: the floor at 5 m from the side, the sensor on the right, height stretched."""
+    return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
+
+
+def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.9: what one laser saw of the floor at 5 m, its height stretched."""
+    return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)
+
+
+def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.16: the wall at 5 m from the side, by error model, in one scale."""
+    return _draw_models(_part(scans, _FAR_M, "wall"), style)
+
+
+def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.17: the floor at 5 m from the side, by error model, in one scale."""
+    return _draw_models(_part(scans, _FAR_M, "floor"), style)
+
+
+def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.DataFrame:
+    """Rows at one distance, of one surface or of all; InputError when there are none."""
+    require_rows(scans, _COLUMNS, "scan")
+    rows: NDArray[np.bool_] = np.abs(scans["distance_m"].to_numpy(dtype=float) - distance_m) < 0.05
+    if surface is not None:
+        rows &= (scans["surface"] == surface).to_numpy()
+    if not rows.any():
+        raise InputError(f"scan table: no {surface or 'surface'} at {distance_m:g} m")
+    return scans[rows]
+
+
+def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
+    """The capture's rows of that kind, or without a capture the virtual sensor's."""
+    part = _part(scans, distance_m, surface)
+    model = compared(part)[0]
+    return subsample(part[part["model"] == model], SAMPLE, model)
+
+
+def _middle_laser(scan: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the laser in the middle of those with a return, by elevation."""
+    elevations = scan["elevation_deg"].to_numpy(dtype=float)
+    lasers = np.unique(elevations)
+    rows: NDArray[np.bool_] = elevations == lasers[len(lasers) // 2]
+    return scan[rows]
+
+
+def _draw_plane(
+    scan: pd.DataFrame, across: str, upward: str, equal: bool, style: FigureStyle
+) -> Figure:
+    """One panel of a scan seen along an axis; equal: in one scale both ways."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.5))
+    axes = figure.subplots()
+    colours = _laser_colours(scan)
+    _scatter(axes, scan, across, upward, colours)
+    if equal:
+        axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(_LABELS[across])
+    axes.set_ylabel(_LABELS[upward])
+    axes.set_title(source_title(scan["model"].iloc[0], style), pad=3)
+    _add_laser_bar(figure, axes, colours)
+    return figure
+
+
+def _draw_space(
+    scan: pd.DataFrame, view_deg: tuple[float, float], style: FigureStyle, one_laser: bool = False
+) -> Figure:
+    """A scan in space from an elevation and azimuth: whole in one scale, or one laser stretched."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.9))
+    axes: Any = figure.add_subplot(projection="3d")
+    colours = _laser_colours(scan)
+    if one_laser:
+        scan = _middle_laser(scan)
+    points = scan[["x_m", "y_m", "z_m"]].to_numpy().T
+    drawn = {"color": colours.to_rgba(scan["elevation_deg"].to_numpy()), "linewidths": 0}
+    axes.scatter(*points, s=1.5 if one_laser else 0.6, depthshade=False, rasterized=True, **drawn)
+    axes.view_init(*view_deg)
+    # Constrained layout does not know of labels in space: zoom keeps them on the page.
+    sizes = (1.0, 1.0, 0.8) if one_laser else tuple(np.ptp(points, axis=1).clip(1e-3))
+    axes.set_box_aspect(sizes, zoom=0.8 if one_laser else 0.95)
+    for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), sizes, strict=True):
+        share = size / max(sizes)
+        axis.set_major_locator(_few_ticks(4 if share > 0.5 else 2 if share > 0.25 else 1))
+    axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
+    axes.set_title(source_title(scan["model"].iloc[0], style), pad=0)
+    _add_laser_bar(figure, axes, colours, pad=0.14)
+    return figure
+
+
+def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
+    """The thesis's models side by side (others where none is there), from the side."""
+    from matplotlib.figure import Figure
+
+    there = ordered_models(part["model"])
+    models = [model for model in there if model in _MODELS] or there
+    on_wall = part["surface"].iloc[0] == "wall"
+    size = style.width_in or PAGE_WIDTH_IN, 2.4 if on_wall else 1.0 * len(models) + 0.4
+    figure = Figure(figsize=size)
+    shape = (1, len(models)) if on_wall else (len(models), 1)
+    panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
+    colours = _laser_colours(part)
+    abreast = len(models) if on_wall else 1
+    for axes, model in zip(panels, models, strict=True):
+        scan = subsample(part[part["model"] == model], SAMPLE, model)
+        _scatter(axes, scan, "y_m", "z_m", colours)
+        axes.xaxis.set_major_locator(_few_ticks())
+        title = model_look(model, style).title
+        axes.set_title(wrapped(title, (size[0] - 1.2) / abreast, style), pad=3)
+    figure.supxlabel(_LABELS["y_m"], fontsize=style.font_size)
+    figure.supylabel(_LABELS["z_m"], fontsize=style.font_size)
+    _add_laser_bar(figure, list(panels), colours)
+    return figure
+
+
+def _scatter(
+    axes: Axes, scan: pd.DataFrame, across: str, upward: str, colours: ScalarMappable
+) -> None:
+    """Points as an image, also in PDF files."""
+    axes.scatter(
+        scan[across],
+        scan[upward],
+        s=0.8,
+        color=colours.to_rgba(scan["elevation_deg"].to_numpy()),
+        linewidths=0,
+        rasterized=True,
+    )
+
+
+def _few_ticks(most: int = 4) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(most)
+
+
+def _laser_colours(scan: pd.DataFrame) -> ScalarMappable:
+    """A colour per laser, by elevation, in a map that everyone can order; blue is low."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    low, high = scan["elevation_deg"].min(), scan["elevation_deg"].max()
+    reach = max(abs(low), abs(high), 1.0)
+    return ScalarMappable(Normalize(-reach, reach), "viridis")
+
+
+def _add_laser_bar(figure: Figure, axes: Any, colours: ScalarMappable, pad: float = 0.03) -> None:
+    bar = figure.colorbar(colours, ax=axes, shrink=0.8, aspect=25, pad=pad)
+    bar.set_label("Laser elevation (\u00b0)")
+    bar.outline.set_linewidth(0.4)

@@ -1,0 +1,110 @@
+"""Real wall residuals against error models on the same rays: densities, and how far each is off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.figures.checks import require_rows
+from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
+from puckbench.geometry.cloud import Floats
+from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.thesis.figures.violins import violin_shape
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DISTANCES = ("model", "std_m", "emd_m", "emd_low_m", "emd_high_m", "chance_m")
+_LEAST_REACH_M = 0.04
+# Beyond so many standard deviations of the real residuals a model's density is cut off.
+_REACH_SIGMAS = 4.0
+_LINES = ("-", "--", "-.", ":")
+
+
+def draw_verdict(
+    compared_residuals: pd.DataFrame, model_distances: pd.DataFrame, style: FigureStyle
+) -> Figure:
+    """Above: densities of the wall residuals. Below: earth mover's distances to the real ones.
+
+    The bars are 95 % intervals; the grey strip ends where chance alone could have put a sensor that
+    follows the model. Inputs as of `analysis.comparison`; InputError without real residuals.
+    """
+    from matplotlib.figure import Figure
+
+    require_rows(compared_residuals, ("model", "residual_m"), "comparison")
+    require_rows(model_distances, _DISTANCES[:-1], "distance")
+    if not (compared_residuals["model"] == REAL).any():
+        raise InputError("comparison table: no real residuals")
+    models = [name for name in ordered_models(model_distances["model"]) if name != REAL]
+    width = style.width_in or COLUMN_WIDTH_IN
+    figure = Figure(figsize=(width, 2.1 + 0.95 + 0.2 * len(models)))
+    above, below = figure.subplots(2, 1, height_ratios=[2.1, 0.35 + 0.2 * len(models)])
+    _draw_densities(above, compared_residuals, models, style)
+    _draw_distances(below, model_distances.set_index("model"), models, style)
+    figure.legend(loc="outside upper center", ncols=3, fontsize="small", handlelength=2.2)
+    return figure
+
+
+def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
+    """The real residuals as an area, each model's as a line of its own colour and dashes."""
+    real = _residuals(table, REAL)
+    reach = max(_REACH_SIGMAS * float(real.std()), _LEAST_REACH_M)
+    look = model_look(REAL, style)
+    coords, density = _density(real)
+    axes.fill_between(coords * 1e3, density, color=look.colour, alpha=0.35, linewidth=0)
+    axes.plot(coords * 1e3, density, color=look.colour, linewidth=0.6, label=look.title)
+    for index, name in enumerate(models):
+        values = _residuals(table, name)
+        if len(values) == 0:
+            raise InputError(f"comparison table: no residual of the model {name!r}")
+        coords, density = _density(values)
+        look = model_look(name, style)
+        line = _LINES[index % len(_LINES)]
+        axes.plot(coords * 1e3, density, line, color=look.colour, label=look.title)
+    axes.set_xlim(-reach * 1e3, reach * 1e3)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("Plane residual of the walls (mm)")
+    axes.set_ylabel("Density (1/mm)")
+
+
+def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
+    """One line per model, the first on top, on a logarithmic axis: they are far apart."""
+    for place, name in enumerate(models):
+        value, low, high, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
+        colour = model_look(name, style).colour
+        if np.isfinite(chance):
+            axes.barh(place, chance, height=0.7, color="#bbbbbb", alpha=0.6, linewidth=0)
+        spread = [[max(value - low, 0)], [max(high - value, 0)]]
+        axes.errorbar(value, place, xerr=spread, fmt="o", color=colour, capsize=2)
+        axes.annotate(
+            f"{value:.1f}", (max(value, high), place), (4, 0), textcoords="offset points",
+            va="center", fontsize="small",
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_xlim(*_limits(rows.loc[models]))
+    axes.set_yticks(range(len(models)), [model_look(name, style).title for name in models])
+    axes.set_ylim(len(models) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("Earth mover's distance to the real ones (mm)")
+
+
+def _limits(rows: pd.DataFrame) -> tuple[float, float]:
+    """Limits, mm, that show every strip's end, with room for the number after the largest."""
+    lows = np.concatenate([rows["emd_low_m"].to_numpy(float), rows["chance_m"].to_numpy(float)])
+    low = 0.6 * float(np.nanmin(lows)) * 1e3
+    return max(low, 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3
+
+
+def _density(residuals: Floats) -> tuple[Floats, Floats]:
+    """Places (m) and density (1/mm)."""
+    shape = violin_shape(residuals)
+    return np.asarray(shape["coords"]), np.asarray(shape["vals"]) / 1e3
+
+
+def _residuals(table: pd.DataFrame, model: str) -> Floats:
+    return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)

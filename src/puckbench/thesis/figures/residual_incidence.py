@@ -1,0 +1,133 @@
+"""Plane residuals against the incidence angle: thesis Figures 5.15 and 5.20."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.figures.panels import panel_grid
+from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import Floats
+from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.thesis.figures.residual_legend import add_model_legend, source_title
+from puckbench.thesis.figures.residual_table import (
+    binned_moments,
+    check_residuals,
+    compared,
+    near,
+    subsample,
+)
+from puckbench.thesis.figures.residual_violins import RESIDUAL
+from puckbench.thesis.figures.violins import symmetric_limit
+from puckbench.thesis.published import BIN_STDS_M, LARGEST_RAD, PRINTED_MEAN_M
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SAMPLE = 30_000
+_LEAST_M, _LEAST_BINS_M = 0.1, 0.05
+_DISCOUNTED = ("hdl64e", "vlp16_table51")
+_LONG_COLUMN = 5
+_INCIDENCE = "Incidence angle (rad)"
+
+
+def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.15: residuals against incidence, and below their mean and std in 10 bins."""
+    check_residuals(residuals, "incidence_rad")
+    rows = near(residuals)
+    models = compared(rows)
+    samples = _samples(rows, models)
+    figure, panels = panel_grid(len(models) + 1, 1, 1.35, style, sharey="row")
+    for axes, model in zip(panels, models, strict=False):
+        _scatter(axes, samples[model], model_look(model, style).colour)
+        axes.set_title(source_title(model, style), pad=3)
+    _finish(figure, panels, samples, 1, style)
+    _draw_bins(panels[-1], samples, style)
+    add_model_legend(figure, models, style)
+    return figure
+
+
+def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.20: residuals against incidence, a panel per error model.
+
+    The two lines are one standard deviation on either side of the mean, in 10 bins. As in the
+    thesis the models that section 5.4 discounts as too wide for a VLP-16 are left out.
+    """
+    check_residuals(residuals, "incidence_rad")
+    rows = near(residuals)
+    models = ordered_models(rows["model"])
+    kept = [model for model in models if model not in _DISCOUNTED]
+    samples = _samples(rows, kept or models)
+    columns = 1 if len(samples) <= _LONG_COLUMN else 2
+    figure, panels = panel_grid(len(samples), columns, 1.1, style)
+    for axes, (model, (incidence, values)) in zip(panels, samples.items(), strict=True):
+        look = model_look(model, style)
+        _scatter(axes, (incidence, values), look.colour)
+        centres, means, stds = binned_moments(incidence, values)
+        for side in (-1, 1):
+            axes.plot(centres, means + side * stds, color="black", linewidth=0.8)
+        axes.set_title(look.title, pad=3)
+    _finish(figure, panels, samples, columns, style)
+    return figure
+
+
+Sample = tuple[Floats, Floats]
+
+
+def _samples(rows: pd.DataFrame, models: Sequence[str]) -> dict[str, Sample]:
+    """Incidence and residuals of at most `SAMPLE` rows of each model."""
+    parts = {model: subsample(rows[rows["model"] == model], SAMPLE, model) for model in models}
+    return {
+        model: (
+            part["incidence_rad"].to_numpy(dtype=np.float64),
+            part["residual_m"].to_numpy(dtype=np.float64),
+        )
+        for model, part in parts.items()
+    }
+
+
+def _scatter(axes: Axes, sample: Sample, colour: str) -> None:
+    """Points as an image, also in PDF files: 30,000 of them would be slow to show."""
+    axes.scatter(*sample, s=0.8, color=colour, alpha=0.5, linewidths=0, rasterized=True)
+
+
+def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> None:
+    """Means with bars of one standard deviation; without a capture the published ones too."""
+    bars = {model: binned_moments(*sample) for model, sample in samples.items()}
+    if REAL not in bars:
+        bars = {REAL: _published(), **bars}
+    widest = max(float(centres[-1]) for centres, _, _ in bars.values())
+    for index, (model, (centres, means, stds)) in enumerate(bars.items()):
+        line = "--" if model not in samples else "-"
+        beside = (index - (len(bars) - 1) / 2) * 0.015 * widest
+        colour = model_look(model, style).colour
+        axes.errorbar(centres + beside, means, stds, color=colour, linestyle=line, capsize=1.5)
+    ends = [mean + side * std for _, mean, std in bars.values() for side in (-1, 1)]
+    limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _LEAST_BINS_M)
+    axes.set_ylim(-limit, limit)
+    axes.set_title("Mean and standard deviation in 10 bins", pad=3)
+
+
+def _published() -> tuple[Floats, Floats, Floats]:
+    """The thesis's ten bins, as `binned_moments` gives them; the mean is that of all points."""
+    stds = np.array(BIN_STDS_M)
+    centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
+    return centres, np.full(len(stds), PRINTED_MEAN_M), stds
+
+
+def _finish(
+    figure: Figure, panels: list[Axes], samples: dict[str, Sample], columns: int, style: FigureStyle
+) -> None:
+    """One range for all panels, and labels for all."""
+    limit = symmetric_limit(np.concatenate([values for _, values in samples.values()]), _LEAST_M)
+    for axes in panels:
+        axes.set_ylim(-limit, limit)
+    largest = max(float(incidence.max()) for incidence, _ in samples.values())
+    panels[0].set_xlim(-0.02 * largest, 1.05 * max(largest, 0.1))
+    for axes in panels[-columns:]:
+        axes.set_xlabel(_INCIDENCE)
+    figure.supylabel(RESIDUAL, fontsize=style.font_size)

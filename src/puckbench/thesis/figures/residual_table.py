@@ -1,0 +1,89 @@
+"""The table of plane residuals that chapter 5's figures are drawn from, and parts of it.
+
+One row per return: model (`REAL` for captures), surface ("wall" or "floor"), distance_m, run,
+laser_id, elevation_deg, residual_m (signed) and incidence_rad.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.figures.checks import require_rows
+from puckbench.geometry.cloud import Floats
+from puckbench.thesis.figures.model_styles import REAL, ordered_models
+from puckbench.thesis.published import FAR_M
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_VIRTUAL = ("vlp16_divergence", "vlp16")
+
+
+def check_residuals(table: pd.DataFrame, *columns: str) -> None:
+    """InputError unless the table has rows and finite numbers in residual_m and `columns`."""
+    require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
+    for name in ("distance_m", "residual_m", *columns):
+        if table[name].dtype.kind not in "fiu":
+            raise InputError(f"residual table: column {name!r} has values that are not numbers")
+        if not np.isfinite(table[name].to_numpy(dtype=float)).all():
+            raise InputError(f"residual table: column {name!r} has a missing or infinite value")
+
+
+def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
+    """Rows nearer than `FAR_M`, of one surface or of both; InputError when there are none."""
+    rows = table["distance_m"] < FAR_M
+    if surface is not None:
+        rows &= table["surface"] == surface
+    if not rows.any():
+        what = surface or "surface"
+        raise InputError(f"residual table: no {what} nearer than {FAR_M:g} m")
+    return table[rows]
+
+
+def far(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows at `FAR_M` or beyond; InputError when there are none."""
+    rows = table["distance_m"] >= FAR_M
+    if not rows.any():
+        raise InputError(f"residual table: no surface at {FAR_M:g} m or farther")
+    return table[rows]
+
+
+def compared(table: pd.DataFrame) -> list[str]:
+    """What chapter 5's figures of real data show: the captures, and one virtual sensor beside.
+
+    The virtual one is the model that the thesis chose, else `vlp16`, else the table's first.
+    """
+    virtual = [model for model in ordered_models(table["model"]) if model != REAL]
+    chosen = next((model for model in _VIRTUAL if model in virtual), None)
+    beside = [chosen] if chosen else virtual[:1]
+    return [REAL, *beside] if (table["model"] == REAL).any() else beside
+
+
+def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
+    """At most `size` rows, drawn without replacement; the same table gives the same rows."""
+    if len(table) <= size:
+        return table
+    rows = generator(0, "figure", name).choice(len(table), size, replace=False)
+    return table.iloc[np.sort(rows)]
+
+
+def residuals_of(table: pd.DataFrame, model: str) -> Floats:
+    """Residuals of one model, (n,) metres."""
+    return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)
+
+
+def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
+    """Centres, means and standard deviations of y in bins of equal width from 0 to max(x).
+
+    x, y: (n,) arrays, x not negative. A bin with fewer than two values has none (nan).
+    """
+    edges = np.linspace(0, x.max() or 1.0, bins + 1)
+    bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+    parts = [y[bin_of == index] for index in range(bins)]
+    means = [part.mean() if len(part) > 1 else np.nan for part in parts]
+    stds = [part.std() if len(part) > 1 else np.nan for part in parts]
+    return (edges[1:] + edges[:-1]) / 2, np.array(means), np.array(stds)

@@ -1,0 +1,177 @@
+"""Violins of real and virtual plane residuals: thesis Figures 5.10 to 5.14, 5.18 and 5.19."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.figures.panels import wrapped
+from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
+from puckbench.geometry.cloud import Floats
+from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.thesis.figures.residual_legend import add_model_legend
+from puckbench.thesis.figures.residual_table import (
+    check_residuals,
+    compared,
+    far,
+    near,
+    residuals_of,
+    subsample,
+)
+from puckbench.thesis.figures.violins import draw_violin, moments_text, symmetric_limit
+from puckbench.thesis.published import PRINTED_STD_M
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SAMPLE = 100_000
+_LEAST_M, _LEAST_MODELS_M = 0.15, 0.3
+_SURFACES = ("wall", "floor")
+RESIDUAL = "Plane residual (m)"
+
+
+def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.10: residuals of the walls and of the floors."""
+    check_residuals(residuals)
+    rows = near(residuals)
+    names = [name for name in _SURFACES if (rows["surface"] == name).any()]
+    groups = {name.capitalize(): rows[rows["surface"] == name] for name in names}
+    return _draw_groups(groups, "Surface", style)
+
+
+def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.11: residuals of the wall per distance."""
+    return _draw_distances(residuals, "wall", style)
+
+
+def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.12: residuals of the floor per distance of the sensor from the wall."""
+    return _draw_distances(residuals, "floor", style)
+
+
+def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.13: residuals of the floor per laser, by elevation."""
+    return _draw_lasers(residuals, "floor", style)
+
+
+def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.14: residuals of the wall per laser, by elevation."""
+    return _draw_lasers(residuals, "wall", style)
+
+
+def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.18: residuals of the real sensor and of every error model, near walls and floors.
+
+    At most `SAMPLE` residuals of each, drawn with a fixed seed.
+    """
+    check_residuals(residuals)
+    return _draw_models(near(residuals), _LEAST_MODELS_M, style)
+
+
+def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Figure 5.19: `vlp16` without and with beam divergence at 30 m."""
+    check_residuals(residuals)
+    rows = far(residuals)
+    wanted = ("vlp16", "vlp16_divergence")
+    for model in wanted:
+        if not (rows["model"] == model).any():
+            raise InputError(f"residual table: no row of the model {model!r} at 30 m")
+    return _draw_models(rows[rows["model"].isin(wanted)], _LEAST_M, style)
+
+
+def _draw_distances(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
+    check_residuals(residuals)
+    rows = near(residuals, surface)
+    groups = _grouped(rows, rows["distance_m"].round(1))
+    return _draw_groups(groups, "Distance from the wall (m)", style)
+
+
+def _draw_lasers(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
+    check_residuals(residuals, "elevation_deg")
+    rows = near(residuals, surface)
+    groups = _grouped(rows, rows["elevation_deg"].round(2))
+    return _draw_groups(groups, "Laser elevation (\u00b0)", style)
+
+
+def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFrame]:
+    """Parts of a table by rising key, under the key as text."""
+    return {f"{key:g}".replace("-", "\u2212"): part for key, part in rows.groupby(keys)}
+
+
+def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureStyle) -> Figure:
+    """Per group the real sensor's violin and, beside it, the virtual one's."""
+    import pandas as pd
+
+    models = compared(pd.concat(groups.values()))
+    figure, axes = _panel(len(groups) * len(models), style)
+    width = 0.8 / len(models)
+    drawn: list[Floats] = []
+    for place, part in enumerate(groups.values()):
+        parts = {model: residuals_of(part, model) for model in models}
+        there = {model: values for model, values in parts.items() if len(values)}
+        for index, (model, values) in enumerate(there.items()):
+            at = place + (index - (len(there) - 1) / 2) * width
+            draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
+        drawn += there.values()
+    _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
+    axes.set_xlabel(label)
+    if REAL not in models:
+        _show_published(axes, style)
+    add_model_legend(figure, models, style)
+    return figure
+
+
+def _show_published(axes: Axes, style: FigureStyle) -> None:
+    """Without a capture: the published standard deviation of the thesis's real sensor."""
+    colour = model_look(REAL, style).colour
+    for side in (-PRINTED_STD_M, PRINTED_STD_M):
+        axes.axhline(side, color=colour, linestyle="--", linewidth=0.8)
+
+
+def _draw_models(rows: pd.DataFrame, least_m: float, style: FigureStyle) -> Figure:
+    """One violin per model, with its mean and standard deviation under the widest range."""
+    models = ordered_models(rows["model"])
+    figure, axes = _panel(2 * len(models), style)
+    samples = {
+        model: residuals_of(subsample(rows[rows["model"] == model], SAMPLE, model), model)
+        for model in models
+    }
+    for place, (model, values) in enumerate(samples.items()):
+        draw_violin(axes, place, values, model_look(model, style).colour, 0.7)
+    limit = symmetric_limit(np.concatenate(list(samples.values())), least_m)
+    room_in = (figure.get_size_inches()[0] - 0.6) / len(models)
+    titles = [wrapped(model_look(model, style).title, room_in, style) for model in models]
+    _set_axes(axes, titles, limit)
+    for place, values in enumerate(samples.values()):
+        _write_moments(axes, place, values, limit)
+    return figure
+
+
+def _write_moments(axes: Axes, at: float, values: Floats, limit: float) -> None:
+    """Mean and standard deviation in a strip of their own below the violins."""
+    axes.set_ylim(-1.32 * limit, limit)
+    axes.axhline(-limit, color="black", linewidth=0.4)
+    axes.text(at, -1.16 * limit, moments_text(values), ha="center", va="center", fontsize="small")
+
+
+def _panel(violins: int, style: FigureStyle) -> tuple[Figure, Axes]:
+    """Figure of one panel: as wide as a column for a few violins, else as the page."""
+    from matplotlib.figure import Figure
+
+    width = style.width_in or (COLUMN_WIDTH_IN if violins <= 10 else PAGE_WIDTH_IN)
+    figure = Figure(figsize=(width, 2.4))
+    axes = figure.subplots()
+    axes.grid(visible=False, axis="x")
+    axes.set_ylabel(RESIDUAL)
+    return figure, axes
+
+
+def _set_axes(axes: Axes, names: Sequence[str], limit: float) -> None:
+    axes.set_xticks(range(len(names)), names)
+    axes.set_xlim(-0.6, len(names) - 0.4)
+    axes.set_ylim(-limit, limit)

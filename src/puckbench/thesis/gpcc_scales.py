@@ -1,0 +1,68 @@
+"""What G-PCC's scale, its rounding and its tools do to rate and distortion, cloud by cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from puckbench.core.errors import InputError
+
+REFERENCE, AS_RUN = "gpcc", "gpcc_as_run"
+SHARES = {"q25": 0.25, "median": 0.5, "q75": 0.75}
+_MEASURED = ("bpp", "cd_point", "cd_plane", "d1_psnr")
+_COMPARED = {"bits": "bpp", "distortion": "cd_point"}
+
+
+def gpcc_scales(
+    metrics: pd.DataFrame, *, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
+) -> pd.DataFrame:
+    """One row per data set, codec and scale: medians over clouds, and ratios to the same scale.
+
+    codecs: role -> codec, of `REFERENCE` (coordinates rounded, tools of the common test
+    conditions) and `AS_RUN` (truncated, TMC13's defaults); scales: codec -> rate -> the factor on
+    coordinates, and grid units are those of scale 1. Columns: ``dataset``, ``codec``, ``role``,
+    ``rate``, ``scale``, ``dyadic`` (a power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
+    ``cd_plane`` and ``d1_psnr``; ``bits_median``, ``bits_q25``, ``bits_q75``: over the clouds, the
+    codec's bits over the reference's at that scale; ``distortion_...``: of CD point-to-point.
+    The ratios are missing where a scale has no reference.
+
+    Raises InputError when no result has a scale.
+    """
+    rows = _with_scales(metrics, codecs, scales)
+    keys = ["dataset", "cloud", "scale"]
+    reference = rows[rows["role"] == REFERENCE].drop_duplicates(keys)
+    rows = rows.merge(
+        reference[[*keys, *_COMPARED.values()]], on=keys, how="left", suffixes=("", "_reference")
+    )
+    for name, column in _COMPARED.items():
+        rows[name] = rows[column] / rows[f"{column}_reference"]
+    groups = rows.groupby(["dataset", "codec", "role", "rate", "scale"], sort=False)
+    table = groups[list(_MEASURED)].median().assign(clouds=groups["cloud"].nunique())
+    for name in _COMPARED:
+        for suffix, share in SHARES.items():
+            table[f"{name}_{suffix}"] = groups[name].quantile(share)
+    table = table.reset_index()
+    table.insert(5, "dyadic", [_dyadic(scale) for scale in table["scale"]])
+    return table.sort_values(["dataset", "codec", "scale"], ignore_index=True)
+
+
+def _with_scales(
+    metrics: pd.DataFrame, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
+) -> pd.DataFrame:
+    roles = {codec: role for role, codec in codecs.items()}
+    needed = ["dataset", "cloud", "codec", "rate", *_MEASURED]
+    if missing := [name for name in needed if name not in metrics]:
+        raise InputError(f"metrics table: no column {missing[0]!r}")
+    rows = metrics[needed][metrics["codec"].isin(scales)]
+    if rows.empty:
+        raise InputError(f"metrics table: no results of {', '.join(scales) or 'a G-PCC codec'}")
+    pairs = zip(rows["codec"], rows["rate"], strict=True)
+    factors = [float(scales[codec].get(rate, np.nan)) for codec, rate in pairs]
+    named = rows["codec"].map(lambda codec: roles.get(codec, "other"))
+    return rows.assign(scale=factors, role=named).dropna(subset=["scale"])
+
+
+def _dyadic(scale: float) -> bool:
+    return bool(np.log2(scale).is_integer())

@@ -1,0 +1,79 @@
+"""The thesis's numbers of chapter 5 beside those of a residual table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.thesis import published
+from puckbench.thesis.residuals.statistics import ALL, residual_statistics
+
+NEAR, FAR = "std, walls and floors, 1 to 5 m", "std, walls and floors, 30 m"
+MOVED = "earth mover's distance to the real residuals, 1 to 5 m"
+
+
+def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
+    """One row per quantity and error model: ``quantity``, ``model``, ``thesis_m``, ``here_m``.
+
+    ``here_half_m`` is the half width of a 95 % interval where there are scans enough for one. The
+    earth mover's distances of the thesis are to its real residuals; those here are to a normal
+    distribution with the mean and standard deviation of them, as the residuals are not published.
+    """
+    statistics = residual_statistics(residuals)
+    near = residuals[residuals["distance_m"] < published.FAR_M]
+    models = list(dict.fromkeys(near["model"].astype(str)))
+    rows = [_spread(NEAR, model, published.MODEL_STDS_M, statistics, ALL) for model in models]
+    rows += [_moved(model, near) for model in models]
+    far = f"{published.FAR_M:g}"
+    there = set(residuals.loc[residuals["distance_m"] >= published.FAR_M, "model"])
+    rows += [
+        _spread(FAR, model, published.FAR_STDS_M, statistics, far)
+        for model in models
+        if model in there
+    ]
+    return pd.DataFrame(rows)
+
+
+def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
+    """Earth mover's distance between a sample, (n,), and a normal distribution, in their unit.
+
+    The mean distance between the sample in order and the distribution's quantiles in the middle
+    of n equal shares: exact up to the width of a share. Raises InputError for an empty sample.
+    """
+    from scipy.special import ndtri
+
+    if len(sample) == 0:
+        raise InputError("the distance to a normal distribution needs a sample that is not empty")
+    shares = (np.arange(len(sample)) + 0.5) / len(sample)
+    return float(np.abs(np.sort(sample) - (mean + std * ndtri(shares))).mean())
+
+
+def _spread(
+    quantity: str, model: str, thesis: Mapping[str, float], statistics: pd.DataFrame, distance: str
+) -> dict[str, Any]:
+    keys = {"model": model, "surface": ALL, "distance_m": distance, "laser_id": ALL}
+    chosen = np.all([statistics[key] == value for key, value in keys.items()], axis=0)
+    row = statistics[chosen].iloc[0]
+    return _row(quantity, model, _printed(thesis, model), row["std_m"], row["std_half_m"])
+
+
+def _moved(model: str, near: pd.DataFrame) -> dict[str, Any]:
+    sample = near.loc[near["model"] == model, "residual_m"].to_numpy(dtype=np.float64)
+    here = distance_to_normal(sample, published.REAL_MEAN_M, published.REAL_STD_M)
+    return _row(MOVED, model, _printed(published.MODEL_DISTANCES_M, model), here, None)
+
+
+def _printed(numbers: Mapping[str, float], model: str) -> float | None:
+    return numbers.get(published.FITTED_TO_5_18.get(model, model))
+
+
+def _row(
+    quantity: str, model: str, thesis: float | None, here: float, half: float | None
+) -> dict[str, Any]:
+    numbers = {"thesis_m": thesis, "here_m": here, "here_half_m": half}
+    return {"quantity": quantity, "model": model, **numbers}

@@ -1,0 +1,1 @@
+"""The residual study of thesis chapter 5: virtual walls and floors, statistics, comparisons."""

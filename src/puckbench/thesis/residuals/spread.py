@@ -1,0 +1,70 @@
+"""How plane residuals spread: per laser, per incidence angle, and between two distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+QUANTILES = {"q05": 0.05, "q25": 0.25, "q50": 0.50, "q75": 0.75, "q95": 0.95}
+PER_LASER = ("model", "surface", "distance_m", "laser_id")
+
+
+def statistics(table: pd.DataFrame, by: Sequence[str] = PER_LASER) -> pd.DataFrame:
+    """Count, mean, standard deviation (n - 1) and quantiles of the residuals, m, per group.
+
+    One row per model, surface, distance and laser of a residual table, or per other columns `by`;
+    columns: `by`, ``count``, ``mean_m``, ``std_m``, ``q05_m`` .. ``q95_m``.
+    """
+    residuals = table["residual_m"].astype(np.float64)
+    groups = residuals.groupby([table[name] for name in by], observed=True)
+    result = groups.agg(["count", "mean", "std"])
+    for name, share in QUANTILES.items():
+        result[name] = groups.quantile(share)
+    names = {name: f"{name}_m" for name in ("mean", "std", *QUANTILES)}
+    return result.rename(columns=names).reset_index()
+
+
+def incidence_bins(
+    table: pd.DataFrame,
+    bins: int = 10,
+    *,
+    by: Sequence[str] = ("model",),
+    highest_rad: float | None = None,
+) -> pd.DataFrame:
+    """Mean and standard deviation of the residuals in bins of equal width over the incidence.
+
+    The bins go from 0 to `highest_rad` (default: the largest angle of the table), the last one
+    closed. Columns: `by`, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``; an empty
+    bin has no row. Raises InputError for a table without rows or fewer than one bin.
+    """
+    if table.empty or bins < 1:
+        raise InputError("incidence bins need at least one residual and one bin")
+    angles = table["incidence_rad"].to_numpy(dtype=np.float64)
+    highest = float(angles.max()) if highest_rad is None else highest_rad
+    within = table.assign(bin=_bins(angles, bins, highest))[angles <= highest]
+    result = statistics(within, (*by, "bin"))
+    result.insert(len(by), "low_rad", result["bin"] * (highest / bins))
+    result.insert(len(by) + 1, "high_rad", (result["bin"] + 1) * (highest / bins))
+    return result[[*by, "low_rad", "high_rad", "count", "mean_m", "std_m"]]
+
+
+def earth_movers_distance(a: Floats, b: Floats) -> float:
+    """Earth mover's (1-Wasserstein) distance between two samples, (n,) and (m,), in their unit.
+
+    The area between the two empirical distribution functions. Raises InputError for an empty one.
+    """
+    from scipy.stats import wasserstein_distance
+
+    if len(a) == 0 or len(b) == 0:
+        raise InputError("the earth mover's distance needs two samples that are not empty")
+    return float(wasserstein_distance(a, b))
+
+
+def _bins(angles: Floats, bins: int, highest: float) -> Floats:
+    numbers = np.zeros(len(angles)) if highest == 0 else np.floor(angles * (bins / highest))
+    return np.minimum(numbers, bins - 1)

@@ -1,0 +1,94 @@
+"""Streams that the reference software made of our own scenes (benchmarks/gpcc_vectors.py)."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
+from tests.support.stream_damage import damaged
+
+FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
+MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
+LEFT_OUT = {
+    "bytewise_minimal": "bytewise",
+    "predictive": "predictive",
+    "trisoup": "trisoup",
+    "quantised_in_loop": "scaling",
+    "angular": "angular",
+}
+"""Vectors of tools that we do not have, and what the error says."""
+
+
+def _decoded(name: str) -> np.ndarray:
+    return open_codec("gpcc").decode((FOLDER / f"{name}.bin").read_bytes())
+
+
+@pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys()))
+def test_a_stream_decodes_to_what_the_reference_decodes(name: str) -> None:
+    points = _decoded(name)
+    ordered = points[np.lexsort(points.T[::-1])].astype("<f8")
+    assert len(points) == MANIFEST[name]["points_out"]
+    assert hashlib.sha256(ordered.tobytes()).hexdigest() == MANIFEST[name]["sha256_sorted_float64"]
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_a_stream_of_tools_left_out_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=LEFT_OUT[name]):
+        _decoded(name)
+
+
+# What the encoder is told besides the profile; not here: options that only a decoder knows.
+CHOICES: dict[str, dict[str, Any]] = {
+    "neighbours4_minimal": {"neighbour_avail_boundary_log2": 4},
+    "siblings_minimal": {"neighbour_avail_boundary_log2": 0},
+    "no_adjacent_minimal": {"adjacent_child_contextualization": False},
+    "idcm2_defaults": {"inferred_direct_coding_mode": 2},
+    "idcm3_defaults": {"inferred_direct_coding_mode": 3},
+    "one_point_idcm_defaults": {"joint_two_point_idcm": False},
+    "planar_idcm_ctc": {"inferred_direct_coding_mode": 1, "planar_mode_idcm_use": 32},
+}
+DECODER_ONLY = {
+    *("zyx_ctc", "bypass_defaults", "streams_defaults"),
+    *("sliced_minimal", "sliced_ctc", "tiled_defaults"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys() - DECODER_ONLY))
+def test_coding_a_streams_points_again_gives_its_bytes(name: str) -> None:
+    stream = (FOLDER / f"{name}.bin").read_bytes()
+    about, decoded = MANIFEST[name], decode_geometry(stream)
+    kept = "--mergeDuplicatedPoints=0" in about["options"]
+    choices = {"merge_duplicates": not kept, **CHOICES.get(name, {})}
+    options = replace(PROFILES[about["profile"]], **choices)
+    shuffled = np.random.default_rng(0).permutation(decoded.points)
+    assert encode_geometry(shuffled, options, scale=decoded.scale, origin=decoded.origin) == stream
+
+
+def test_codec_and_reference_agree_on_the_whole_way_from_real_coordinates() -> None:
+    """The points of this vector are whole numbers, many of them negative."""
+    about, points = MANIFEST["away_minimal"], _decoded("away_minimal")
+    raw = {"raw": True, "profile": about["profile"]}
+    codec = open_codec("gpcc", {"rates": {"r": {"scale": about["scale"]}}, "options": raw})
+    assert codec.encode(points, "r") == (FOLDER / "away_minimal.bin").read_bytes()
+
+
+def test_damaged_streams_end_in_points_or_one_clean_error() -> None:
+    """400 of the streams of benchmarks/fuzz.py, which takes thousands under limits."""
+    streams = [(FOLDER / f"{name}.bin").read_bytes() for name in sorted(MANIFEST)]
+    outcomes = [_outcome(damaged(streams, number)) for number in range(400)]
+    assert not any("\n" in outcome for outcome in outcomes)
+    assert 3 < outcomes.count("finite points") < 380
+
+
+def _outcome(stream: bytes) -> str:
+    try:
+        return "finite points" if np.isfinite(open_codec("gpcc").decode(stream)).all() else "\n"
+    except InputError as error:
+        return str(error)

@@ -1,0 +1,143 @@
+"""What all learned codecs share: which weights are theirs, and what streams say of them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.cli import main
+from puckbench.codecs.base import Codec
+from puckbench.codecs.learned import catalogue
+from puckbench.codecs.registry import entries, has_weights, open_codec
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, sha256
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.planning.workflow import Workflow
+from tests.support.learned_codecs import RATES, changes, save_tiny, shell
+
+NAMES = list(RATES)
+SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def together(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a set for each codec."""
+    folder = tmp_path_factory.mktemp("together")
+    for name in NAMES:
+        save_tiny(name, folder / f"{name}.pcgw")
+    return folder
+
+
+def _codec(name: str, weights: Path | str) -> Codec:
+    return open_codec(name, changes(name, weights))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_of_all_sets_in_a_folder_a_codec_takes_its_own(name: str, together: Path) -> None:
+    codec = _codec(name, together)
+    assert codec.available().ok
+    stream = codec.encode(shell(), "r2")
+    alone = _codec(name, together / f"{name}.pcgw")
+    assert alone.encode(shell(), "r2") == stream
+    assert np.array_equal(alone.decode(stream), codec.decode(stream))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_weights_of_a_rate_have_a_name_and_a_digest(name: str, together: Path) -> None:
+    file = together / f"{name}.pcgw"
+    assert _codec(name, together).weights_of("r1") == f"{name} {sha256(file)[:16]}"
+    assert bytes.fromhex(sha256(file)[:16]) in _codec(name, together).encode(shell(), "r2")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_streams_of_other_weights_are_refused(name: str, together: Path, tmp_path: Path) -> None:
+    stream = _codec(name, together).encode(shell(), "r2")
+    save_tiny(name, tmp_path / "other.pcgw", seed=1)
+    with pytest.raises(InputError, match=f"codec {name}: the stream was made with other weights"):
+        _codec(name, tmp_path).decode(stream)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_set_has_a_name_and_decodes_its_streams_whatever_is_given(
+    name: str, together: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = {path.stem: path for path in together.glob("*.pcgw")}
+    monkeypatch.setattr(catalogue, "shipped", lambda: shipped)
+    stream = _codec(name, name).encode(shell(), "r2")
+    save_tiny(name, tmp_path / "other.pcgw", seed=1)
+    decoded = _codec(name, tmp_path).decode(stream)
+    assert np.array_equal(decoded, _codec(name, name).decode(stream))
+
+
+@pytest.mark.parametrize("cut", [0, 6, 200, -2], ids=["empty", "start", "header", "tensors"])
+@pytest.mark.parametrize("name", NAMES)
+def test_damaged_weights_are_refused(name: str, cut: int, together: Path, tmp_path: Path) -> None:
+    whole = (together / f"{name}.pcgw").read_bytes()
+    (tmp_path / "a.pcgw").write_bytes(whole[:cut])
+    with pytest.raises(InputError, match=r"a\.pcgw"):
+        _codec(name, tmp_path).encode(shell(), "r2")
+
+
+@pytest.mark.parametrize("header", [b"[]", b'{"network": "pcgcv2"}', b'{"alphas": [[]]}'])
+def test_headers_of_another_kind_are_refused(header: bytes, tmp_path: Path) -> None:
+    start = catalogue.START.pack(catalogue.MAGIC, catalogue.VERSION, len(header))
+    (tmp_path / "a.pcgw").write_bytes(start + header)
+    assert "damaged weights" in _codec("pcgcv2", tmp_path).available().why
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
+    assert "no weights given" in open_codec(name, {"options": {"weights": None}}).available().why
+    assert "has no weights for" in _codec(name, tmp_path).available().why
+    assert "no such folder" in _codec(name, tmp_path / "nowhere").available().why
+
+
+def test_shipped_sets_have_what_their_codecs_ask_for() -> None:
+    names = {name: entry["options"].get("weights") for name, entry in entries().items()
+             if has_weights(name)}  # fmt: skip
+    assert set(catalogue.shipped()) <= set(names.values())
+    for name, weights in names.items():
+        assert (weights in catalogue.shipped()) == open_codec(name).available().ok
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> None:
+    program = (
+        "import sys; from puckbench.codecs.registry import open_codec;"
+        "from puckbench.codecs.learned.training.settings import open_training;"
+        f"open_codec('{name}', {{'options': {{'weights': '{together}'}}}}).available();"
+        f"open_training('{name}', None, {{}}); print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    heavy = {"torch", "constriction"} | (set() if name == "sparse_octree_net" else {"numba"})
+    assert heavy & set(done.stdout.split()) == set()
+
+
+def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_path: Path) -> None:
+    codec = {"options": {"weights": str(tmp_path)}, "rates": RATES["pcgcv2"]}
+    config = {
+        "scenes": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
+        "datasets": {"d": {"scenes": "a", "make": "sample"}},
+        "codecs": {"pcgcv2": codec, "draco": {}},
+    }
+    codes = []
+    for name in ("pcgcv1", "pcgcv2"):
+        (tmp_path / "a.pcgw").write_bytes((together / f"{name}.pcgw").read_bytes())
+        plan = Workflow(config, SCHEMA)
+        codes.append([plan.codec_code("puckbench.cli.encode", c) for c in config["codecs"]])
+    assert codes[0][0] != codes[1][0]
+    assert codes[0][1] == codes[1][1]
+
+
+def test_the_record_of_a_stream_says_which_weights_made_it(together: Path, tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", PointCloud(shell()))
+    words = ["--codec", "sparse_octree_net", "--rate", "r1", "--weights", str(together)]
+    assert main(["encode", f"{tmp_path}/a.ply", f"{tmp_path}/a.bin", *words, "--json"]) == 0
+    digest = sha256(together / "sparse_octree_net.pcgw")[:16]
+    assert read_json(tmp_path / "a.bin.json")["weights"] == f"sparse_octree_net {digest}"

@@ -1,0 +1,115 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from puckbench.codecs.learned.octree_net.examples import Examples
+from puckbench.codecs.learned.octree_net.fixed_point import MOST_SUM, largest_sum, rounded, weight
+from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet, Shape
+from puckbench.codecs.learned.octree_net.training import Trainer, bits_per_level, limit
+from puckbench.codecs.learned.octree_net.training_settings import Training
+from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
+from puckbench.codecs.learned.training.examples import turned
+from puckbench.codecs.learned.training.loop import train
+from puckbench.core.errors import InputError
+
+
+def _room(points: int = 3000) -> np.ndarray:
+    """Two walls and a floor, with noise."""
+    rng = np.random.default_rng(0)
+    points = rng.random((points, 3)) * 60
+    points[np.arange(len(points)), rng.integers(0, 3, len(points))] = 7.0
+    return points + rng.normal(scale=0.4, size=points.shape)
+
+
+def _examples(seed: int = 1) -> Examples:
+    return Examples([_room()], side=16, cubes=2, fewest=20, seed=seed)
+
+
+def _trainer(workers: Crew, steps: int = 4) -> Trainer:
+    torch.manual_seed(0)
+    return Trainer(OctreeNet(Shape(width=8)), Training(steps=steps, side=16), workers)
+
+
+def test_training_lowers_the_bits() -> None:
+    with crew(2) as workers:
+        trainer = _trainer(workers, steps=40)
+        bits = [trainer.step(_examples().batch(0)) for _ in range(40)]
+    assert np.mean(bits[-5:]) < 0.9 * np.mean(bits[:5])
+
+
+def test_equal_logits_cost_eight_bits_a_voxel_of_each_level() -> None:
+    model = OctreeNet(Shape(width=8))
+    with torch.no_grad():
+        for head in (*model.first_heads, *model.second_heads):
+            head.logits.kernel.zero_()
+            head.logits.bias.zero_()
+    keys = np.unique(morton_keys(_room().clip(0, 63).astype(np.int64)))
+    with crew(1) as workers, torch.no_grad():
+        bits = [float(level) for level in bits_per_level(model, keys, 3, workers)]
+    assert bits == pytest.approx([8 * len(np.unique(keys >> 3 * depth)) for depth in (3, 2, 1)])
+
+
+def test_every_parameter_has_a_gradient() -> None:
+    with crew(1) as workers:
+        trainer = _trainer(workers)
+        trainer.step(_examples().batch(0))
+    assert all(value.grad is not None for value in trainer.model.parameters())
+
+
+def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
+    batch = _examples().batch
+    with crew(2) as workers:
+        whole = _trainer(workers)
+        train(whole, batch, tmp_path / "whole.pt", 10, lambda step, bits: None)
+        broken = _trainer(workers)
+        for step in range(2):
+            broken.step(batch(step))
+        broken.save(tmp_path / "broken.pt")
+        resumed = _trainer(workers)
+        train(resumed, batch, tmp_path / "broken.pt", 1, lambda step, bits: None)
+        with pytest.raises(InputError, match="other settings"):
+            _trainer(workers, steps=5).resume(tmp_path / "broken.pt")
+    assert resumed.done == whole.done == 4
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(resumed.model.state_dict()[name], value), name
+
+
+def test_limited_weights_keep_sums_exact() -> None:
+    model = OctreeNet(Shape(width=8))
+    with torch.no_grad():
+        for layer in model.modules():
+            if isinstance(layer, Layer):
+                layer.kernel.fill_(3.0)
+    limit(model)
+    model.check()
+    kernel, bias = weight(model.between[0].kernel), rounded(torch.zeros(8))
+    assert 0.8 * MOST_SUM < largest_sum(kernel, bias) < MOST_SUM
+
+
+def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
+    first, again, other = (_examples(seed).batch(3) for seed in (1, 1, 2))
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert not np.array_equal(first[0], other[0])
+    assert all(morton_voxels(keys).max() < 16 for keys in first)
+
+
+def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
+    with pytest.raises(InputError, match="no cube of 8 voxels' side holds 5000"):
+        Examples([_room()], side=8, fewest=5000).batch(0)
+
+
+@pytest.mark.parametrize(("upright", "symmetries"), [(False, 48), (True, 8)])
+def test_cubes_are_met_in_so_many_symmetries(upright: bool, symmetries: int) -> None:
+    rng, voxel = np.random.default_rng(0), np.array([[0, 1, 2]])
+    found = {tuple(turned(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
+    assert len(found) == symmetries
+    assert not upright or {z for _, _, z in found} == {2}
+
+
+def test_other_numbers_of_symmetries_are_refused() -> None:
+    assert Training(symmetries=8).examples([_room()]).upright
+    with pytest.raises(InputError, match="symmetries cannot be 7"):
+        Training(symmetries=7)

@@ -1,0 +1,127 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from puckbench.codecs.learned.gains import spread_gains
+from puckbench.codecs.learned.pcgcv2.model import PCGCv2
+from puckbench.codecs.learned.pcgcv2.training import Loss, Trainer, loss_of
+from puckbench.codecs.learned.pcgcv2.training_settings import Training
+from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
+from puckbench.codecs.learned.training.examples import Examples, batch
+from puckbench.codecs.learned.training.loop import train
+from puckbench.core.errors import InputError
+from tests.support.learned_codecs import ALPHAS, TINY2
+
+
+def _cloud(step: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(step)
+    sides = rng.integers(4, 12, 3)
+    grid = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
+    shell = grid[((grid == 0) | (grid == sides - 1)).any(axis=1)]
+    return [np.sort(morton_keys(shell + rng.integers(0, 4, 3)))]
+
+
+def _trainer(workers: Crew, steps: int = 4) -> Trainer:
+    torch.manual_seed(0)
+    model = PCGCv2(TINY2)
+    spread_gains(model, ALPHAS)
+    return Trainer(model, Training(alphas=ALPHAS, steps=steps, rate_first=5e-3), workers)
+
+
+def _number(value: torch.Tensor) -> float:
+    return float(value.detach())
+
+
+def test_clouds_of_a_batch_do_not_touch() -> None:
+    clouds = [_cloud(0)[0], _cloud(1)[0], _cloud(2)[0]]
+    keys = batch(clouds)
+    assert np.array_equal(np.unique(keys), keys)
+    owner = np.repeat(np.arange(3), [len(cloud) for cloud in clouds])
+    voxels = morton_voxels(keys)
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        apart = np.abs(voxels[owner == one][:, None] - voxels[owner == other][None]).max(axis=2)
+        assert apart.min() > 8
+
+
+def test_the_loss_is_the_weighted_sum_of_its_parts() -> None:
+    with crew(1) as workers:
+        trainer = _trainer(workers)
+        loss = loss_of(trainer.model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+    entropy = np.dot(list(map(_number, loss.entropies)), [12 / 7, 6 / 7, 3 / 7])
+    expected = 4.0 * entropy + _number(loss.bpp)
+    assert _number(loss.total) == pytest.approx(expected / 2, rel=1e-5)
+
+
+def test_an_even_guess_costs_one_bit_a_candidate() -> None:
+    with crew(1) as workers:
+        model = _trainer(workers).model
+        with torch.no_grad():
+            for scale in range(3):
+                model.decoder.scale(scale).logits.kernel.zero_()
+        loss = loss_of(model, _cloud(0)[0], 0, 1.0, workers, torch.Generator())
+    assert [_number(entropy) for entropy in loss.entropies] == pytest.approx([1, 1, 1])
+
+
+def test_training_lowers_the_loss() -> None:
+    with crew(2) as workers:
+        trainer = _trainer(workers, steps=30)
+        losses = [float(sum(trainer.step(_cloud(0)).entropies)) for _ in range(30)]
+    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+
+
+def test_every_parameter_of_the_chosen_rate_has_a_gradient() -> None:
+    with crew(1) as workers:
+        model = _trainer(workers).model
+        loss = loss_of(model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+        loss.total.backward()
+    lacking = [name for name, value in model.named_parameters() if value.grad is None]
+    assert lacking
+    assert all(name.startswith("bottlenecks.0.") for name in lacking)
+
+
+def _ignore(step: int, loss: Loss) -> None:
+    pass
+
+
+def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
+    with crew(2) as workers:
+        whole = _trainer(workers)
+        train(whole, _cloud, tmp_path / "whole.pt", 10, _ignore)
+        broken = _trainer(workers)
+        for step in range(2):
+            broken.step(_cloud(step))
+        broken.save(tmp_path / "broken.pt")
+        resumed = _trainer(workers)
+        train(resumed, _cloud, tmp_path / "broken.pt", 1, _ignore)
+    assert resumed.done == whole.done == 4
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(resumed.model.state_dict()[name], value), name
+
+
+def test_another_trainings_checkpoint_is_refused(tmp_path: Path) -> None:
+    with crew(1) as workers:
+        _trainer(workers, steps=4).save(tmp_path / "a.pt")
+        with pytest.raises(InputError, match="other settings"):
+            _trainer(workers, steps=5).resume(tmp_path / "a.pt")
+
+
+def _plane() -> np.ndarray:
+    grid = np.stack(np.meshgrid(np.arange(60), np.arange(60), indexing="ij"), axis=-1)
+    return np.column_stack([grid.reshape(-1, 2), grid.reshape(-1, 2).sum(axis=1) // 2])
+
+
+def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
+    examples = [Examples([_plane()], side=32, cubes=3, seed=seed) for seed in (1, 1, 2)]
+    batches = [made.batch(7) for made in examples]
+    assert all(np.array_equal(a, b) for a, b in zip(batches[0], batches[1], strict=True))
+    assert not np.array_equal(batches[0][0], batches[2][0])
+    assert not np.array_equal(examples[0].batch(8)[0], batches[0][0])
+    assert all(morton_voxels(keys).max() < 32 for keys in batches[0])
+
+
+def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
+    with pytest.raises(InputError, match="no cube of 8 voxels' side holds 200"):
+        Examples([_plane()], side=8).batch(0)

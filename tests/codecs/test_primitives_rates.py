@@ -1,0 +1,73 @@
+"""Rates of the primitives codec on a furnished room: more bits bring a decode nearer."""
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.primitives.decision_error import Judge
+from puckbench.codecs.primitives.encoder import prepared
+from puckbench.codecs.primitives.grid_alignment import first_ways
+from puckbench.codecs.primitives.mode_decision import _best_surface, _tried
+from puckbench.codecs.primitives.settings import Settings
+from puckbench.codecs.registry import open_codec
+from puckbench.geometry.cloud import PointCloud
+from puckbench.metrics.geometry import distortion
+
+_BOXES = (
+    ((0, 0, 0), (1023, 700, 500)),
+    ((300, 250, 0), (520, 370, 140)),
+    ((700, 60, 0), (960, 190, 330)),
+    ((60, 480, 0), (150, 660, 210)),
+    ((620, 430, 120), (800, 560, 140)),
+    ((430, 20, 200), (470, 60, 420)),
+)
+_POINTS = 48_000
+
+
+def _furnished(noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A room and boxes in it: true points on them, their normals, and the points with noise."""
+    rng = np.random.default_rng(4)
+    low, high = np.repeat(np.array(_BOXES, float), 6, axis=0).transpose(1, 0, 2).copy()
+    rows, side = np.arange(len(low)), np.arange(len(low)) % 6
+    upper = side % 2 == 1
+    low[rows[upper], side[upper] // 2] = high[rows[upper], side[upper] // 2]
+    high[rows[~upper], side[~upper] // 2] = low[rows[~upper], side[~upper] // 2]
+    sizes = high - low
+    sizes[rows, side // 2] = 1.0
+    areas = sizes.prod(axis=1)
+    which = rng.choice(len(low), _POINTS, p=areas / areas.sum())
+    true = low[which] + rng.random((_POINTS, 3)) * (high - low)[which]
+    normals = np.eye(3)[side[which] // 2]
+    return true, normals, true + rng.normal(0, noise, (_POINTS, 1)) * normals
+
+
+def _curve(noise: float, rates: tuple[str, ...]) -> np.ndarray:
+    """Bytes, distances to the points (to plane, to point) and to the truth (to plane) by rate."""
+    true, normals, points = _furnished(noise)
+    codec, rows = open_codec("primitives"), []
+    for rate in rates:
+        stream = codec.encode(points, rate)
+        decoded = codec.decode(stream)
+        to_points = distortion(PointCloud(points, normals), decoded)
+        to_truth = distortion(PointCloud(true, normals), decoded)["cd_plane"]
+        rows.append([len(stream), to_points["cd_plane"], to_points["cd_point"], to_truth])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    ("noise", "rates"),
+    [(0.0, ("r2", "r4", "r6", "r8")), (2.5, ("r2", "r4", "r6", "r7"))],
+)
+def test_more_bits_bring_a_room_nearer(noise: float, rates: tuple[str, ...]) -> None:
+    found = _curve(noise, rates)
+    assert (np.diff(found[:, 0]) > 0).all()
+    assert (np.diff(found[:, [1, 3]], axis=0) < 0).all()
+    # Where on a surface points lie is not coded.
+    assert (found[1:, 2] < 1.01 * found[:-1, 2]).all()
+
+
+def test_a_grid_that_lies_badly_is_not_kept() -> None:
+    _, _, points = _furnished(0.0)
+    cloud = prepared(points, Settings(leaf=32, cell=16, price=600, step=8))
+    judge = Judge.of(cloud.points, *cloud.surface[:3])
+    tried = [_tried(cloud, judge, way).cost for way in first_ways(cloud)]
+    assert _best_surface(cloud, judge).cost < 0.95 * min(tried)

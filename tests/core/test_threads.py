@@ -1,0 +1,23 @@
+"""Work shared by threads."""
+
+import threading
+
+import pytest
+
+from puckbench.core.threads import in_threads
+
+
+def test_results_keep_their_order_and_threads_run_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    meeting = threading.Barrier(2, timeout=30)
+
+    def work(item: int) -> int:
+        meeting.wait()  # one thread alone would never get past this
+        return item * item
+
+    assert in_threads(work, range(6)) == [0, 1, 4, 9, 16, 25]
+
+
+def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    assert in_threads(lambda _: threading.get_ident(), range(3)) == [threading.get_ident()] * 3

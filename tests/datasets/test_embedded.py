@@ -1,0 +1,105 @@
+"""Generated scenes as scene sets."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.datasets.calibration import Calibration
+from puckbench.datasets.embedded_objects import EmbeddedObjects
+from puckbench.datasets.embedded_rooms import EmbeddedRooms
+
+SMALL = "copy_room_1"
+
+
+def test_rooms_are_chosen_by_name_or_by_number() -> None:
+    every = EmbeddedRooms().names()
+    assert len(every) >= 10
+    assert every == sorted(every)
+    assert len(EmbeddedRooms(rooms=3).names()) == 3
+    assert EmbeddedRooms(rooms=(SMALL,)).names() == [SMALL]
+
+
+@pytest.mark.parametrize(
+    ("rooms", "message"),
+    [
+        (("office_99",), "rooms: unknown name 'office_99'"),
+        (0, "rooms: 0 is not from 1 to"),
+        (1000, "rooms: 1000 is not from 1 to"),
+        ((), "rooms: no names"),
+    ],
+)
+def test_rooms_that_do_not_exist_are_named(rooms: tuple[str, ...] | int, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        EmbeddedRooms(rooms=rooms).names()
+
+
+def test_a_room_has_labels_a_sensor_within_its_box_and_a_type() -> None:
+    scene = EmbeddedRooms(seed=4).load(SMALL)
+    assert scene.mesh is not None
+    assert scene.mesh.labels is not None
+    assert scene.box is not None
+    assert (np.array(scene.origin) > scene.box[0]).all()
+    assert (np.array(scene.origin) < scene.box[1]).all()
+    assert scene.group == "copy_room"
+    assert scene.about["seed"] == 4
+
+
+def test_the_seed_makes_the_room() -> None:
+    first, again, other = (EmbeddedRooms(seed=seed).load(SMALL).mesh for seed in (1, 1, 2))
+    assert first is not None
+    assert again is not None
+    assert other is not None
+    assert np.array_equal(first.vertices, again.vertices)
+    assert first.vertices.shape != other.vertices.shape or (first.vertices != other.vertices).any()
+
+
+def test_real_furniture_replaces_the_generated_and_is_credited(tmp_path: Path) -> None:
+    items = []
+    for semantic in ("Bookcase", "Chair", "Sofa", "Table"):
+        sides = "".join(f"{side}#{len(items)}=50\n" for side in ("width", "depth", "height"))
+        fields = {"name": semantic, "category": "Office", "model": "/a.obj", "creator": "Ada"}
+        text = "".join(f"{key}#{len(items)}={value}\n" for key, value in fields.items())
+        items.append(f"id#{len(items)}=Test#{semantic}\n{text}{sides}")
+    with zipfile.ZipFile(tmp_path / "Test.sh3f", "w") as archive:
+        archive.writestr("PluginFurnitureCatalog.properties", "\n".join(items))
+        archive.writestr("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n")
+    rooms = EmbeddedRooms(seed=1, furniture=str(tmp_path))
+    scene, plain = rooms.load("office_1"), EmbeddedRooms(seed=1).load("office_1")
+    assert scene.mesh is not None
+    assert plain.mesh is not None
+    assert scene.mesh.labels is not None
+    labels = scene.mesh.labels
+    sizes = np.bincount(labels.object_id, minlength=len(labels.objects))
+    chairs = [sizes[k] for k, item in enumerate(labels.objects) if item.semantic == "chair"]
+    assert chairs
+    assert set(chairs) == {3}
+    assert "Ada" in scene.about["credit"]
+    assert rooms.files("office_1") == [tmp_path / "Test.sh3f"]
+
+
+def test_objects_are_chosen_by_class_and_member() -> None:
+    assert len(EmbeddedObjects().names()) == 15 * 12
+    objects = EmbeddedObjects(classes=("chair", "cup"), members=2)
+    assert objects.names() == ["chair_01", "chair_02", "cup_01", "cup_02"]
+    with pytest.raises(InputError, match="classes: unknown name 'char'"):
+        EmbeddedObjects(classes=("char",)).names()
+    with pytest.raises(InputError, match="members: 13 is not from 1 to 12"):
+        EmbeddedObjects(members=13).names()
+
+
+def test_an_object_has_its_class_as_group() -> None:
+    scene = EmbeddedObjects(seed=2).load("pipe_fitting_03")
+    assert scene.mesh is not None
+    assert scene.group == "pipe_fitting"
+    assert np.ptp(scene.mesh.bounds(), axis=0).max() == pytest.approx(1)
+
+
+def test_a_calibration_scene_has_the_sensor_at_its_distance() -> None:
+    scene = Calibration(scenes=("wall_floor_5m",)).load("wall_floor_5m")
+    assert scene.mesh is not None
+    assert scene.origin is not None
+    assert scene.origin[1] == 5
+    assert scene.mesh.areas().sum() == pytest.approx(1.6 * 2.2 + 1.6 * 5)

@@ -1,0 +1,96 @@
+"""Sets of mesh files: a folder of anything, and CAPOD."""
+
+from pathlib import Path
+
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.datasets.capod import Capod
+from puckbench.datasets.mesh_folder import MeshFolder
+
+TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"
+TRIANGLE_OFF = "OFF3 1 0\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Meshes in two groups and at the top, with things that are none."""
+    files = {
+        "top one.obj": TRIANGLE_OBJ,
+        "top one.off": TRIANGLE_OFF,
+        "chair/train/chair_0001.OFF": TRIANGLE_OFF,
+        "table/t 1.obj": TRIANGLE_OBJ,
+        "table/._t 1.obj": "resource fork",
+        "table/t 1.mtl": "newmtl red",
+        "readme.txt": "",
+    }
+    for name, text in files.items():
+        path = tmp_path / "meshes" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path / "meshes"
+
+
+def test_a_folder_gives_safe_unique_names_and_groups(folder: Path) -> None:
+    meshes = MeshFolder(str(folder))
+    names = ["chair-train-chair_0001", "table-t_1", "top_one", "top_one_2"]
+    assert meshes.names() == names
+    assert [meshes.load(name).group for name in names] == ["chair", "table", "meshes", "meshes"]
+    assert meshes.files("table-t_1") == [folder / "table" / "t 1.obj"]
+    assert MeshFolder(str(folder), recursive=False).names() == ["top_one", "top_one_2"]
+
+
+def test_units_and_orientation_of_a_folder(folder: Path) -> None:
+    scene = MeshFolder(str(folder), up="y", metres_per_unit=0.01).load("table-t_1")
+    assert scene.mesh is not None
+    assert scene.mesh.bounds().tolist() == [[0, 0, 0], [0.01, 0, 0.02]]
+
+
+def test_an_unknown_scene_is_named(folder: Path) -> None:
+    with pytest.raises(InputError, match="no scene 'sofa'"):
+        MeshFolder(str(folder)).load("sofa")
+
+
+def make_capod(root: Path) -> Path:
+    """A CAPOD of two classes, with its numbering across classes."""
+    (root / "CAPOD.cla").parent.mkdir(parents=True)
+    (root / "CAPOD.cla").write_text("PSB 1\n2 3\n\nHuman 0 2\n1\n2\n\nDesktop_computer 0 1\n3\n\n")
+    for index, number in ((1, 1), (1, 2), (2, 3)):
+        (root / f"class{index}").mkdir(exist_ok=True)
+        (root / f"class{index}" / f"m{number}.obj").write_text(TRIANGLE_OBJ + "l 1 2 3\n")
+    return root
+
+
+def test_capod_names_groups_and_counts(tmp_path: Path) -> None:
+    capod = Capod(str(make_capod(tmp_path / "CAPOD")))
+    assert capod.names() == ["m001", "m002", "m003"]
+    scene = capod.load("m003")
+    assert scene.group == "Desktop_computer"
+    assert scene.about["skipped"] == {"polylines": 1}
+    assert "Papadakis" in scene.about["credit"]
+
+
+def test_capod_by_class(tmp_path: Path) -> None:
+    root = make_capod(tmp_path / "CAPOD")
+    assert Capod(str(root), classes=("Human",)).names() == ["m001", "m002"]
+    with pytest.raises(InputError, match=r"no class 'human' \(known: Human, Desktop_computer\)"):
+        Capod(str(root), classes=("human",)).names()
+
+
+def test_capod_tells_what_is_missing(tmp_path: Path) -> None:
+    root = make_capod(tmp_path / "CAPOD")
+    (root / "class1" / "m2.obj").unlink()
+    with pytest.raises(
+        InputError, match=r"1 of 3 objects are missing, the first is class1/m2\.obj"
+    ):
+        Capod(str(root)).names()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "PSB 1\n", "PSB 1\n1 2\nHuman 0 2\n1\n", "PSB 1\n1 2\nHuman 0 1\n1\n", "OFF 1 1 1"]
+)
+def test_a_damaged_classification_is_named(tmp_path: Path, text: str) -> None:
+    root = make_capod(tmp_path / "CAPOD")
+    (root / "CAPOD.cla").write_text(text)
+    with pytest.raises(InputError, match=r"CAPOD\.cla: "):
+        Capod(str(root)).names()

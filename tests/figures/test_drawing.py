@@ -1,0 +1,372 @@
+"""The figures themselves: what is on them, that nothing vanishes, and that bytes repeat."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+
+from puckbench.core.errors import InputError
+from puckbench.figures.drawing import draw_files, lay_out
+from puckbench.figures.panels import log_limits
+from puckbench.figures.plot_styles import CODEC_LOOKS
+from puckbench.figures.registry import FIGURES
+from puckbench.figures.style import FigureStyle
+from puckbench.io.clouds import write_cloud
+from puckbench.io.tables import read_table
+from puckbench.thesis.figures.example_clouds import round_length
+from tests.support.figures_lookalike import (
+    CD_MEDIANS,
+    clouds_table,
+    gpcc_scales_table,
+    metrics_table,
+    recovery_table,
+    room_cloud,
+    scan_errors_table,
+    thesis_medians_table,
+)
+from tests.support.residuals_lookalike import residual_table, scan_table
+
+FROM_METRICS = [name for name, entry in FIGURES.items() if entry.inputs == ("metrics",)]
+
+
+def draw(name: str, style: FigureStyle | None = None, **inputs: Any) -> Figure:
+    style = style or FigureStyle()
+    with style.context():
+        figure: Figure = FIGURES[name].load()(**inputs, style=style)
+    return figure
+
+
+def lines(axes: Axes) -> dict[str, np.ndarray]:
+    """Colour -> drawn points (n, 2)."""
+    return {line.get_color(): line.get_xydata() for line in axes.get_lines()}
+
+
+@pytest.fixture(scope="module")
+def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("inputs")
+    files = {"metrics": folder / "metrics.csv", "clouds": folder / "clouds.parquet"}
+    metrics_table(3).to_csv(files["metrics"], index=False)
+    clouds_table(3).to_parquet(files["clouds"])
+    residuals = residual_table(50)
+    distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
+    tables = {
+        "scan_errors": scan_errors_table(),
+        "recovery": recovery_table(),
+        "thesis_medians": thesis_medians_table(),
+        "gpcc_scales": gpcc_scales_table(),
+        "residuals": residuals,
+        "scans": scan_table(50),
+        "compared_residuals": residuals,
+        "model_distances": pd.DataFrame(
+            {"model": ["real", "vlp16"], **distances, "chance_m": 1e-3}
+        ),
+    }
+    for name, table in tables.items():
+        files[name] = folder / f"{name}.parquet"
+        table.to_parquet(files[name])
+    for version, noise_m in {"object": 0.0, "raw": 0.0, "clean": 0.0, "noisy": 0.03}.items():
+        files[f"example_{version}"] = folder / f"{version}.ply"
+        write_cloud(files[f"example_{version}"], room_cloud(20_000, noise_m))
+    return files
+
+
+@pytest.mark.parametrize("name", ["fig_6_3", "fig_6_4", "truth_rd"])
+def test_the_same_input_gives_the_same_bytes(
+    name: str, input_files: dict[str, Path], tmp_path: Path
+) -> None:
+    style = FigureStyle(dpi=60)
+    outputs = [tmp_path / f"{i}{suffix}" for i in "ab" for suffix in (".pdf", ".png")]
+    draw_files(name, input_files, outputs[:2], style)
+    draw_files(name, input_files, outputs[2:], style)
+    pdf, png, pdf_again, png_again = (path.read_bytes() for path in outputs)
+    assert (pdf, png) == (pdf_again, png_again)
+    assert b"/Subtype /Type3" not in pdf
+    assert not any(word in pdf + png for word in (b"CreationDate", b"Matplotlib"))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_figure_is_drawn_from_files(
+    name: str, input_files: dict[str, Path], tmp_path: Path
+) -> None:
+    draw_files(name, input_files, [tmp_path / "figure.png"], FigureStyle(dpi=30))
+    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_figure_6_5_shows_the_thesis_medians() -> None:
+    panels = draw("fig_6_5", metrics=metrics_table(clouds=301)).axes
+    assert len(panels) == 16
+    cd_noisy = lines(panels[3])
+    for codec in ("draco", "gpcc", "pcgcv1", "pcgcv2"):
+        rates, medians = cd_noisy[CODEC_LOOKS[codec].colour].T
+        assert rates.tolist() == list(range(len(CD_MEDIANS["s3dis_noisy", codec])))
+        np.testing.assert_allclose(medians, CD_MEDIANS["s3dis_noisy", codec], rtol=0.08)
+
+
+@pytest.mark.parametrize("name", FROM_METRICS)
+@pytest.mark.parametrize("factor", [1.0, 1e-4, 1e4])
+def test_every_point_lies_within_its_axes(name: str, factor: float) -> None:
+    table = metrics_table(4)
+    numbers = table.select_dtypes("number").columns
+    table[numbers] *= factor
+    for axes in draw(name, metrics=table).axes:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for x, y in (point for points in lines(axes).values() for point in points):
+            assert left <= x <= right
+            assert low <= y <= high
+
+
+def test_the_thesis_axis_ranges_are_the_default() -> None:
+    ranges = {"fig_6_6": (0.01, 1e3), "fig_6_7": (0.1, 1e4), "fig_6_8": (0.1, 1e2)}
+    for name, expected in ranges.items():
+        for axes in draw(name, metrics=metrics_table(2)).axes:
+            assert axes.get_ylim() == expected
+            assert axes.get_xlim() == (0.01, 100)
+
+
+def test_limits_widen_by_whole_decades_only_where_needed() -> None:
+    assert log_limits(np.array([0.5, 20.0]), (0.1, 100.0)) == (0.1, 100.0)
+    assert log_limits(np.array([0.003, 20.0]), (0.1, 100.0)) == (0.001, 100.0)
+    assert log_limits(np.array([0.5, 4000.0, 0.0, np.nan]), (0.1, 100.0)) == (0.1, 10_000.0)
+
+
+def test_a_lossless_point_stands_hollow_on_the_lower_edge() -> None:
+    table = metrics_table(1)
+    table.loc[table["rate"] == "r8", "cd_plane"] = 0.0
+    hollow = [
+        line
+        for line in draw("fig_6_6", metrics=table).axes[0].get_lines()
+        if line.get_markerfacecolor() == "white"
+    ]
+    assert {tuple(line.get_ydata()) for line in hollow} == {(0.01,)}
+    assert len(hollow) == 2  # Draco and G-PCC have an r8
+
+
+def test_colours_stay_when_a_codec_or_data_set_is_added_or_taken_away() -> None:
+    table = metrics_table(2)
+    added = table[table["codec"] == "draco"].assign(codec="a_new_codec")
+    fewer = table[(table["codec"] != "draco") & (table["dataset"] != "capod")]
+    before = set(lines(draw("fig_6_6", metrics=table).axes[0]))
+    after = set(lines(draw("fig_6_6", metrics=pd.concat([added, table])).axes[0]))
+    assert after - before == {FigureStyle().look("a_new_codec").colour}
+    assert before - after == set()
+    alone = set(lines(draw("fig_6_6", metrics=fewer).axes[0]))
+    assert alone == before - {CODEC_LOOKS["draco"].colour}
+
+
+@pytest.mark.parametrize("name", FROM_METRICS)
+def test_axes_say_what_they_show_and_in_which_unit(name: str) -> None:
+    figure = draw(name, metrics=metrics_table(2))
+    labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
+    assert labels
+    assert all(label.endswith(("(grid units²)", "(s)")) for label in labels)
+    xlabels = {axes.get_xlabel() for axes in figure.axes} | {figure.get_supxlabel()}
+    assert xlabels - {""} in ({"Bits per point (bpp)"}, {"Compression rate"})
+
+
+@pytest.mark.parametrize("datasets", [1, 3, 8])
+def test_titles_and_labels_do_not_overlap(datasets: int) -> None:
+    table = metrics_table(1)
+    first = table[table["dataset"] == "s3dis_clean"]
+    many = pd.concat(first.assign(dataset=f"some_long_data_set_{i}") for i in range(datasets))
+    for name in ("fig_6_5", "fig_6_6"):
+        figure = draw(name, metrics=many)
+        lay_out(figure)
+        rows: dict[float, list[Any]] = {}
+        for axes in figure.axes:
+            extent = axes.title.get_window_extent()
+            if axes.get_title():
+                rows.setdefault(round(axes.get_position().y0, 3), []).append(extent)
+        for titles in rows.values():
+            assert all(a.x1 < b.x0 for a, b in pairwise(sorted(titles, key=lambda t: t.x0)))
+        legend = figure.legends[0].get_window_extent()
+        assert all(legend.y0 >= title.y1 for titles in rows.values() for title in titles)
+        assert figure.get_size_inches()[0] == (3.5 if datasets == 1 else 7.16)
+
+
+def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
+    table = metrics_table(2)
+    table.loc[table["dataset"] == "s3dis_raw", "cd_plane"] = np.nan
+    panel = draw("fig_6_6", metrics=table).axes[1]
+    assert [text.get_text() for text in panel.texts] == ["no values"]
+
+
+def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
+    panels = draw("truth_rd", metrics=metrics_table(12), scan_errors=scan_errors_table()).axes
+    titles = [axes.get_title().replace("\n", " ") for axes in panels]
+    assert [title.removeprefix("S3DIS, virtual VLP-16: ") for title in titles] == [
+        "to the scan",
+        "to the clean scan",
+        "to the truth",
+    ]
+    draco = CODEC_LOOKS["draco"].colour
+    scan, clean, truth = (lines(axes)[draco][-1, 1] for axes in panels)
+    assert scan < 0.03
+    assert 2.4 < truth < 2.5 < clean
+
+
+def own_errors(axes: Axes) -> list[float]:
+    """Heights of the lines across a panel."""
+    return [float(y[0]) for y in (line.get_ydata() for line in axes.get_lines()) if len(y) == 2]
+
+
+@pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
+def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> None:
+    figure = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table())
+    assert [own_errors(axes) for axes in figure.axes] == [[], [pytest.approx(2.88)], [2.4]]
+    assert figure.legends[0].get_texts()[-1].get_text() == "the scan itself"
+    bpp, values = (figure.axes[0].get_shared_x_axes(), figure.axes[0].get_shared_y_axes())
+    for axes in figure.axes[1:]:
+        assert bpp.joined(figure.axes[0], axes)
+        assert values.joined(figure.axes[0], axes)
+
+
+def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> None:
+    exact = scan_errors_table().assign(truth_cd_plane=1e-20)
+    figure = draw("truth_rd", metrics=metrics_table(3), scan_errors=exact)
+    assert own_errors(figure.axes[2]) == []
+    assert figure.axes[2].get_ylim() == (0.01, 1000)
+
+
+def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> None:
+    panels = draw("recovery_rd", recovery=recovery_table()).axes
+    colour = CODEC_LOOKS["primitives"].colour
+    for axes, shares in zip(
+        panels, ([0.3, 0.5, 0.6], [0.2, 0.4, 0.5], [0.4, 0.6, 0.7]), strict=True
+    ):
+        np.testing.assert_allclose(lines(axes)[colour][:, 1], shares)
+        assert axes.get_ylim() == (0, 1)
+
+
+def test_the_thesis_s_medians_lie_behind_ours() -> None:
+    table = thesis_medians_table()
+    panel = draw("beside_thesis", thesis_medians=table).axes[3]
+    rows = table[(table["dataset"] == "s3dis_noisy") & (table["codec"] == "draco")]
+    cd = rows[rows["quantity"] == "cd_plane"]
+    drawn = [line for line in panel.get_lines() if line.get_color() == "#0072B2"]
+    wide, ours = sorted(drawn, key=lambda line: -line.get_linewidth())
+    np.testing.assert_allclose(np.asarray(wide.get_ydata()), cd["thesis"])
+    np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
+
+
+def test_scales_that_are_no_power_of_two_are_hollow() -> None:
+    table = gpcc_scales_table()
+    for axes in draw("gpcc_grid", gpcc_scales=table).axes:
+        white = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white"]
+        drawn = {float(x) for line in white for x in np.asarray(line.get_xdata())}
+        assert drawn == {0.375, 0.625, 0.75, 0.875}
+
+
+@pytest.mark.parametrize(("name", "last"), [("gpcc_rounding", 3.0), ("gpcc_contexts", 1.1)])
+def test_what_the_settings_as_run_cost_is_a_ratio_per_scale(name: str, last: float) -> None:
+    axes = draw(name, gpcc_scales=gpcc_scales_table()).axes[0]
+    first = axes.get_lines()[0]
+    assert np.asarray(first.get_xdata())[-1] == 1.0
+    assert np.asarray(first.get_ydata())[-1] == pytest.approx(last)
+
+
+def test_without_the_settings_as_run_there_is_no_ratio_to_draw() -> None:
+    table = gpcc_scales_table()
+    with pytest.raises(InputError, match="no scale that both G-PCC codecs have"):
+        draw("gpcc_rounding", gpcc_scales=table[table["codec"] == "gpcc"])
+
+
+def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
+    counts = [100, 200, 300, 400, 9000]
+    table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcde"), "points": counts})
+    axes = draw("fig_6_4", clouds=table).axes[0]
+    drawn = [set(np.asarray(line.get_ydata()).tolist()) for line in axes.get_lines()]
+    assert {300.0} in drawn  # median
+    assert {2000.0} in drawn  # mean
+    assert {200.0, 400.0} in drawn  # quartiles
+    assert axes.get_ylim()[1] > 9000  # few clouds: each is drawn
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 5)"]
+
+
+def test_example_clouds_carry_a_scale_bar_in_metres() -> None:
+    room = room_cloud(20_000)
+    figure = draw("fig_6_3", example_raw=room, example_clean=room, example_noisy=room)
+    *panels, bar = figure.axes
+    assert [axes.get_title()[:3] for axes in panels] == ["(a)", "(b)", "(c)"]
+    assert [axes.texts[0].get_text() for axes in panels] == ["1 m"] * 3
+    assert bar.get_ylabel() == "Height (m)"
+    assert 2.0 < bar.get_ylim()[1] < 2.7  # the ceiling of the 2.7 m high room is cut away
+
+
+@pytest.mark.parametrize(("length", "expected"), [(0.9, 0.5), (1.0, 1.0), (4.9, 2.0), (70, 50)])
+def test_scale_bars_have_round_lengths(length: float, expected: float) -> None:
+    assert round_length(length) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("name", [*FROM_METRICS, "fig_6_4"])
+def test_a_table_without_rows_is_an_input_error(name: str) -> None:
+    table = "clouds" if name == "fig_6_4" else "metrics"
+    empty = (clouds_table(1) if table == "clouds" else metrics_table(1)).iloc[:0]
+    with pytest.raises(InputError, match=f"^{table} table: no rows, nothing to draw$"):
+        draw(name, **{table: empty})
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"cd_plane": np.nan}, "no value in column 'cd_plane'"),
+        ({"cd_plane": -1.0}, "column 'cd_plane' has a negative or infinite value"),
+        ({"cd_plane": "failed"}, "column 'cd_plane' has values that are not numbers"),
+        ({"bpp": 0.0}, "column 'bpp' has a value of zero"),
+    ],
+)
+def test_values_that_cannot_be_drawn_are_named(change: dict[str, Any], fault: str) -> None:
+    with pytest.raises(InputError, match=f"metrics table: {fault}"):
+        draw("fig_6_6", metrics=metrics_table(1).assign(**change))
+
+
+def test_a_missing_column_is_named() -> None:
+    with pytest.raises(InputError, match="metrics table: no column 'encode_s'"):
+        draw("fig_6_8", metrics=metrics_table(1).drop(columns="encode_s"))
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (None, "no such file"),
+        ("dataset,bpp\n", "the table has no rows"),
+        ("", "not a readable table"),
+        ('a,b\n"1,2\n', "not a readable table"),
+    ],
+)
+def test_an_unusable_table_file_is_named(tmp_path: Path, text: str | None, fault: str) -> None:
+    path = tmp_path / "metrics.csv"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InputError, match=f"metrics.csv: {fault}"):
+        read_table(path)
+
+
+def test_names_that_look_like_numbers_stay_text(tmp_path: Path) -> None:
+    path = tmp_path / "metrics.csv"
+    path.write_text("dataset,cloud,codec,rate,bpp\n007,01,1,1,0.5\n")
+    assert read_table(path).iloc[0, :4].tolist() == ["007", "01", "1", "1"]
+
+
+def test_a_failed_drawing_leaves_no_file(input_files: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a figure is written as \.pdf or \.png"):
+        draw_files("fig_6_6", input_files, [tmp_path / "a.pdf", tmp_path / "a.gif"], FigureStyle())
+    with pytest.raises(InputError, match="figure fig_6_4: needs the input 'clouds'"):
+        draw_files("fig_6_4", {}, [tmp_path / "a.pdf"], FigureStyle())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_spread_shows_quartiles_and_nine_clouds_in_ten() -> None:
+    values = np.arange(1.0, 102.0)
+    table = pd.DataFrame({"dataset": "rooms", "codec": "draco", "rate": "r1", "cd_plane": values})
+    axes = draw("spread", metrics=table).axes[0]
+    (box,) = axes.patches
+    assert isinstance(box, PathPatch)
+    assert set(box.get_path().vertices[:4, 1]) == {26.0, 76.0}
+    ends = {float(y) for line in axes.get_lines() for y in line.get_ydata()}
+    assert {6.0, 51.0, 96.0} <= ends

@@ -1,0 +1,101 @@
+"""Colours and titles that stay the same, and styles from configurations."""
+
+import subprocess
+import sys
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.figures.plot_styles import CODEC_LOOKS, codec_look
+from puckbench.figures.registry import FIGURES, figure_entry
+from puckbench.figures.style import FigureStyle
+
+# Machado et al. 2009, severity 1.0: linear RGB as seen with protanopia and deuteranopia.
+_PROTANOPIA = [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]]
+_DEUTERANOPIA = [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]]
+_TO_XYZ = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+
+
+def _lab(colour: str, vision: list[list[float]]) -> np.ndarray:
+    srgb = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    xyz = np.array(_TO_XYZ) @ np.clip(np.array(vision) @ linear, 0, 1) / [0.9505, 1, 1.089]
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("vision", [np.eye(3).tolist(), _PROTANOPIA, _DEUTERANOPIA])
+def test_the_thesis_codecs_are_told_apart_by_everyone(vision: list[list[float]]) -> None:
+    for a, b in combinations(("draco", "gpcc", "pcgcv1", "pcgcv2"), 2):
+        looks = CODEC_LOOKS[a], CODEC_LOOKS[b]
+        distance = np.linalg.norm(np.subtract(*(_lab(k.colour, vision) for k in looks)))
+        assert distance > 15, (a, b)
+
+
+def test_every_known_codec_has_its_own_colour_and_marker() -> None:
+    looks = CODEC_LOOKS.values()
+    assert len({k.colour for k in looks}) == len({k.marker for k in looks}) == len(looks)
+
+
+def test_an_unknown_codec_looks_the_same_in_every_process() -> None:
+    code = "from puckbench.figures.plot_styles import codec_look as c; print(c('my_codec'))"
+    printed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert printed.strip() == str(codec_look("my_codec"))
+
+
+def test_listing_figures_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, puckbench.figures.registry, puckbench.figures.style; "
+        "print([m for m in ('matplotlib', 'pandas', 'scipy', 'open3d', 'numba') "
+        "if m in sys.modules])"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert printed.strip() == "[]"
+
+
+def test_every_registered_function_exists() -> None:
+    assert all(callable(entry.load()) for entry in FIGURES.values())
+
+
+def test_an_unknown_figure_is_named() -> None:
+    with pytest.raises(InputError, match=r"unknown figure 'fig_7_1'; there are fig_5_1, "):
+        figure_entry("fig_7_1")
+
+
+def test_later_options_override_earlier_ones_key_by_key() -> None:
+    common = {"font_size": 9, "colours": {"draco": "navy", "gpcc": "red"}}
+    own = {"font_size": 6, "colours": {"gpcc": "#123456"}, "axis_ranges": {"bpp": [0.1, 10]}}
+    style = FigureStyle.from_config(common, own)
+    assert style.font_size == 6
+    assert (style.look("draco").colour, style.look("gpcc").colour) == ("navy", "#123456")
+    assert style.axis_range("bpp", (0.01, 100)) == (0.1, 10)
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"fontsize": 9}, "unknown key 'fontsize'"),
+        ({"font_size": 0}, "font_size must be positive"),
+        ({"font_size": "big"}, "font_size must be a number"),
+        ({"axis_ranges": {"bpp": [0, 10]}}, "axis_ranges of 'bpp'"),
+        ({"axis_ranges": {"bpp": 10}}, "axis_ranges of 'bpp'"),
+        ({"colours": {"draco": "bleu"}}, "'bleu' is not a colour"),
+        ({"colours": "red"}, "colours must be a mapping"),
+    ],
+)
+def test_a_wrong_option_is_named(options: dict[str, object], fault: str) -> None:
+    with pytest.raises(InputError, match=f"figure style: .*{fault}"):
+        FigureStyle.from_config(options)
+
+
+def test_data_sets_keep_the_table_s_order_unless_the_style_names_one() -> None:
+    table = ["rooms", "rooms", "objects", "extra"]
+    assert FigureStyle().ordered_datasets(table) == ["rooms", "objects", "extra"]
+    style = FigureStyle(datasets=("objects", "absent"))
+    assert style.ordered_datasets(table) == ["objects", "rooms", "extra"]

@@ -1,0 +1,232 @@
+"""Capture files: packet captures of every byte order, ROS 2 bags, truncation, mutations."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from puckbench.core.errors import InputError
+from puckbench.io.recordings.pcap import read_pcap, udp_datagram
+from puckbench.io.recordings.ros_bags import packets_of_scan
+from puckbench.lidar.recordings import decode_packets, read_capture
+from puckbench.lidar.recordings.packets import PACKET
+from puckbench.lidar.recordings.reading import read_packets
+from puckbench.lidar.recordings.writing import pcap_bytes
+from tests.support.capture_lookalike import box_capture, scan_message
+
+LOG = box_capture(3)
+PCAP = pcap_bytes(LOG)
+RECORD = 16 + 42 + 1206
+
+
+def big_endian(data: bytes) -> bytes:
+    """The capture as a big-endian machine writes it, with nanoseconds."""
+    head = struct.unpack("<IHHiIII", data[:24])
+    parts = [struct.pack(">IHHiIII", 0xA1B23C4D, *head[1:])]
+    for at in range(24, len(data), RECORD):
+        seconds, micros, length, original = struct.unpack_from("<IIII", data, at)
+        parts.append(struct.pack(">IIII", seconds, micros * 1000, length, original))
+        parts.append(data[at + 16 : at + RECORD])
+    return b"".join(parts)
+
+
+def bag(path: Path, messages: list[bytes], kind: str = "velodyne_msgs/msg/VelodyneScan") -> Path:
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT)")
+        connection.execute("CREATE TABLE messages(id INTEGER, topic_id, timestamp, data BLOB)")
+        connection.execute("INSERT INTO topics VALUES (1, '/velodyne_packets', ?)", (kind,))
+        rows = [(k, 1, 10 + k, message) for k, message in enumerate(messages)]
+        connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows)
+        connection.commit()
+    return path
+
+
+def test_packets_come_back_from_a_capture() -> None:
+    log = read_pcap(PCAP)
+    assert np.array_equal(log.payloads, LOG.payloads)
+    assert log.received == pytest.approx(LOG.received, abs=1e-6)
+
+
+def test_the_other_byte_order_and_nanoseconds_are_read() -> None:
+    log = read_pcap(big_endian(PCAP))
+    assert np.array_equal(log.payloads, LOG.payloads)
+    assert log.received == pytest.approx(LOG.received, abs=1e-6)
+
+
+def test_a_truncated_capture_gives_its_whole_packets_and_tells_the_rest() -> None:
+    log = read_pcap(PCAP[:-100])
+    assert len(log) == 2
+    assert log.about["bytes_cut_off"] == RECORD - 100
+
+
+def test_a_vlan_tag_is_skipped() -> None:
+    frame = PCAP[40 : 24 + RECORD]
+    tagged = frame[:12] + b"\x81\x00\x00\x05" + frame[12:]
+    assert udp_datagram(tagged) == udp_datagram(frame)
+
+
+def test_fragments_and_other_protocols_are_no_datagrams() -> None:
+    frame = bytearray(PCAP[40 : 24 + RECORD])
+    assert udp_datagram(bytes(frame[:20] + b"\x20\x00" + frame[22:])) is None
+    assert udp_datagram(bytes(frame[:23] + b"\x06" + frame[24:])) is None
+    assert udp_datagram(bytes(frame[:12] + b"\x86\xdd" + frame[14:])) is None
+
+
+def test_packets_of_other_sizes_are_counted() -> None:
+    position = struct.pack("<IIII", 0, 0, 60, 60) + PCAP[40:100]
+    assert read_pcap(PCAP + position).about["other_packets"] == 1
+
+
+def test_two_sensors_in_one_capture_are_refused() -> None:
+    other = PCAP[24 : 24 + RECORD].replace(bytes([192, 168, 1, 201]), bytes([192, 168, 1, 202]))
+    with pytest.raises(InputError, match=r"2 senders \(192.168.1.201, 192.168.1.202\)"):
+        read_pcap(PCAP + other)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "not a packet capture"),
+        (b"PK\x03\x04" + bytes(100), "not a packet capture"),
+        (b"\x0a\x0d\x0d\x0a" + bytes(100), "editcap"),
+        (PCAP[:20] + b"\x69\x00\x00\x00", "link type 105"),
+        (PCAP[:24], "no data packet of a VLP-16"),
+    ],
+)
+def test_other_files_are_named_with_their_fault(tmp_path: Path, data: bytes, message: str) -> None:
+    path = tmp_path / "a.pcap"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=f"a.pcap: .*{message}"):
+        read_capture(path)
+
+
+def test_a_missing_file_is_named_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^[^:]*gone\.pcap: no such file or directory$"):
+        read_capture(tmp_path / "gone.pcap")
+
+
+def test_packets_without_a_return_are_an_error(tmp_path: Path) -> None:
+    packets = LOG.payloads.copy().view(PACKET)
+    packets["blocks"]["returns"]["distance"] = 0
+    dark = replace(LOG, payloads=packets.view(np.uint8))
+    (tmp_path / "a.pcap").write_bytes(pcap_bytes(dark))
+    with pytest.raises(InputError, match=r"a.pcap: no return in the capture"):
+        read_capture(tmp_path / "a.pcap")
+
+
+def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    path.write_bytes(PCAP)
+    assert read_capture(path, start_s=0.001, end_s=0.002).about["packets"] == 1
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_bag_gives_the_packets_of_all_its_messages(tmp_path: Path, order: str) -> None:
+    messages = [scan_message(LOG.payloads[:2], order), scan_message(LOG.payloads[2:], order)]
+    log = read_packets(bag(tmp_path / "bag #1.db3", messages))
+    assert np.array_equal(log.payloads, LOG.payloads)
+    assert log.received.tolist() == [5.25, 6.25, 5.25]
+    assert len(read_capture(tmp_path)) == len(decode_packets(LOG.payloads))
+
+
+def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
+    bag(tmp_path / "a.db3", [], "sensor_msgs/msg/Image")
+    with pytest.raises(InputError, match=r"a.db3: the ROS 2 bag must have one topic"):
+        read_capture(tmp_path / "a.db3")
+    bag(tmp_path / "b.db3", [])
+    with pytest.raises(InputError, match=r"b.db3: the ROS 2 bag has no message"):
+        read_capture(tmp_path / "b.db3")
+
+
+def test_a_damaged_data_base_is_refused(tmp_path: Path) -> None:
+    data = bag(tmp_path / "a.db3", [scan_message(LOG.payloads)]).read_bytes()
+    (tmp_path / "b.db3").write_bytes(data[:3000])
+    with pytest.raises(InputError, match=r"b.db3: not a readable ROS 2 bag"):
+        read_capture(tmp_path / "b.db3")
+
+
+def test_a_message_that_claims_more_packets_than_it_has_is_refused() -> None:
+    message = scan_message(LOG.payloads)
+    with pytest.raises(InputError, match="of 3 packets is cut short"):
+        packets_of_scan(message[:-10])
+    with pytest.raises(InputError, match="of 4294967295 packets is cut short"):
+        packets_of_scan(message[:28] + b"\xff\xff\xff\xff" + message[32:])
+
+
+def mutated(data: bytes, changes: list[tuple[int, int]], length: int) -> bytes:
+    changed = bytearray(data)
+    for at, value in changes:
+        changed[at % len(changed)] = value
+    return bytes(changed[: length % (len(changed) + 1)])
+
+
+CHANGES = st.lists(
+    st.tuples(
+        st.one_of(st.integers(0, 80), st.integers(0, len(PCAP)), st.integers(-1210, -1)),
+        st.integers(0, 255),
+    ),
+    max_size=6,
+)
+LENGTH = st.one_of(st.just(-1), st.integers(0, 4000))
+
+
+@given(CHANGES, LENGTH)
+@example([], -1)
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_mutated_capture_is_a_table_or_an_error(
+    changes: list[tuple[int, int]], length: int
+) -> None:
+    data = mutated(PCAP, changes, length)
+    try:
+        table = decode_packets(read_pcap(data).payloads)
+    except InputError:
+        return
+    assert len(table) <= 3 * 384
+    assert np.isfinite(table.xyz).all()
+
+
+@given(CHANGES, LENGTH, st.sampled_from("<>"))
+@example([], -1, "<")
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_mutated_message_is_packets_or_an_error(
+    changes: list[tuple[int, int]], length: int, order: str
+) -> None:
+    data = mutated(scan_message(LOG.payloads, order), changes, length)
+    try:
+        packets = packets_of_scan(data)
+    except InputError:
+        return
+    assert packets["payload"].shape == (len(packets), 1206)
+    assert packets["payload"].nbytes <= len(data) + 2
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 1 << 14), st.integers(0, 255)), max_size=8),
+    st.one_of(st.just(-1), st.integers(16, 1 << 14)),
+)
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_mutated_bag_is_packets_or_an_error(
+    tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, int]], length: int
+) -> None:
+    folder = tmp_path_factory.mktemp("bag")
+    data = bag(folder / "a.db3", [scan_message(LOG.payloads)]).read_bytes()
+    (folder / "b.db3").write_bytes(mutated(data, changes, length))
+    try:
+        log = read_packets(folder / "b.db3")
+    except InputError:
+        return
+    assert log.payloads.nbytes <= len(data)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_frame_or_nothing(frame: bytes) -> None:
+    datagram = udp_datagram(frame)
+    assert datagram is None or len(datagram.payload) <= len(frame)

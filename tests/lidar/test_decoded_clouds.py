@@ -1,0 +1,115 @@
+"""Clouds with lasers as capture tables: our own exports, other decoders' columns, damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from puckbench.core.errors import InputError
+from puckbench.lidar import load_sensor
+from puckbench.lidar.export import export
+from puckbench.lidar.recordings import read_capture
+from puckbench.lidar.recordings.decoded_clouds import read_pcd
+
+DATA = Path(__file__).parents[1] / "data" / "capture"
+HEADER = """# .PCD v0.7
+VERSION 0.7
+FIELDS x y z _ ring
+SIZE 4 4 4 1 2
+TYPE F F F U U
+COUNT 1 1 1 3 1
+WIDTH 2
+HEIGHT 1
+VIEWPOINT 0 0 0 1 0 0 0
+POINTS 2
+"""
+ROWS = np.array(
+    [(3.0, 4.0, 0.5, 0, 0), (0.0, -2.0, 0.0, 0, 15)],
+    dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_", "u1", 3), ("ring", "<u2")],
+)
+BINARY = HEADER.encode() + b"DATA binary\n" + ROWS.tobytes()
+ASCII = HEADER.encode() + b"DATA ascii\n3 4 0.5 0 0 0 0\n0 -2 0 0 0 0 15\n"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
+def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
+    table = read_capture(DATA / "single.pcap")
+    export(tmp_path / f"a{suffix}", table)
+    again = read_capture(tmp_path / f"a{suffix}")
+    # PCD has single precision, and neither knows the vertical correction's share of z.
+    assert again.xyz == pytest.approx(table.xyz, abs=1e-6)
+    assert again["distance"] == pytest.approx(table["distance"], abs=1e-6)
+    assert again["laser_id"].tolist() == table["laser_id"].tolist()
+    assert again["timestamp"].tolist() == table["timestamp"].tolist()
+
+
+@pytest.mark.parametrize("data", [BINARY, ASCII])
+def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "a.pcd").write_bytes(data)
+    table = read_capture(tmp_path / "a.pcd")
+    elevations = np.asarray(load_sensor("vlp16").laser_elevation_deg)[table["laser_id"]]
+    assert elevations.tolist() == [-15, 15]
+    assert table["azimuth"] == pytest.approx([np.arctan2(3, 4), np.pi])
+    assert table["distance"] == pytest.approx(np.array([5, 2]) / np.cos(np.radians(15)))
+
+
+def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
+    export(tmp_path / "a.csv", read_capture(DATA / "single.pcap"))
+    assert read_capture(tmp_path / "a.csv", start_s=0.001)["timestamp"].min() >= 0.001
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("a.csv", b"", "not a readable CSV"),
+        ("a.csv", b"x,y,z\n1,2,3\n", "no laser column"),
+        ("a.csv", b"x,y,ring\n1,2,3\n", "no column z"),
+        ("a.csv", b"x,y,z,ring\n1,2,oops,3\n", "no column z"),
+        ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is no laser"),
+        ("a.csv", b"x,y,z,ring\n1,2,,1\n1,2,3,1\n", "not finite"),
+        ("a.csv", b"x,y,z,ring\n", "no column x, y, z"),
+        ("a.ply", b"ply\nformat oops\n", "not a readable PLY"),
+        ("a.pcd", b"oops", "not a PCD file"),
+        ("a.pcd", BINARY[:-10], "tells 2 points and has 1"),
+        ("a.pcd", BINARY.replace(b"TYPE F", b"TYPE Q"), "header of the PCD file is damaged"),
+        ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 0"), "header of the PCD file is damaged"),
+        ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 99999999"), "header of the PCD"),
+        ("a.pcd", BINARY.replace(b"binary", b"binary_compressed"), "binary_compressed"),
+        ("a.pcd", ASCII.replace(b"0.5", b"0,5"), "damaged line"),
+    ],
+)
+def test_damage_is_one_line_that_names_the_file(
+    tmp_path: Path, name: str, data: bytes, message: str
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=f"{name}: .*{message}"):
+        read_capture(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
+def test_a_missing_cloud_is_named(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(InputError, match=f"a{suffix}: no such file"):
+        read_capture(tmp_path / f"a{suffix}")
+
+
+@given(
+    st.sampled_from([BINARY, ASCII]),
+    st.lists(st.tuples(st.integers(0, 260), st.integers(0, 255)), max_size=5),
+    st.integers(0, 260),
+)
+@settings(max_examples=300, deadline=None)
+def test_a_mutated_pcd_is_columns_or_an_error(
+    data: bytes, changes: list[tuple[int, int]], length: int
+) -> None:
+    changed = bytearray(data)
+    for at, value in changes:
+        changed[at % len(changed)] = value
+    try:
+        columns = read_pcd(bytes(changed[:length] if length < 100 else changed))
+    except InputError:
+        return
+    assert all(len(column) <= len(data) for column in columns.values())

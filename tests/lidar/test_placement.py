@@ -1,0 +1,185 @@
+"""Places where a sensor cannot stand, and those that only look like it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.geometry.mesh import Labels, Mesh, SceneObject
+from puckbench.io.meshes import write_mesh
+from puckbench.lidar import ScanJob, ScanTable, Sweep, load_sensor, open_error_model, open_sweep
+from tests.support.sensor_scenes import box, joined, quad, room
+
+TURN = open_sweep({"preset": "spin", "azimuth_step_deg": 1.0})
+
+
+def scanned(
+    mesh: Mesh, origin: ArrayLike, sweep: Sweep = TURN, anywhere: bool = False
+) -> ScanTable:
+    model, place = open_error_model("none"), list(np.asarray(origin, dtype=float))
+    job = ScanJob(mesh, load_sensor("vlp16"), sweep, model, place, anywhere)
+    return job.table(np.random.default_rng(0))
+
+
+def with_crate() -> Mesh:
+    """The room and a crate of 1.6 m in its corner, each one object."""
+    mesh = joined([replace(room(), labels=None), replace(box([0.2] * 3, [1.6] * 3), labels=None)])
+    ids = np.repeat(np.array([0, 1], dtype=np.int32), 12)
+    objects = (SceneObject("walls", "wall"), SceneObject("crate_1", "crate"))
+    return replace(mesh, labels=Labels(ids, ids, objects, ()))
+
+
+@pytest.mark.parametrize("place", [[-0.2, 2.5, 1.3], [3, 2.5, 3.01], [3, 2.5, -40]])
+def test_outside_a_closed_room_is_refused_however_near(place: ArrayLike) -> None:
+    with pytest.raises(InputError, match=r"is outside the scene: \d+% of all directions meet it"):
+        scanned(room(), place)
+
+
+def test_an_outside_that_is_meant_is_scanned() -> None:
+    table = scanned(room(), [-0.2, 2.5, 1.3], anywhere=True)
+    assert table["x"] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("place", [[0.05, 0.05, 0.05], [3, 2.5, 1.3], [5.95, 4.95, 2.95]])
+def test_every_corner_of_a_room_without_a_ceiling_or_a_wall_is_inside(place: ArrayLike) -> None:
+    for skip in ((), ("+z",), ("+x",)):
+        if np.linalg.norm(place) < 5 or not skip:
+            assert len(scanned(room(skip), place)) > 0
+
+
+def test_the_notch_of_an_l_shaped_building_is_outside() -> None:
+    """Two closed boxes make an L; its bounding box has the notch inside."""
+    plan = joined([replace(box([0, 0, 0], [6, 2, 3]), labels=None), box([0, 2, 0], [2, 4, 3])])
+    plan = replace(plan, labels=None)
+    assert len(scanned(plan, [1, 4, 1.3])) > 0
+    with pytest.raises(InputError, match="is outside"):
+        scanned(plan, [4, 4, 1.3])
+
+
+def test_inside_of_a_thing_is_refused_by_its_name() -> None:
+    with pytest.raises(InputError, match="is inside of crate_1, which is all that it sees"):
+        scanned(with_crate(), [1, 1, 1])
+    assert len(scanned(with_crate(), [1, 1, 1], anywhere=True)) > 0
+    assert len(scanned(with_crate(), [3, 2.5, 1.3])) > 0
+
+
+def test_a_scene_of_one_object_is_no_thing_to_be_inside_of() -> None:
+    ids = np.zeros(12, dtype=np.int32)
+    alone = Labels(ids, ids, (SceneObject("walls", "wall"),), ())
+    assert len(scanned(replace(room(), labels=alone), [1, 1, 1])) > 0
+
+
+def test_without_labels_a_thing_is_known_by_how_near_all_is() -> None:
+    niche = joined([replace(room(), labels=None), replace(box([2, 2, 1], [1, 1, 1]), labels=None)])
+    with pytest.raises(InputError, match=r"is shut in: it sees 0\.\d\d m far"):
+        scanned(niche, [2.5, 2.5, 1.5])
+    assert len(scanned(niche, [4, 4, 1.5])) > 0
+
+
+def way(*places: ArrayLike) -> Sweep:
+    rows = [(0.1 * k, *map(float, place), 0, 0, 0) for k, place in enumerate(places)]
+    return open_sweep({"azimuth_step_deg": 1.0, "trajectory": rows})
+
+
+def test_a_way_through_a_wall_is_refused_with_its_time() -> None:
+    screen = quad([3, 0, 0], [0, 5, 0], [0, 0, 2])
+    halved = joined([replace(room(), labels=None), screen])
+    around = way([0, 0, 0], [0, 0, 1.2], [2, 0, 1.2], [2, 0, 0])
+    assert len(scanned(halved, [2, 2, 1], around)) > 0
+    through = way([0, 0, 0], [0.5, 0, 0], [2, 0, 0])
+    with pytest.raises(InputError, match=r"goes through a surface between 0\.1 and 0\.2 s"):
+        scanned(halved, [2, 2, 1], through)
+    assert len(scanned(halved, [2, 2, 1], through, anywhere=True)) > 0
+
+
+def test_a_way_that_touches_is_always_refused_as_far_as_the_sweep_goes() -> None:
+    touching = way([0, 0, 0], [1, 0, 0], [4, 0, 0])
+    with pytest.raises(InputError, match=r"the sensor at \[6\.0, 2\.0, 1\.0\] touches the mesh"):
+        scanned(room(), [2, 2, 1], touching, anywhere=True)
+    assert len(scanned(room(), [2, 2, 1], replace(touching, duration_s=0.15))) > 0
+
+
+def test_a_fixed_pose_stands_at_its_place_not_at_the_origin() -> None:
+    pose = open_sweep({"preset": "spin", "trajectory": [(0, 0, 0, 4.0, 0, 0, 0)]})
+    with pytest.raises(InputError, match=r"the sensor at \[3\.0, 2\.0, 5\.0\] is outside"):
+        scanned(room(), [3, 2, 1], pose)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--origin", "-1", "2", "1"], "the sensor at [-1.0, 2.0, 1.0] is outside the scene: "),
+        (["--origin", "0", "2", "1"], "the sensor at [0.0, 2.0, 1.0] touches the mesh"),
+        (["--origin", "0", "2", "1", "--anywhere"], "the sensor at [0.0, 2.0, 1.0] touches"),
+        (["--origin", "900", "2", "1", "--anywhere"], "no ray returned to a sensor at [900.0,"),
+        (["--origin", "nan", "2", "1"], "must be three finite numbers"),
+        (["--sweep", '{"max_range_m": 0.1}'], "no ray returned to a sensor at"),
+        (["--sensor", "half.yaml"], "half.yaml: 2 vertical_correction_mm for 3 lasers"),
+        (["--height", "7"], "no free spot 7.0 m above its floor"),
+    ],
+)
+def test_on_the_command_line_it_is_one_line_status_2_and_no_file(
+    words: list[str],
+    fault: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_mesh(Path("room.ply"), replace(room(), labels=None))
+    Path("half.yaml").write_text(
+        "{name: half, laser_elevation_deg: [-1, 0, 1], vertical_correction_mm: [1, -1],"
+        " rotation_hz: 10, azimuth_step_deg: 0.2, max_range_m: 30}"
+    )
+    assert main(["scan", "room.ply", "o.parquet", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert fault in error
+    assert not Path("o.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "every face of the mesh has zero area"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "m.obj: "),
+        ("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "a face has a vertex that is not finite"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "m.obj: "),
+    ],
+)
+def test_a_degenerate_mesh_is_one_line(
+    text: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "m.obj").write_text(text)
+    assert main(["scan", str(tmp_path / "m.obj"), str(tmp_path / "o.parquet")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert fault in error
+    assert [path.name for path in tmp_path.iterdir()] == ["m.obj"]
+
+
+def test_an_open_scene_is_scanned_from_a_place_that_is_meant(tmp_path: Path) -> None:
+    """A yard: ground alone, seen by less than half of all directions."""
+    mesh, out = tmp_path / "yard.ply", tmp_path / "o.parquet"
+    write_mesh(mesh, quad([-20, -20, 0], [40, 0, 0], [0, 40, 0]))
+    words = ["scan", str(mesh), str(out), "--sweep", '{"preset": "spin"}']
+    assert main(words) == 2
+    assert main([*words, "--anywhere"]) == 0
+    assert main([*words, "--origin", "3", "4", "1.5"]) == 2
+    assert main([*words, "--origin", "3", "4", "1.5", "--anywhere"]) == 0
+
+
+def test_a_place_that_the_scenes_description_names_is_taken(tmp_path: Path) -> None:
+    mesh, out = tmp_path / "yard.ply", tmp_path / "o.parquet"
+    write_mesh(mesh, quad([-20, -20, 0], [40, 0, 0], [0, 40, 0]))
+    mesh.with_suffix(".json").write_text(json.dumps({"origin": [1, 2, 1.5]}))
+    assert main(["scan", str(mesh), str(out), "--sweep", '{"preset": "spin"}']) == 0
+    mesh.with_suffix(".json").write_text(json.dumps({"origin": "somewhere"}))
+    assert main(["scan", str(mesh), str(out)]) == 2
+    mesh.with_suffix(".json").write_text(json.dumps([1, 2, 3]))
+    assert main(["scan", str(mesh), str(out), "--anywhere", "--sweep", '{"preset": "spin"}']) == 0

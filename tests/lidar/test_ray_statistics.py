@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.walls.ray_statistics import (
+    LaserBias,
+    azimuth_step,
+    laser_bias,
+    range_deviation,
+    ray_noise,
+    repeatability,
+)
+from tests.support.room_captures import STEP_DEG, captured, room_scan
+
+SIGMA_M, STEP_RAD = 0.0063, np.radians(0.2)
+
+
+def repeated(turns: int, columns: int = 1800) -> dict[str, Floats]:
+    """Deviations of 16 lasers with biases, over turns whose azimuths are not quite the same."""
+    rng = np.random.default_rng(3)
+    turn, laser, column = (part.ravel() for part in np.indices((turns, 16, columns)))
+    bias, wall = rng.normal(0, 0.01, 16), 0.02 * np.sin(column / 100)
+    noise = rng.normal(0, SIGMA_M, len(turn))
+    azimuth = (column + rng.uniform(-0.4, 0.4, len(turn))) * STEP_RAD
+    deviation = bias[laser] + wall + noise
+    return {"deviation": deviation, "laser": laser, "azimuth": azimuth, "turn": turn}
+
+
+@pytest.mark.parametrize("turns", [3, 4, 10])
+def test_ray_noise_is_what_changes_from_turn_to_turn(turns: int) -> None:
+    noise = ray_noise(**repeated(turns), step_rad=STEP_RAD)
+    assert noise is not None
+    assert noise.bins == 16 * 1800
+    assert noise.sigma_m == pytest.approx(SIGMA_M, rel=0.01)
+    # The variance of n Gaussians is distributed as chi squared with n - 1 degrees of freedom.
+    low = np.sqrt(chi2.median(turns - 1) / (turns - 1))
+    assert noise.median_std_m == pytest.approx(low * SIGMA_M, rel=0.015)
+
+
+def test_a_few_returns_that_jump_hardly_move_the_median() -> None:
+    values = repeated(4)
+    values["deviation"][::97] += 0.5
+    noise = ray_noise(**values, step_rad=STEP_RAD)
+    assert noise is not None
+    assert noise.median_std_m == pytest.approx(0.888 * SIGMA_M, rel=0.06)
+
+
+def test_two_turns_are_too_few() -> None:
+    assert ray_noise(**repeated(2, 50), step_rad=STEP_RAD) is None
+    assert ray_noise(**repeated(4, 50), step_rad=np.nan) is None
+
+
+def test_two_returns_of_one_turn_are_no_repetition() -> None:
+    values = repeated(3, 50)
+    values["turn"] = np.where(values["turn"] == 2, 1, values["turn"])
+    assert ray_noise(**values, step_rad=STEP_RAD) is None
+
+
+def test_a_return_beyond_the_plane_deviates_by_its_depth_along_the_ray() -> None:
+    deviation = range_deviation(np.array([-0.01, 0.01]), np.radians([60.0, 0.0]))
+    assert deviation == pytest.approx([0.02, -0.01])
+
+
+def test_the_bias_of_a_laser_is_its_mean() -> None:
+    laser = np.repeat([0, 3, 7], [100, 200, 5])
+    bias = laser_bias(np.array([0.01, -0.02, 9.0])[np.searchsorted([0, 3, 7], laser)], laser)
+    assert bias.lasers.tolist() == [0, 3]
+    assert bias.mean_m == pytest.approx([0.01, -0.02])
+    assert bias.returns.tolist() == [100, 200]
+    assert bias.std_m == pytest.approx(0.03 / np.sqrt(2))
+
+
+def test_one_laser_has_no_spread() -> None:
+    assert laser_bias(np.zeros(50), np.zeros(50, dtype=int)).std_m is None
+
+
+def walls(shared: float, own: float, count: int = 60) -> list[LaserBias]:
+    """Biases of 16 lasers on walls: a part that a laser keeps, and one of its own on each."""
+    rng = np.random.default_rng(1)
+    kept, lasers = rng.normal(0, 1, 16), np.arange(16)
+    kept *= shared / kept.std(ddof=1)
+    return [
+        LaserBias(lasers, kept + rng.normal(0, own, 16), np.full(16, 100)) for _ in range(count)
+    ]
+
+
+def test_repeatability_tells_the_part_that_a_laser_keeps() -> None:
+    found = repeatability(walls(0.006, 0.004))
+    assert found is not None
+    assert found.pairs == 60 * 59 / 2
+    assert found.shared_std_m == pytest.approx(0.006, rel=0.03)
+    assert found.correlation == pytest.approx(36 / (36 + 16), abs=0.03)
+
+
+def test_biases_that_do_not_repeat_share_nothing() -> None:
+    found = repeatability(walls(1e-9, 0.004))
+    assert found is not None
+    assert found.correlation == pytest.approx(0, abs=0.02)
+    assert found.shared_std_m < 0.0008
+
+
+def test_repeatability_needs_two_walls_with_six_lasers_in_common() -> None:
+    one, other = walls(0.006, 0.0, 2)
+    few = LaserBias(other.lasers[:5], other.mean_m[:5], other.returns[:5])
+    assert repeatability([one]) is None
+    assert repeatability([one, few]) is None
+
+
+def test_the_step_of_azimuth_is_that_of_the_scan() -> None:
+    table = captured(room_scan(2))
+    assert np.degrees(azimuth_step(table)) == pytest.approx(STEP_DEG)
+    assert np.isnan(azimuth_step(table.select(np.arange(16))))

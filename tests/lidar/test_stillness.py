@@ -1,0 +1,78 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.walls.stillness import still_rows, turn_shift
+from tests.support.room_captures import NOISE, ROTATION_HZ, captured, room_scan
+from tests.support.sensor_scenes import ROOM
+
+TURN_S = 1 / ROTATION_HZ
+
+
+def drive(*stops: tuple[float, float]) -> CaptureTable:
+    """Eight turns of a noisy sensor that is x metres from the middle at each time (in turns)."""
+    path = tuple((turn * TURN_S, x, 0.0, 0.0, 0.0, 0.0, 0.0) for turn, x in stops)
+    return captured(room_scan(8, path=path, noise=NOISE))
+
+
+def turn(table: CaptureTable, number: int) -> CaptureTable:
+    return table.select(table["turn"] == number)
+
+
+@pytest.fixture(scope="module")
+def standing() -> CaptureTable:
+    return captured(room_scan(4, noise=NOISE))
+
+
+def test_all_turns_of_a_standing_sensor_are_still(standing: CaptureTable) -> None:
+    rows, still = still_rows(standing)
+    assert len(rows) == len(standing)
+    assert still.turns == len(np.unique(standing["turn"]))
+    assert still.shift_m < 0.002
+
+
+def test_the_interval_between_two_drives_is_found() -> None:
+    table = drive((0, 0.0), (2, 0.1), (6, 0.1), (8, 0.3))
+    rows, still = still_rows(table)
+    # A turn of the virtual sensor ends where a turn of the packets does.
+    assert (still.first, still.last) == (2, 5)
+    assert set(rows["turn"]) == {2, 3, 4, 5}
+
+
+def test_a_sensor_that_drives_on_is_refused() -> None:
+    with pytest.raises(InputError, match=r"never stands still: from turn to turn .* 2\d\.\d mm"):
+        still_rows(drive((0, 0.0), (8, 0.16)))
+
+
+def test_a_slow_drift_ends_the_interval() -> None:
+    _, still = still_rows(drive((0, 0.0), (8, 0.008)))
+    assert 2 <= still.turns <= 4
+
+
+def test_the_shift_towards_a_wall_is_that_of_the_sensor() -> None:
+    here, there = (captured(room_scan(1, ROOM / 2 + [x, 0, 0])) for x in (0.0, 0.01))
+    # Walls ahead and behind fill 0.44 of the turn; towards their corners rays meet them at an
+    # angle of up to 50 degrees.
+    assert 0.010 <= turn_shift(here, there) <= 0.0156
+    assert turn_shift(here, here) == 0
+
+
+def test_somebody_who_walks_past_does_not_end_the_interval(standing: CaptureTable) -> None:
+    passing = (standing["turn"] == 2) & (standing["azimuth"] > 1.0) & (standing["azimuth"] < 2.0)
+    distance = np.where(passing, 0.8, standing["distance"])
+    walked = replace(standing, columns={**standing.columns, "distance": distance})
+    assert still_rows(walked)[1].turns == still_rows(standing)[1].turns
+
+
+def test_one_turn_does_not_tell(standing: CaptureTable) -> None:
+    with pytest.raises(InputError, match="one turn does not show"):
+        still_rows(turn(standing, 1))
+
+
+def test_turns_that_see_nothing_together_are_refused(standing: CaptureTable) -> None:
+    sides = (standing["turn"] % 2 == 0) == (standing["azimuth"] < np.pi)
+    with pytest.raises(InputError, match="too few returns of two turns compare"):
+        still_rows(standing.select(sides))

@@ -1,0 +1,66 @@
+"""Diameters against closed forms and all pairs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.distance import pdist
+
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.metrics.diameter import diameter
+
+POINTS = st.integers(2, 60).flatmap(
+    lambda n: arrays(np.float64, (n, 3), elements=st.floats(-1e3, 1e3, width=32))
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(points=POINTS)
+def test_diameter_is_the_largest_of_all_pairs(points: Floats) -> None:
+    assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)
+
+
+def unit(vectors: Floats) -> Floats:
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def triangle_of_clusters(random: np.random.Generator, n: int) -> Floats:
+    angle = random.integers(0, 3, n) * 2 * np.pi / 3
+    return np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]) + random.normal(
+        0, 0.05, (n, 3)
+    )
+
+
+SHAPES = {
+    "ball": lambda random, n: unit(random.normal(size=(n, 3))) * random.random((n, 1)),
+    "sphere": lambda random, n: unit(random.normal(size=(n, 3))),
+    "circle": lambda random, n: unit(random.normal(size=(n, 3)) * [1, 1, 0]) + 5,
+    "line": lambda random, n: random.random((n, 1)) * [1, 2, 3],
+    "grid": lambda random, n: random.integers(0, 8, (n, 3)).astype(float),
+    "triangle": triangle_of_clusters,
+}
+
+
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_diameter_of_many_points_on_a_shape(shape: str) -> None:
+    points = SHAPES[shape](generator(5, shape), 3000)
+    assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)
+
+
+def test_diameter_of_a_million_points_in_a_cube_is_its_diagonal() -> None:
+    points = generator(6, "cube").random((1_000_000, 3))
+    points[[7, 500_000]] = [[0, 0, 0], [1, 1, 1]]
+    assert diameter(points) == 3**0.5
+
+
+def test_a_single_point_has_no_diameter() -> None:
+    assert diameter(np.array([[1.0, 2.0, 3.0]])) == 0
+    assert diameter(np.ones((100, 3))) == 0
+
+
+def test_no_points_are_refused() -> None:
+    with pytest.raises(InputError, match="empty"):
+        diameter(np.zeros((0, 3)))

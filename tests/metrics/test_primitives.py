@@ -1,0 +1,90 @@
+"""Distances to primitives and their differences, in closed form."""
+
+import numpy as np
+import pytest
+
+from puckbench.geometry.mesh import Primitive
+from puckbench.metrics.primitives import differences, distances, in_metres
+from puckbench.scenes.surfaces import Shape, grid, primitive
+
+UP = [0.0, 0.0, 1.0]
+FLOOR = Primitive("plane", {"normal": UP, "offset": 1.0})
+PIPE = Primitive("cylinder", {"point": [1.0, 0.0, 5.0], "axis": UP, "radius": 2.0})
+BALL = Primitive("sphere", {"centre": [0.0, 0.0, 1.0], "radius": 0.5})
+HAT = Primitive("cone", {"apex": [0.0, 0.0, 0.0], "axis": UP, "half_angle": np.pi / 4})
+ORIGIN = np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    ("surface", "point", "distance"),
+    [
+        (FLOOR, [7, 7, -2], 3),
+        (PIPE, [1, 5, 100], 3),
+        (PIPE, [1, 0, 0], 2),
+        (BALL, [0, 3, 5], 4.5),
+        (HAT, [3, 0, 3], 0),
+        (HAT, [2, 0, 0], 2**0.5),
+        (HAT, [0, 0, 2], 2**0.5),
+        (HAT, [3, 0, -4], 5),  # beyond the apex
+    ],
+)
+def test_distances_of_points(surface: Primitive, point: list[float], distance: float) -> None:
+    assert distances(surface, np.array([point], float))[0] == pytest.approx(distance, abs=1e-12)
+
+
+def test_planes_differ_where_they_are_and_whatever_their_sides() -> None:
+    tilt = np.radians(3)
+    tilted = Primitive("plane", {"normal": [0, -np.sin(tilt), -np.cos(tilt)], "offset": -1.25})
+    found = differences(FLOOR, tilted, np.array([5.0, 0, 1]))
+    assert found["angle_deg"] == pytest.approx(3)
+    assert found["position_m"] == pytest.approx(1.25 - np.cos(tilt))
+
+
+def test_cylinders_differ_beside_their_points_and_not_along_their_axes() -> None:
+    other = {"point": [1.3, 0.4, -20.0], "axis": [0.0, 0.0, -1.0], "radius": 2.1}
+    found = differences(PIPE, Primitive("cylinder", other), np.array([3.0, 0, 9]))
+    assert found == pytest.approx({"angle_deg": 0, "position_m": 0.5, "radius_m": 0.1})
+
+
+def test_a_turned_cylinder_is_off_at_the_centre_of_the_points() -> None:
+    axis = [np.sin(0.1), 0.0, np.cos(0.1)]
+    turned = Primitive("cylinder", {"point": [1.0, 0.0, 0.0], "axis": axis, "radius": 2.0})
+    found = differences(PIPE, turned, np.array([3.0, 0, 9]))
+    assert found["angle_deg"] == pytest.approx(np.degrees(0.1))
+    assert found["position_m"] == pytest.approx(9 * np.sin(0.1))
+
+
+def test_spheres_and_cones_differ_by_their_places_and_sizes() -> None:
+    ball = Primitive("sphere", {"centre": [0.0, 0.3, 1.4], "radius": 0.4})
+    assert differences(BALL, ball, ORIGIN) == pytest.approx({"position_m": 0.5, "radius_m": 0.1})
+    cone = {"apex": [0.0, 0.0, 0.2], "axis": UP, "half_angle": np.pi / 4 - np.radians(2)}
+    assert differences(HAT, Primitive("cone", cone), ORIGIN) == pytest.approx(
+        {"angle_deg": 0, "position_m": 0.2, "half_angle_deg": 2}
+    )
+
+
+@pytest.mark.parametrize("surface", [FLOOR, PIPE, BALL, HAT], ids=lambda one: one.kind)
+def test_distances_keep_when_points_and_primitive_are_brought_to_metres(surface: Primitive) -> None:
+    scale, offset = 40.0, np.array([3.0, -2.0, 0.5])
+    points = np.random.default_rng(1).normal(size=(20, 3)) * 4
+    moved = in_metres(surface, scale, offset)
+    there = distances(moved, points / scale + offset)
+    np.testing.assert_allclose(there, distances(surface, points) / scale, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [Shape("plane"), Shape("cylinder", (0.7,)), Shape("sphere", (0.7,)), Shape("cone", (), (0.6,))],
+    ids=lambda shape: shape.kind,
+)
+def test_what_scenes_call_a_primitive_is_on_its_own_surface(shape: Shape) -> None:
+    u, v = np.meshgrid(np.linspace(0, 6, 9), np.linspace(0.1, 1.5, 5), indexing="ij")
+    on = {
+        "plane": (u, v, 0 * u),
+        "cylinder": (0.7 * np.cos(u), 0.7 * np.sin(u), v),
+        "sphere": (0.7 * np.cos(u) * np.sin(v), 0.7 * np.sin(u) * np.sin(v), 0.7 * np.cos(v)),
+        "cone": (v * np.tan(0.6) * np.cos(u), v * np.tan(0.6) * np.sin(u), v),
+    }[shape.kind]
+    surface = grid(np.stack(on, axis=-1), shape, np.eye(4)).at(1, 2, 3, turn=20, tilt=40, scale=1.5)
+    own = primitive(shape, surface.frames[0])
+    np.testing.assert_allclose(distances(own, surface.vertices), 0, atol=1e-12)

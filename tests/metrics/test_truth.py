@@ -1,0 +1,107 @@
+"""Distortion against surfaces whose distance is known in closed form."""
+
+import numpy as np
+import pytest
+
+from puckbench.core.seeding import generator
+from puckbench.geometry.closest import closest_surface_points, mesh_in_frame
+from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.mesh import Mesh
+from puckbench.metrics.geometry import distortion
+from puckbench.metrics.truth import scan_distortion, truth_distortion
+
+FLOOR = Mesh(
+    np.array([[0.0, 0, 0], [8, 0, 0], [8, 8, 0], [0, 8, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+)
+SEEN = PointCloud(np.array([[1.0, 1, 0], [7, 7, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]]))
+
+
+def test_decoded_points_between_visible_ones_are_measured_to_the_surface() -> None:
+    decoded = np.array([[4.0, 2, 0.5], [2, 4, -0.5]])
+    values = truth_distortion(SEEN, FLOOR, decoded)
+    assert values["truth_acd_ba_point"] == values["truth_acd_ba_plane"] == 0.25
+    assert values["truth_acd_ab_point"] == (10.25 + 34.25) / 2
+    assert values["truth_acd_ab_plane"] == 0.25
+    assert values["truth_cd_plane"] == 0.25
+    assert values["truth_hausdorff_plane"] == 0.5
+    assert values["truth_hausdorff_point"] == 34.25**0.5
+
+
+def test_beside_the_surface_the_error_to_plane_is_less_than_to_point() -> None:
+    values = truth_distortion(SEEN, FLOOR, np.array([[-3.0, 4, 4]]))
+    assert values["truth_acd_ba_point"] == 25
+    assert values["truth_acd_ba_plane"] == 16
+
+
+def test_without_a_mesh_the_visible_points_are_the_truth() -> None:
+    decoded = generator(1, "decoded").random((50, 3)) * 8
+    ordinary = distortion(SEEN, decoded)
+    assert truth_distortion(SEEN, None, decoded) == {f"truth_{k}": v for k, v in ordinary.items()}
+
+
+def test_a_scan_at_an_offset_is_as_far_from_the_clean_scan_along_and_across_the_surface() -> None:
+    x, y = np.meshgrid(np.arange(1.0, 8), np.arange(1.0, 8))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    clean = PointCloud(points, np.tile([0.0, 0, 1], (len(points), 1)))
+    values = scan_distortion(clean, FLOOR, points + np.array([0.25, 0, 0.5]))
+    for kind in ("acd_ab", "acd_ba", "cd"):
+        assert values[f"truth_{kind}_plane"] == values[f"clean_{kind}_plane"] == 0.25
+        assert values[f"clean_{kind}_point"] == 0.25**2 + 0.5**2
+    assert values["truth_acd_ba_point"] == 0.25  # between the rays there is surface, and no point
+    assert values["truth_acd_ab_point"] == values["clean_acd_ab_point"]
+    assert values["truth_points_a"] == values["truth_points_b"] == len(points)
+    assert "clean_points_a" not in values
+
+
+def test_without_true_normals_there_is_nothing_to_plane() -> None:
+    values = truth_distortion(PointCloud(SEEN.xyz), FLOOR, np.array([[4.0, 2, 0.5]]))
+    assert "truth_cd_point" in values
+    assert not [key for key in values if "plane" in key]
+
+
+@pytest.mark.parametrize(
+    ("point", "closest"),
+    [
+        ([2, 1, 3], [2, 1, 0]),
+        ([2, -1, 1], [2, 0, 0]),
+        ([-1, -2, 1], [0, 0, 0]),
+        ([9, 9, 0], [8, 8, 0]),
+        ([10, 3, 0], [8, 3, 0]),
+    ],
+)
+def test_closest_point_over_a_face_an_edge_and_a_corner(
+    point: list[float], closest: list[float]
+) -> None:
+    found = closest_surface_points(FLOOR, np.array([point], dtype=np.float64))
+    np.testing.assert_array_equal(found.xyz, [closest])
+    np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
+
+
+def test_closest_points_are_exact_far_from_the_origin() -> None:
+    away = np.array([40_000.0, -30_000.0, 500.0])
+    points = generator(2, "above").random((100, 3)) * [8, 8, 1]
+    far = Mesh(FLOOR.vertices + away, FLOOR.triangles)
+    found = closest_surface_points(far, points + away)
+    np.testing.assert_allclose(found.xyz - away, points * [1, 1, 0], atol=1e-10)
+
+
+def test_points_off_a_sphere_are_its_radius_less_away() -> None:
+    trimesh = pytest.importorskip("trimesh")
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64))
+    corners = mesh.vertices[::50]
+    found = closest_surface_points(mesh, corners * 1.5)
+    np.testing.assert_allclose(found.xyz, corners, atol=1e-15)
+
+
+def test_triangles_without_area_are_left_out() -> None:
+    triangles = np.array([[0, 0, 1], [0, 1, 2], [0, 2, 3]])
+    found = closest_surface_points(Mesh(FLOOR.vertices, triangles), np.array([[4.0, 0, 1]]))
+    assert found.triangles.tolist() == [1]
+    np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
+
+
+def test_a_mesh_is_brought_into_the_frame_of_a_scaled_cloud() -> None:
+    cloud = PointCloud(np.zeros((1, 3)), about={"scale": 170.5, "offset": [-1.0, 2.0, 0.5]})
+    moved = mesh_in_frame(FLOOR, cloud.about["scale"], cloud.about["offset"])
+    np.testing.assert_allclose(cloud.to_metres(moved.vertices), FLOOR.vertices, atol=1e-12)

@@ -1,0 +1,110 @@
+"""Times of a finished run's jobs, and what they say of another run."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.planning.job_times import JobKind, JobTime, Measurements, estimated, read_job_times
+
+
+def times(rule: str, *pairs: tuple[int, float], codec: str = "", rate: str = "") -> list[JobTime]:
+    return [JobTime(rule, codec, rate, points, seconds) for points, seconds in pairs]
+
+
+def test_a_job_takes_a_start_and_a_time_for_each_point() -> None:
+    found = Measurements.of([(100_000, 0.5), (200_000, 0.7), (300_000, 0.9)])
+    assert found.at(1_000_000) == pytest.approx(0.3 + 2e-6 * 1_000_000)
+
+
+def test_with_one_size_alone_time_is_in_proportion_to_the_points() -> None:
+    found = Measurements.of([(500_000, 2.0), (500_000, 3.0), (500_010, 2.5)])
+    assert found.at(1_000_000) == pytest.approx(5.0, rel=1e-3)
+
+
+def test_neither_start_nor_time_for_a_point_is_negative() -> None:
+    falling = Measurements.of([(100, 3.0), (300, 1.0)])
+    assert falling.at(1000) == pytest.approx(2.0)
+    steep = Measurements.of([(100, 0.0), (300, 4.0)])
+    assert steep.at(0) == 0.0
+
+
+def test_the_first_job_of_a_run_which_compiles_does_not_tilt_the_line() -> None:
+    found = Measurements.of([(100, 90.0), (100, 1.0), (200, 2.0), (300, 3.0), (400, 4.0)])
+    assert found.at(1000) == pytest.approx(10.0)
+
+
+def test_timed_calls_count_as_often_as_they_are_planned() -> None:
+    measured = [JobTime("encode", "draco", "r1", 100, 3.0, call_s=0.5, repeats=2)]
+    (found,) = estimated([JobKind("encode", 1, 100, "draco", "r1", repeats=5)], measured)
+    assert found.seconds == pytest.approx(2.0 + 5 * 0.5)
+
+
+def test_jobs_measured_against_the_truth_tell_of_their_like() -> None:
+    measured = [
+        JobTime("evaluate", "draco", "r1", 100, 1.0, truth=False),
+        JobTime("evaluate", "draco", "r1", 100, 4.0, truth=True),
+    ]
+    kinds = [JobKind("evaluate", 1, 100, "draco", "r1", truth=truth) for truth in (False, True)]
+    assert [found.seconds for found in estimated(kinds, measured)] == [1.0, 4.0]
+
+
+def test_core_hours_count_every_job_and_say_how_far_they_reach() -> None:
+    kind = JobKind("encode", 3600, 200, "draco", "r1")
+    measured = times("encode", (100, 1.0), (100, 1.0), codec="draco", rate="r1")
+    (found,) = estimated([kind], measured)
+    assert found.hours == pytest.approx(2.0)
+    assert (found.measured, found.reach, found.exact) == (2, 2.0, True)
+
+
+def test_a_rate_not_measured_takes_the_codecs_others_and_says_so() -> None:
+    measured = times("encode", (100, 1.0), codec="draco", rate="r1")
+    kinds = [JobKind("encode", 1, 100, "draco", "r2"), JobKind("encode", 1, 100, "gpcc", "r1")]
+    draco, gpcc = estimated(kinds, measured)
+    assert (draco.seconds, draco.exact) == (1.0, False)
+    assert (gpcc.seconds, gpcc.hours) == (None, 0.0)
+
+
+def record(run: Path, name: str, rule: str, log: str, seconds: float) -> None:
+    folder = run / ".snakemake" / "metadata"
+    folder.mkdir(parents=True, exist_ok=True)
+    text = {"rule": rule, "log": [log], "starttime": 100.0, "endtime": 100.0 + seconds}
+    (folder / name).write_text(json.dumps(text))
+
+
+def test_snakemakes_records_become_one_time_for_each_job(tmp_path: Path) -> None:
+    about = tmp_path / "results" / "small" / "clouds" / "objects" / "chair_01.json"
+    about.parent.mkdir(parents=True)
+    about.write_text('{"points": 2000}')
+    log = "results/small/logs/coded/objects/chair_01/draco/r8.log"
+    record(tmp_path, "a", "encode", log, 1.5)
+    record(tmp_path, "b", "encode", log, 1.5)  # the job's other output
+    record(tmp_path, "c", "fig_6_5", "results/small/logs/figures/fig_6_5.log", 4.0)
+    found = sorted(read_job_times(tmp_path), key=lambda time: time.rule)
+    assert found == [
+        JobTime("encode", "draco", "r8", 2000, 1.5),
+        JobTime("fig_6_5", "", "", 0, 4.0),
+    ]
+
+
+def test_a_row_tells_of_the_timed_call_and_of_the_truth(tmp_path: Path) -> None:
+    row = tmp_path / "results" / "metrics" / "rooms" / "office_1" / "gpcc" / "r1.json"
+    row.parent.mkdir(parents=True)
+    row.write_text('{"decode_s": 0.5, "repeats": 3, "truth_cd_point": 1.0}')
+    record(tmp_path, "a", "evaluate", "results/logs/metrics/rooms/office_1/gpcc/r1.log", 4.0)
+    (found,) = read_job_times(tmp_path)
+    assert (found.call_s, found.repeats, found.truth) == (0.5, 3, True)
+
+
+def test_processor_times_come_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "costs.json").write_text(
+        json.dumps({"jobs": [asdict(JobTime("scan", "", "", 9, 2.0))]})
+    )
+    assert read_job_times(tmp_path / "costs.json") == [JobTime("scan", "", "", 9, 2.0)]
+
+
+def test_a_folder_without_a_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no records of finished jobs there"):
+        read_job_times(tmp_path)

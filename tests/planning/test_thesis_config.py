@@ -1,0 +1,135 @@
+"""Shipped configurations for data that puckbench cannot fetch, on trees of their layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from puckbench.core.errors import InputError
+from puckbench.planning.config import checked, read_schema
+from puckbench.planning.workflow import Workflow
+from tests.support import stanford_lookalike as lookalike
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+ROOM = ((0.0, 0.0, 0.0), (4.0, 5.0, 3.0))
+
+
+def read(name: str) -> dict[str, Any]:
+    config: dict[str, Any] = yaml.safe_load((ROOT / "config" / name).read_text())
+    return config
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """``data`` of the working folder: an airplane of CAPOD and one office in every area."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "data"
+    lookalike.write(folder / "CAPOD" / "CAPOD.cla", "PSB 1\n1 1\n\nAirplane 0 1\n37\n")
+    lookalike.write(folder / "CAPOD" / "class1" / "m37.obj", "v 0 0 0\n")
+    for area in ("1", "2", "3", "4", "5a", "5b", "6"):
+        number = area[0]
+        lookalike.write_mesh(folder, area, [(f"office_1_{number}", ROOM)])
+        lookalike.cloud(folder, f"Area_{number}/office_1/office_1.txt", ROOM)
+        lookalike.positions(folder, area, {f"office_1_{number}": [2.0, 2.0, 1.3]})
+    (folder / "positions").rename(folder / "s3dis_locations")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["thesis.yaml", "capod.yaml"])
+def test_a_shipped_configuration_fits_the_schema(name: str) -> None:
+    config = checked(read(name), read_schema(SCHEMA))
+    assert config["datasets"]["capod"]["points"] == 500_000
+
+
+def test_the_thesis_is_planned_in_full(data: Path) -> None:
+    plan = Workflow(read("thesis.yaml"), SCHEMA).plan
+    counts = {name: len(entry.clouds) for name, entry in plan.datasets.items()}
+    assert counts == {"capod": 1, "s3dis": 6, "scans_clean": 7, "scans_noisy": 7}
+    assert plan.datasets["scans_noisy"].points == 480 * 150 * 16
+
+
+def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None:
+    weights = data / "weights" / "pcgcv1"
+    weights.mkdir(parents=True)
+    (weights / "a0.75b3.npz").write_bytes(b"")
+    config = read("thesis.yaml")
+    config["codecs"]["pcgcv1"] = {"options": {"weights": str(weights)}}
+    plan = Workflow(config, SCHEMA).plan
+    assert {"pcgcv1", "pcgcv2"} < set(plan.codecs)
+    assert [path.name for path in plan.weights["pcgcv1"]] == ["a0.75b3.npz"]
+    assert [path.name for path in plan.weights["pcgcv2"]] == ["pcgcv2_objects.pcgw"]
+
+
+def test_a_learned_codec_without_weights_is_named_before_anything_runs(data: Path) -> None:
+    nothing = {"pcgcv1": {"options": {"weights": None}}}
+    with pytest.raises(InputError, match=r"codecs.pcgcv1: no weights are shipped for it"):
+        Workflow({**read("thesis.yaml"), "codecs": nothing}, SCHEMA)
+
+
+def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
+    config = read("thesis.yaml")
+    config["datasets"]["scans_noisy"] |= {
+        "sweep": "thesis_room",
+        "errors": "thesis_room",
+        "crop": "noisy",
+    }
+    plan = Workflow(config, SCHEMA).plan
+    assert plan.datasets["scans_noisy"].points == 95 * 868 * 16
+
+
+def test_a_missing_set_is_named_with_its_place(data: Path) -> None:
+    (data / "2D-3D-S").rename(data / "elsewhere")
+    with pytest.raises(InputError, match=r"^scenes.room_meshes: data/2D-3D-S: no such folder"):
+        Workflow(read("thesis.yaml"), SCHEMA)
+
+
+def test_all_objects_of_capod_are_coded_at_all_rates(data: Path) -> None:
+    plan = Workflow(read("capod.yaml"), SCHEMA).plan
+    assert plan.clouds == (("capod", "m037"),)
+    assert len(plan.cells) == sum(len(codec["rates"]) for codec in plan.codecs.values())
+    assert set(plan.codecs) == {"draco", "gpcc", "gpcc_arena"}
+
+
+def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> None:
+    more = read("capod_learned.yaml")
+    chosen = more["scenes"]["objects"]["select"]
+    assert chosen == [f"m{12 * k + 1:03}" for k in range(15)]  # 15 classes of 12, in their order
+    classes = [f"Class{k} 0 1\n{name[1:].lstrip('0')}\n" for k, name in enumerate(chosen)]
+    lookalike.write(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
+    for k, name in enumerate(chosen):
+        file = data / "CAPOD" / f"class{k + 1}" / f"m{name[1:].lstrip('0')}.obj"
+        lookalike.write(file, "v 0 0 0\n")
+    weights = data / "weights"
+    for alpha in ("0.75", "2", "6", "10"):
+        lookalike.write(weights / "pcgcv1" / f"a{alpha}b3.npz", "")
+    for alpha in ("025", "05", "1", "2", "4", "6", "10"):
+        lookalike.write(weights / "pcgcv2" / f"c8_a{alpha}_32000.pth", "")
+    config = read("capod.yaml")
+    config["scenes"]["objects"] |= more.pop("scenes")["objects"]
+    config["codecs"] |= more.pop("codecs")
+    plan = Workflow({**config, **more}, SCHEMA).plan
+    assert len(plan.clouds) == 15
+    assert {name: len(codec["rates"]) for name, codec in plan.codecs.items()} == {
+        "draco": 8, "gpcc": 8, "gpcc_arena": 8, "pcgcv1_published": 5, "pcgcv2_published": 7
+    }  # fmt: skip
+
+
+def test_the_thesis_is_planned_at_full_size_without_its_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bench = Workflow({**read("thesis.yaml"), "stand_in": True}, SCHEMA)
+    counts = {name: len(entry.clouds) for name, entry in bench.plan.datasets.items()}
+    assert counts == {"capod": 180, "s3dis": 272, "scans_clean": 272, "scans_noisy": 272}
+    points = {name: entry.points for name, entry in bench.plan.datasets.items()}
+    assert points["capod"] == 500_000
+    assert points["scans_clean"] == points["scans_noisy"] == 1_152_000
+    assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.figures)
+    assert not any(
+        plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
+    )
+    assert bench.results == "results/thesis_stand_in"

@@ -1,0 +1,214 @@
+"""The report, opened in headless Chromium: it draws, sorts, turns, and fetches nothing."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from puckbench.cli import main
+from puckbench.report.build import build_page
+from puckbench.report.contents import Contents
+from tests.support.browser import Page, browser
+from tests.support.figures_lookalike import CD_MEDIANS
+from tests.support.report_lookalike import NASTY, STEPS, look_alike
+
+BACKGROUND = np.array([12, 13, 16])
+MACHINE = {"Processor": "a & b"}
+
+
+@dataclass(frozen=True)
+class Opened:
+    """The page in the browser, and its file."""
+
+    page: Page
+    file: Path
+
+
+@pytest.fixture(scope="module")
+def contents(tmp_path_factory: pytest.TempPathFactory) -> tuple[Contents, Path]:
+    folder = tmp_path_factory.mktemp("run")
+    return look_alike(folder), folder
+
+
+@pytest.fixture(scope="module")
+def text(contents: tuple[Contents, Path]) -> str:
+    return build_page(contents[0], MACHINE, contents[1])
+
+
+@pytest.fixture(scope="module")
+def opened(
+    text: str, contents: tuple[Contents, Path], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Opened]:
+    file = contents[1] / "report.html"
+    file.write_text(text, encoding="utf-8")
+    with browser(tmp_path_factory.mktemp("profile")) as page:
+        page.open(file)
+        yield Opened(page, file)
+        assert page.faults == []
+        assert [url for url in page.requests if not url.startswith(("file://", "data:"))] == []
+
+
+def test_the_same_files_give_the_same_bytes(contents: tuple[Contents, Path], text: str) -> None:
+    assert build_page(contents[0], MACHINE, contents[1]) == text
+
+
+def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
+    fetched = re.findall(r'(?:src|href|action|poster|data)="([^"]*)"', text)
+    outside = [url for url in fetched if not url.startswith(("data:image/png;base64,", "#"))]
+    assert set(outside) == {
+        "tables/summary.csv",
+        "tables/bd_rate.csv",
+        "tables/clouds.csv",
+        "figures/fig_6_6.pdf",
+    }
+    assert "@import" not in text
+    policy = re.findall(r'http-equiv="Content-Security-Policy" content="(.*?)"', text)[0]
+    assert unescape(policy).startswith("default-src 'none'; img-src data:; style-src")
+
+
+def test_names_are_text_and_no_markup(text: str) -> None:
+    assert NASTY not in text
+    assert "alert(&#x27;x&#x27;)&lt;/script&gt;" in text
+    assert "a &amp; b" in text
+
+
+def test_every_median_is_a_marker_and_every_curve_a_line(opened: Opened) -> None:
+    page = opened.page
+    assert page.run("document.querySelectorAll('svg.plot polyline').length") == len(CD_MEDIANS)
+    markers = "document.querySelectorAll('svg.plot .point').length"
+    assert page.run(markers) == sum(map(len, CD_MEDIANS.values()))
+    page.choose("Data set", "capod")
+    assert page.run(markers) == 8 + 8 + 6 + 7
+    page.click("fieldset.legend label:nth-of-type(1) input")
+    assert page.run(markers) == 8 + 6 + 7
+    page.click("fieldset.legend label:nth-of-type(1) input")
+    page.choose("Metric", "truth_cd_plane")
+    assert page.run(markers) == 0
+    page.choose("Metric", "cd_plane")
+
+
+def test_pointing_at_a_marker_tells_its_numbers(opened: Opened) -> None:
+    page = opened.page
+    left, top, width, height = page.place("svg.plot [data-codec='draco'] .point")
+    page.point_at(left + width / 2, top + height / 2)
+    page.settle()
+    words = page.run("document.querySelector('.tip').innerText")
+    assert words.startswith("Draco, r1")
+    assert "bpp" in words
+    assert re.search(
+        r"Chamfer distance, point to plane: \d+[\d.]* \(\d.* – \d.*\) grid units²", words
+    )
+
+
+def test_arrow_keys_walk_along_the_curves(opened: Opened) -> None:
+    page = opened.page
+    page.run("document.querySelector('svg.plot .point[tabindex=\"0\"]').focus()")
+    at = "document.activeElement.getAttribute('aria-label').split(', ').slice(0, 2).join()"
+    assert page.run(at) == "Draco,r1"
+    page.press("ArrowRight")
+    assert page.run(at) == "Draco,r2"
+    page.press("ArrowDown")
+    assert page.run(at) == "G-PCC,r2"
+
+
+def test_a_heading_sorts_its_column_both_ways(opened: Opened) -> None:
+    page = opened.page
+    column = (
+        "[...document.querySelectorAll('#table-summary tbody tr')]"
+        ".filter((row) => !row.hidden).map((row) => Number(row.cells[3].textContent))"
+    )
+    page.click("#table-summary th:nth-child(4) button")
+    rising = page.run(column)
+    assert len(rising) == sum(map(len, CD_MEDIANS.values()))
+    assert rising == sorted(rising)
+    page.click("#table-summary th:nth-child(4) button")
+    assert page.run(column) == rising[::-1]
+    heading = "document.querySelector('#table-summary th:nth-child(4)').getAttribute('aria-sort')"
+    assert page.run(heading) == "descending"
+
+
+def test_words_and_choices_filter_rows(opened: Opened) -> None:
+    page = opened.page
+    shown = "[...document.querySelectorAll('#table-summary tbody tr')].filter((r) => !r.hidden)"
+    page.run(
+        "(() => { const i = document.querySelector('#table-summary input[type=search]');"
+        "i.value = 'PCGCV1 r1'; i.dispatchEvent(new Event('input')); })()"
+    )
+    assert page.run(f"{shown}.length") == 4
+    count = "document.querySelector('#table-summary .count').textContent"
+    assert page.run(count) == f"4 of {sum(map(len, CD_MEDIANS.values()))} rows"
+
+
+def _drawn(picture: NDArray[np.uint8]) -> int:
+    """Pixels that are not of the viewer's background."""
+    return int((np.abs(picture.astype(int) - BACKGROUND).max(axis=2) > 40).sum())
+
+
+def test_the_viewer_draws_the_clouds_and_turns_them(opened: Opened) -> None:
+    page = opened.page
+    panes = [f".pane:nth-child({n}) canvas" for n in (1, 2, 3)]
+    before = [page.picture(pane) for pane in panes]
+    assert min(map(_drawn, before)) > 1000
+    assert page.run("document.querySelector('canvas').getContext('webgl') !== null")
+    page.drag(panes[0], 120, 30)
+    after = [page.picture(pane) for pane in panes]
+    for old, new in zip(before, after, strict=True):
+        assert (old != new).any(axis=2).sum() > 1000
+    assert _drawn(after[0]) > 1000
+
+
+def test_the_viewer_has_every_rate_of_every_codec(opened: Opened) -> None:
+    page = opened.page
+    for codec, rates in STEPS.items():
+        page.choose("Codec", codec)
+        for rate in rates:
+            page.choose("Rate", rate)
+            words = page.run("document.querySelectorAll('.pane figcaption')[1].innerText")
+            assert re.search(rf"{rate}, [\d.]+ bpp", words)
+
+
+def test_on_paper_the_plot_stays_and_controls_go(opened: Opened) -> None:
+    page = opened.page
+    page.show(700, 900, media="print", dark=True)
+    assert page.run("getComputedStyle(document.querySelector('nav')).display") == "none"
+    assert page.run("getComputedStyle(document.body).colorScheme") == "light"
+    assert page.run("document.querySelector('svg.plot').getBoundingClientRect().width") > 300
+    page.show(1280, 900)
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_no_width_makes_the_page_scroll_sideways(opened: Opened, width: int) -> None:
+    opened.page.show(width, 800)
+    opened.page.settle()
+    assert opened.page.run("document.documentElement.scrollWidth") <= width
+    opened.page.show(1280, 900)
+
+
+def test_without_webgl_the_clouds_are_drawn_all_the_same(opened: Opened, tmp_path: Path) -> None:
+    with browser(tmp_path, webgl=False) as page:
+        page.open(opened.file)
+        assert page.run("document.querySelector('canvas').getContext('webgl')") is None
+        assert _drawn(page.picture(".pane:nth-child(3) canvas")) > 1000
+        assert page.faults == []
+
+
+def test_the_command_writes_a_page_of_what_there_is(
+    contents: tuple[Contents, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    given = json.dumps({"metrics": contents[0].metrics})
+    assert main(["report", str(page), "--contents", given]) == 0
+    assert 'id="data-curves"' in page.read_text(encoding="utf-8")
+    assert main(["report", str(page), "--contents", '{"title": "Mine"}']) == 0
+    assert "<title>Mine</title>" in page.read_text(encoding="utf-8")
+    capsys.readouterr()
+    assert main(["report", str(page), "--contents", '{"metrics": "no.csv"}']) == 2
+    assert capsys.readouterr().err == "puckbench: no.csv: no such file or directory\n"

@@ -1,0 +1,209 @@
+"""The parts of the report: escaped markup, captions, tables, curves, clouds, pictures."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from PIL import Image
+
+from puckbench.core.errors import InputError
+from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import PointCloud
+from puckbench.planning.report_contents import spread_out
+from puckbench.planning.workflow import Workflow
+from puckbench.report.captions import caption_html
+from puckbench.report.clouds import (
+    cloud_payload,
+    example_payload,
+    levels,
+    points_each,
+    shown_decoded,
+    shown_original,
+    thinned,
+)
+from puckbench.report.contents import Contents
+from puckbench.report.curves import curves
+from puckbench.report.markup import Markup, tag
+from puckbench.report.pictures import MOST_BYTES, embedded
+from puckbench.report.quantities import measured
+from puckbench.report.tables import MOST_ROWS, table_html, text_of
+
+
+def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
+    made = tag("p", "a < b & c", tag("b", "x"), Markup("<i>"), title='"<>', hidden=True, id=None)
+    assert made == '<p title="&quot;&lt;&gt;" hidden>a &lt; b &amp; c<b>x</b><i></p>'
+
+
+def test_captions_have_paragraphs_code_and_emphasis_alone() -> None:
+    made = caption_html("Columns ``a_b`` are *squared*,\n2 * 3 < 7.\n\nNext <b>.\n")
+    expected = "<p>Columns <code>a_b</code> are <em>squared</em>, 2 * 3 &lt; 7.</p>"
+    assert made == expected + "<p>Next &lt;b&gt;.</p>"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.23456, "1.235"), (123456.7, "123457"), (0.0, "0"), (np.nan, ""), (pd.NA, ""), (7, "7")],
+)
+def test_cells_have_four_digits_and_nothing_where_a_value_is_missing(
+    value: object, text: str
+) -> None:
+    assert text_of(value) == text
+
+
+def test_a_long_table_is_cut_and_says_so() -> None:
+    table = pd.DataFrame({"cloud": [f"c{n}" for n in range(MOST_ROWS + 1)], "cd_plane": 1.5})
+    made = table_html(table, "tables/x.csv")
+    assert made.count("<tr>") == MOST_ROWS + 1
+    assert f"The first {MOST_ROWS:,} of {MOST_ROWS + 1:,} rows." in made
+    assert 'href="tables/x.csv"' in made
+
+
+def test_quantiles_are_marked_where_their_median_stands_beside_them() -> None:
+    made = table_html(pd.DataFrame({"bpp": [1.0], "bpp_q25": [0.5], "other_q25": [1.0]}))
+    assert made.count('class="number spread"') == 2  # heading and cell of bpp_q25
+
+
+def _metrics() -> pd.DataFrame:
+    rows = [
+        {"dataset": "set", "cloud": c, "codec": "draco", "rate": rate, "bpp": b, "cd_plane": d}
+        for rate in ("r10", "r2")
+        for c, b, d in [("a", 1.0, 4.0), ("b", 2.0, 8.0), ("c", 3.0, np.nan)]
+    ]
+    return pd.DataFrame(rows).assign(repeats=3, mine=[1, 2, 3, 4, 5, 6], points_in=9)
+
+
+def test_curves_are_quartiles_over_clouds_in_the_order_of_the_rates() -> None:
+    made = curves(_metrics(), FigureStyle(colours={"draco": "red"}))
+    assert [cell["rate"] for cell in made["cells"]] == ["r2", "r10"]
+    assert made["cells"][0]["values"]["bpp"] == [1.5, 2.0, 2.5]
+    assert made["cells"][0]["values"]["cd_plane"] == [5.0, 6.0, 7.0]
+    assert made["codecs"][0]["colour"] == "#ff0000"
+
+
+def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud() -> None:
+    made = curves(_metrics(), FigureStyle())
+    assert [metric["name"] for metric in made["metrics"]] == ["cd_plane", "mine"]
+
+
+@pytest.mark.parametrize(
+    ("column", "label"),
+    [
+        ("truth_cd_plane", "Chamfer distance, point to plane, to the true surface (grid units²)"),
+        ("hausdorff_point_m", "Hausdorff distance, point to point (m)"),
+        ("encode_s_max", "Encoding time, most of the repetitions (s)"),
+        ("d2_psnr", "PSNR D2, point to plane (dB)"),
+        ("of_ones_own", "of_ones_own"),
+    ],
+)
+def test_columns_have_words_and_units(column: str, label: str) -> None:
+    assert measured(column).label == label
+
+
+def test_coordinates_come_back_within_half_a_step() -> None:
+    rng = np.random.default_rng(1)
+    cloud = PointCloud(rng.uniform([0, 10, -5], [1, 30, -4.9], (500, 3)))
+    made = cloud_payload(shown_original(cloud, 1000), 0.0)
+    steps = np.frombuffer(base64.b64decode(made["xyz"]), "<u2").reshape(-1, 3)
+    back = np.array(made["low"]) + steps / 65535 * np.array(made["extent"])
+    assert (np.abs(back - cloud.xyz) <= np.array([1, 20, 0.1]) * 0.51 / 65535 + 1e-5).all()
+
+
+def test_errors_are_distances_to_the_nearest_point_in_metres() -> None:
+    original = PointCloud(np.zeros((1, 3)) + 100.0, about={"scale": 10.0})
+    ((_, _, shown),) = shown_decoded(original, [("c", "r", np.array([[100.0, 103, 104]]))], 10)
+    assert shown.errors is not None
+    np.testing.assert_allclose(shown.errors, [0.5])
+
+
+def test_levels_fall_by_254_over_three_decades() -> None:
+    errors = np.array([2.0, 1.0, 0.1, 0.001, 0.0009, 0.0])
+    assert levels(errors, 1.0).tolist() == [255, 255, 170, 1, 0, 0]
+    assert levels(np.zeros(3), 0.0).tolist() == [0, 0, 0]
+
+
+def test_an_example_without_errors_has_no_range() -> None:
+    cloud = PointCloud(np.arange(30.0).reshape(10, 3))
+    decoded = shown_decoded(cloud, [("c", "r", cloud.xyz)], 10)
+    made = example_payload(shown_original(cloud, 10), decoded, in_metres=False)
+    assert made["highest"] == 0
+    assert made["decoded"][0]["quantiles"] == [0, 0]
+
+
+def test_clouds_are_thinned_alike_each_time_and_kept_whole_when_small() -> None:
+    points = np.arange(300.0).reshape(100, 3)
+    chosen = thinned(points, 40, "draco", "r1")
+    assert len(np.unique(chosen, axis=0)) == 40
+    np.testing.assert_array_equal(chosen, thinned(points, 40, "draco", "r1"))
+    assert thinned(points, 100, "x") is points
+
+
+def test_many_clouds_have_fewer_points_each() -> None:
+    assert points_each(20_000, 10, 8.0) == 20_000
+    assert 16_000 < points_each(20_000, 52, 8.0) < 17_000
+
+
+def test_a_wide_figure_is_narrowed_and_the_same_bytes_give_the_same() -> None:
+    rng = np.random.default_rng(2)
+    buffer = io.BytesIO()
+    noise = rng.integers(0, 255, (900, 2000, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(buffer, format="PNG")
+    made = embedded(buffer.getvalue(), "noise.png")
+    assert (made.width, made.height) == (800, 360)
+    assert made == embedded(buffer.getvalue(), "noise.png")
+    assert len(made.png) < MOST_BYTES
+
+
+def test_a_figure_that_is_no_picture_is_named() -> None:
+    with pytest.raises(InputError, match=r"x\.png: not a readable picture"):
+        embedded(b"no", "x.png")
+
+
+def test_contents_go_to_json_and_back() -> None:
+    value = {"title": "t", "examples": [{"kind": "raw", "dataset": "d", "cloud": "c"}]}
+    value["examples"][0] |= {"original": "a.ply", "decoded": {"draco": {"r1": "b.ply"}}}
+    contents = Contents.from_json(value)
+    assert contents.files() == ["a.ply", "b.ply"]
+    assert Contents.from_json(json.loads(json.dumps(contents.as_json()))) == contents
+
+
+def test_contents_name_what_they_do_not_know() -> None:
+    with pytest.raises(InputError, match=r"contents of the report: .*'figurs'"):
+        Contents.from_json({"figurs": {}})
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"), [(1, ["c"]), (2, ["a", "e"]), (3, ["a", "c", "e"]), (9, list("abcde"))]
+)
+def test_rates_are_spread_from_the_first_to_the_last(count: int, expected: list[str]) -> None:
+    assert spread_out(list("abcde"), count) == expected
+
+
+def test_scripts_and_style_name_no_address_to_fetch() -> None:
+    folder = Path(__file__).parents[2] / "src" / "puckbench" / "report" / "assets"
+    texts = [path.read_text() for path in folder.iterdir()]
+    assert len(texts) > 5
+    for text in texts:
+        assert "@import" not in text
+        assert "url(" not in text
+        assert "fetch(" not in text
+
+
+def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() -> None:
+    root = Path(__file__).parents[2]
+    config = yaml.safe_load((root / "config" / "config.yaml").read_text())
+    bench = Workflow(config, root / "workflow" / "schemas" / "config.schema.yaml")
+    contents = bench.report(root / "workflow" / "report")
+    assert set(contents.figures) == set(bench.figures)
+    assert {"summary", "clouds", "bd_rate", "thesis_numbers"} <= set(contents.tables)
+    assert [example.kind for example in contents.examples] == list(config["figures"]["examples"])
+    for example in contents.examples:
+        assert list(example.decoded) == list(config["codecs"])
+        assert {len(rates) for rates in example.decoded.values()} == {3}
+    assert contents.examples[0].original == "results/clouds/objects/airplane_01.ply"

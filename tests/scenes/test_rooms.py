@@ -1,0 +1,123 @@
+"""Every generated room: closed, labelled, furnished, and free where the sensor stands."""
+
+from functools import cache
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.mesh import Mesh, check_mesh
+from puckbench.scenes.rooms import ROOMS, make_room, origin, room_box
+from tests.support.scenes_residuals import assert_furniture_within, plane_alignment, worst_residual
+
+S3DIS = {
+    "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa",
+    "bookcase", "board", "clutter",
+}  # fmt: skip
+FACING_AWAY, ESCAPING = 2e-4, 1e-4
+
+every_room = pytest.mark.parametrize("name", ROOMS)
+
+
+@cache
+def room(name: str) -> Mesh:
+    return make_room(name, 3, detail=0.25)
+
+
+def scene_of(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
+    scene = o3d.t.geometry.RaycastingScene()
+    vertices = o3d.core.Tensor(mesh.vertices.astype(np.float32))
+    scene.add_triangles(vertices, o3d.core.Tensor(mesh.triangles.astype(np.uint32)))
+    return scene
+
+
+@every_room
+def test_labels_fit_the_triangles(name: str) -> None:
+    mesh = room(name)
+    check_mesh(mesh, name)
+    assert mesh.labels is not None
+    assert len(mesh.labels.object_id) == len(mesh.labels.primitive_id) == len(mesh.triangles)
+    assert worst_residual(mesh) < 1e-8
+    assert (plane_alignment(mesh) > 0.99).all()
+    assert {one.semantic for one in mesh.labels.objects} <= S3DIS
+
+
+@every_room
+def test_sensor_stands_free_and_sees_fronts_all_around(name: str) -> None:
+    mesh, place = room(name), np.array(origin(name, 3))
+    scene = scene_of(mesh)
+    point = o3d.core.Tensor(place[None].astype(np.float32))
+    assert float(scene.compute_distance(point).numpy()[0]) > 0.3
+    directions = np.random.default_rng(0).normal(size=(20_000, 3))
+    rays = np.hstack([np.broadcast_to(place, directions.shape), directions]).astype(np.float32)
+    hits = scene.cast_rays(o3d.core.Tensor(rays))
+    found = np.isfinite(hits["t_hit"].numpy())
+    away = (
+        np.sum(mesh.normals()[hits["primitive_ids"].numpy()[found]] * directions[found], axis=1) > 0
+    )
+    assert np.mean(~found) <= ESCAPING
+    assert np.mean(away) <= FACING_AWAY
+
+
+@every_room
+def test_room_is_as_large_as_its_table_says(name: str) -> None:
+    mesh, box = room(name), room_box(name)
+    assert mesh.labels is not None
+    floor = mesh.corners()[mesh.labels.object_id == 0].reshape(-1, 3)
+    assert mesh.labels.objects[0].semantic == "floor"
+    assert np.stack([floor.min(axis=0), floor.max(axis=0)])[:, :2] == pytest.approx(box[:, :2])
+    assert np.ptp(box, axis=0) == pytest.approx(ROOMS[name].size)
+    low, high = mesh.bounds()
+    assert low[2] > -0.02
+    assert high[2] == pytest.approx(box[1, 2])
+
+
+@every_room
+def test_furniture_stays_in_the_room(name: str) -> None:
+    mesh, (low, high) = room(name), room_box(name)
+    assert_furniture_within(mesh, low, high)
+
+
+def test_names_sizes_and_elongations_are_spread() -> None:
+    sides = np.array([spec.size for spec in ROOMS.values()])
+    elongation = sides.min(axis=1) / sides.max(axis=1)
+    assert len(ROOMS) >= 10
+    assert {spec.kind for spec in ROOMS.values()} >= {"office", "hallway", "storage", "auditorium"}
+    assert elongation.min() < 0.15
+    assert elongation.max() > 0.8
+    assert np.ptp(sides[:, 0] * sides[:, 1]) > 80
+
+
+def test_same_seed_same_room_other_seed_another() -> None:
+    first, again, other = (make_room("office_1", seed, 0.25) for seed in (5, 5, 6))
+    assert np.array_equal(first.vertices, again.vertices)
+    assert np.array_equal(first.triangles, again.triangles)
+    assert first.labels is not None
+    assert again.labels is not None
+    assert first.labels.primitives == again.labels.primitives
+    assert first.vertices.shape != other.vertices.shape or (first.vertices != other.vertices).any()
+    assert origin("office_1", 5) == origin("office_1", 5) != origin("office_1", 6)
+
+
+@pytest.mark.parametrize("name", ["copy_room_1", "auditorium_1"])
+def test_smallest_and_largest_room_have_the_promised_triangles(name: str) -> None:
+    assert 20_000 <= len(make_room(name, 0).triangles) <= 500_000
+
+
+def test_given_furniture_replaces_generated_chairs() -> None:
+    box = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))
+    mesh = make_room("office_1", 0, 0.25, {"chair": [box]})
+    assert mesh.labels is not None
+    chairs = [i for i, one in enumerate(mesh.labels.objects) if one.semantic == "chair"]
+    assert chairs
+    for number in chairs:
+        used = mesh.labels.object_id == number
+        assert used.sum() == 4
+        kinds = {mesh.labels.primitives[i].kind for i in mesh.labels.primitive_id[used]}
+        assert kinds == {"freeform"}
+
+
+def test_unknown_room_is_refused() -> None:
+    with pytest.raises(InputError, match="ballroom"):
+        make_room("ballroom", 0)

@@ -1,0 +1,177 @@
+"""Tables and clouds that look like the thesis's results, for the tests of the figures.
+
+The medians are those that can be read off thesis Figure 6.5 (CD and squared HD, point-to-plane).
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+import numpy as np
+import pandas as pd
+
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import PointCloud
+from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS, median_rows
+
+DATASETS = ("capod", "s3dis_raw", "s3dis_clean", "s3dis_noisy")
+
+_PUBLISHED = dict(zip((OBJECTS, ROOMS, CLEAN, NOISY), DATASETS, strict=True))
+_CODECS = {"gpcc_as_run": "gpcc"}
+
+
+def _published(column: str) -> dict[tuple[str, str], list[float]]:
+    """The thesis's known medians in the order of the rates, by data set and codec."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for row in median_rows():
+        if row[column] is not None:
+            names = _PUBLISHED[row["dataset"]], _CODECS.get(row["codec"], row["codec"])
+            found.setdefault(names, []).append(row[column])
+    return found
+
+
+CD_MEDIANS, _BPP_ENDS = _published("cd_plane"), _published("bpp")
+_ENCODE_S = {"draco": (0.25, 1.2), "gpcc": (1.2, 1.3), "pcgcv1": (20, 1.1), "pcgcv2": (13, 1.02)}
+_NOISE_FLOOR = 2.4
+
+
+def metrics_table(clouds: int = 12) -> pd.DataFrame:
+    """Results of the thesis's four data sets and codecs, with so many clouds per data set."""
+    rng = generator(7, "lookalike")
+    rows = []
+    for (dataset, codec), medians in CD_MEDIANS.items():
+        rates = np.geomspace(*_BPP_ENDS[dataset, codec], len(medians))
+        for cloud in range(clouds):
+            spread = np.exp(0.25 * rng.normal(size=4))
+            for rate, cd, bpp in zip(count(1), medians, rates, strict=False):
+                start, growth = _ENCODE_S[codec]
+                seconds = start * growth**rate * spread[2]
+                far = _NOISE_FLOOR if dataset == "s3dis_noisy" else np.nan
+                to_scan = {
+                    "cd_plane": cd * spread[0],
+                    "cd_point": 2 * cd * spread[0],
+                    "hausdorff_sq_plane": 8 * cd * spread[1],
+                }
+                rows.append(
+                    {
+                        "dataset": dataset,
+                        "cloud": f"cloud_{cloud}",
+                        "codec": codec,
+                        "rate": f"r{rate}",
+                        "bpp": bpp * spread[3],
+                        **to_scan,
+                        **{f"clean_{key}": value + 1.2 * far for key, value in to_scan.items()},
+                        **{f"truth_{key}": value + far for key, value in to_scan.items()},
+                        "encode_s": seconds,
+                        "decode_s": 0.6 * seconds,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def scan_errors_table() -> pd.DataFrame:
+    """How far three noisy scans are from the truth themselves; one of them has outliers."""
+    measures = ("cd_plane", "cd_point", "hausdorff_sq_plane")
+    rows = [
+        {
+            "dataset": "s3dis_noisy",
+            "cloud": f"cloud_{i}",
+            **{f"truth_{name}": factor * _NOISE_FLOOR for name in measures},
+            **{f"clean_{name}": factor * 1.2 * _NOISE_FLOOR for name in measures},
+        }
+        for i, factor in enumerate((0.9, 1, 50))
+    ]
+    return pd.DataFrame(rows)
+
+
+def recovery_table() -> pd.DataFrame:
+    """Recovery of one codec's primitives at three rates, and a rate without primitives."""
+    rows = [
+        {
+            "dataset": "rooms",
+            "cloud": "a",
+            "codec": "primitives",
+            "rate": f"r{rate}",
+            "kind": kind,
+            "bpp": 0.01 * 4**rate,
+            "precision": share,
+            "recall": share - 0.1,
+            "label_accuracy": share + 0.1 if kind == "all" else 0.0,
+        }
+        for rate, share in enumerate((0.3, 0.5, 0.6, np.nan), 1)
+        for kind in ("all", "plane")
+    ]
+    return pd.DataFrame(rows)
+
+
+def clouds_table(clouds: int = 40) -> pd.DataFrame:
+    """Point counts with the quartiles of thesis Figure 6.4."""
+    rng = generator(7, "counts")
+    spreads = {
+        "capod": (500_000, 0),
+        "s3dis_raw": (790_000, 380_000),
+        "s3dis_clean": (1_190_000, 200_000),
+        "s3dis_noisy": (1_040_000, 170_000),
+    }
+    rows = [
+        {"dataset": dataset, "cloud": f"cloud_{i}", "points": max(80_000, int(rng.normal(*spread)))}
+        for dataset, spread in spreads.items()
+        for i in range(clouds)
+    ]
+    table = pd.DataFrame(rows)
+    return table.assign(elongation=np.linspace(0.1, 0.9, len(table)))
+
+
+def thesis_medians_table() -> pd.DataFrame:
+    """The thesis's medians, and a run's that are twice as high."""
+    rows = [
+        {
+            "dataset": dataset,
+            "codec": codec,
+            "rate": f"r{number}",
+            "quantity": quantity,
+            "thesis": factor * cd,
+            "here": 2 * factor * cd,
+        }
+        for (dataset, codec), medians in CD_MEDIANS.items()
+        for quantity, factor in (("cd_plane", 1), ("hausdorff_sq_plane", 8))
+        for number, cd in enumerate(medians, 1)
+    ]
+    return pd.DataFrame(rows)
+
+
+def gpcc_scales_table() -> pd.DataFrame:
+    """G-PCC at eighths of the grid, as run with three times the error and 1.1 the bits at 1."""
+    rows = []
+    for dataset in DATASETS:
+        for codec, error, bits in (("gpcc", 1.0, 1.0), ("gpcc_arena", 3.0, 1.1)):
+            for eighths in range(1, 9):
+                scale = eighths / 8
+                ratios = {f"bits_{share}": bits for share in ("q25", "median", "q75")}
+                ratios |= {f"distortion_{share}": error for share in ("q25", "median", "q75")}
+                rows.append(
+                    {
+                        "dataset": dataset,
+                        "codec": codec,
+                        "role": "gpcc" if codec == "gpcc" else "gpcc_as_run",
+                        "scale": scale,
+                        "dyadic": eighths in (1, 2, 4, 8),
+                        "bpp": 2 * bits * scale,
+                        "cd_point": 0.25 * error / scale**2,
+                        **ratios,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def room_cloud(points: int = 60_000, noise_m: float = 0.0) -> PointCloud:
+    """A 6 x 4 x 2.7 m box room with a table in it, scaled as for the codecs."""
+    rng = generator(7, "room")
+    size, scale = np.array([6.0, 4.0, 2.7]), 1023 / 6
+    walls = rng.uniform(0, size, (points, 3))
+    side = rng.integers(0, 6, points)
+    walls[np.arange(points), side // 2] = (side % 2) * size[side // 2]
+    table = rng.uniform([2, 1.5, 0.72], [4, 2.5, 0.75], (points // 5, 3))
+    metres = np.vstack([walls, table])
+    metres += noise_m * rng.normal(size=metres.shape)
+    return PointCloud(metres * scale, about={"scale": scale, "offset": [0.0, 0.0, 0.0]})

@@ -1,0 +1,102 @@
+"""Tiny networks of random weights for every learned codec, and damage to their streams."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.learned.octree_net import weights as octree_weights
+from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet
+from puckbench.codecs.learned.octree_net.model import Shape as OctreeShape
+from puckbench.codecs.learned.pcgcv1 import weights as pcgcv1_weights
+from puckbench.codecs.learned.pcgcv1.model import PCGCv1
+from puckbench.codecs.learned.pcgcv1.model import Shape as Shape1
+from puckbench.codecs.learned.pcgcv2 import weights as pcgcv2_weights
+from puckbench.codecs.learned.pcgcv2.model import PCGCv2
+from puckbench.codecs.learned.pcgcv2.model import Shape as Shape2
+from puckbench.core.errors import InputError
+
+TINY1 = Shape1(side=16, widths=(4, 8, 16), latent=4, hyper=(16, 8), blocks=1, rates=2)
+TINY2 = Shape2(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
+ALPHAS = (1.0, 4.0)
+RATES: dict[str, dict[str, Any]] = {
+    "pcgcv1": {"r1": {"alpha": 1, "scale": 0.5, "rho": 1.2}, "r2": {"alpha": 4}},
+    "pcgcv2": {"r1": {"alpha": 1}, "r2": {"alpha": 4}},
+    "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
+}
+
+
+def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
+    torch.manual_seed(seed)
+    model = PCGCv1(shape)
+    with torch.no_grad():
+        model.log_gains[:] = torch.linspace(2, 4, shape.rates)[:, None]
+    return model.eval()
+
+
+def network2(shape: Shape2 = TINY2, seed: int = 0) -> PCGCv2:
+    torch.manual_seed(seed)
+    model = PCGCv2(shape)
+    with torch.no_grad():
+        model.log_gains[:] = torch.linspace(1, 3, shape.rates)[:, None]
+    return model.eval()
+
+
+def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet:
+    torch.manual_seed(seed)
+    model = OctreeNet(shape or OctreeShape(width=8))
+    with torch.no_grad():
+        for layer in model.modules():
+            if isinstance(layer, Layer):
+                layer.kernel.mul_(3)
+                layer.bias.normal_(std=0.3)
+    return model.eval().requires_grad_(False)
+
+
+def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
+    """A set of random weights for a codec."""
+    if codec == "pcgcv1":
+        pcgcv1_weights.save_weights(path, network1(seed=seed), ALPHAS, {"data": "none"})
+    elif codec == "pcgcv2":
+        pcgcv2_weights.save_weights(path, network2(seed=seed), ALPHAS, {"data": "none"})
+    else:
+        octree_weights.save_weights(path, octree_network(seed=seed), {"data": "none"})
+
+
+def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
+    """A codec's entry with weights, at the rates that tiny sets have."""
+    return {"rates": RATES[codec], "options": {"weights": str(weights), **more}}
+
+
+def shell(radii: tuple[int, int, int] = (20, 14, 9), points: int = 6000) -> np.ndarray:
+    """The voxels of an ellipsoid about the origin."""
+    directions = np.random.default_rng(0).normal(size=(points, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.unique(np.rint(directions * radii), axis=0)
+
+
+def sealed(stream: bytes, at: int) -> bytes:
+    """A stream with a check sum that fits at byte `at`, as an attacker would send it."""
+    return stream[:at] + struct.pack("<I", zlib.crc32(stream[at + 4 :])) + stream[at + 4 :]
+
+
+def endure_damage(codec: Codec, stream: bytes, check: int, seed: int) -> None:
+    """Damaged streams end in one clean error; those with a fitting check sum may decode."""
+    rng = np.random.default_rng(seed)
+    for trial in range(60):
+        damaged = bytearray(stream if trial % 2 else stream[: rng.integers(len(stream))])
+        for _ in range(rng.integers(1, 4)):
+            if damaged:
+                damaged[rng.integers(len(damaged))] = rng.integers(256)
+        with pytest.raises(InputError):
+            codec.decode(bytes(damaged) + b"!")
+        with suppress(InputError):
+            assert np.isfinite(codec.decode(sealed(bytes(damaged), check))).all()

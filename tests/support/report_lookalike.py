@@ -1,0 +1,104 @@
+"""A run's files that look like real ones, for the tests of the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.tables import write_table
+from puckbench.jobs.result_tables import summary
+from puckbench.metrics.rate_deltas import bd_rate
+from puckbench.report.contents import Contents, Example
+from tests.support.figures_lookalike import clouds_table, metrics_table, room_cloud
+
+STEPS = {"draco": {"r1": 32.0, "r8": 1.0}, "gpcc": {"r1": 16.0, "r8": 2.0}}
+"""Codec -> rate -> the grid that its decoded points lie on."""
+NASTY = "<script>alert('x')</script>&\"name\""
+"""A title that would do harm in a page that does not escape."""
+
+
+def look_alike(folder: Path, points: int = 30_000) -> Contents:
+    """Tables, figures and clouds of a run in `folder`, and what its report is made from."""
+    return Contents(
+        metrics=str(_metrics(folder)),
+        tables=_tables(folder),
+        figures=_figures(folder),
+        captions=str(_captions(folder)),
+        examples=(
+            _example(folder, "raw", "s3dis_raw", 0.0, points),
+            _example(folder, "noisy", "s3dis_noisy", 0.02, points),
+        ),
+        configuration=_configuration(),
+        style=({"dataset_titles": {"s3dis_raw": NASTY}},),
+        points=5000,
+    )
+
+
+def _metrics(folder: Path) -> Path:
+    path = folder / "tables" / "metrics.parquet"
+    table = metrics_table().assign(codec_version="DracoPy 2.2.0", puckbench_version="0.1.0")
+    write_table(table.assign(d1_psnr=60 - 10 * np.log10(table["cd_plane"])), path)
+    return path
+
+
+def _tables(folder: Path) -> dict[str, str]:
+    metrics = pd.read_parquet(folder / "tables" / "metrics.parquet")
+    made = {
+        "summary": summary(metrics),
+        "bd_rate": bd_rate(metrics, "draco", ["d1_psnr"], resamples=100),
+        "clouds": clouds_table(),
+    }
+    for name, table in made.items():
+        write_table(table, folder / "tables" / f"{name}.csv")
+    return {name: str(folder / "tables" / f"{name}.csv") for name in made}
+
+
+def _figures(folder: Path) -> dict[str, str]:
+    path = folder / "figures" / "fig_6_6.png"
+    path.parent.mkdir()
+    across = np.linspace(0, 255, 2000).astype(np.uint8)
+    Image.fromarray(np.tile(across, (500, 1))).save(path)
+    return {"fig_6_6": str(path)}
+
+
+def _captions(folder: Path) -> Path:
+    captions = folder / "captions"
+    captions.mkdir()
+    (captions / "fig_6_6.rst").write_text("Chamfer distance, *squared*, in ``grid units`` < 3.\n")
+    return captions
+
+
+def _example(folder: Path, kind: str, dataset: str, noise_m: float, points: int) -> Example:
+    original = room_cloud(points, noise_m)
+    file = folder / "clouds" / dataset / "room.ply"
+    write_cloud(file, original)
+    decoded = {
+        codec: {rate: _decoded(folder, original, dataset, codec, rate) for rate in rates}
+        for codec, rates in STEPS.items()
+    }
+    return Example(kind, dataset, "cloud_0", str(file), decoded)
+
+
+def _decoded(folder: Path, original: PointCloud, dataset: str, codec: str, rate: str) -> str:
+    step = STEPS[codec][rate]
+    points = np.unique(np.round(original.xyz / step) * step, axis=0)
+    file = folder / "decoded" / dataset / codec / f"{rate}.ply"
+    write_cloud(file, PointCloud(points))
+    return str(file)
+
+
+def _configuration() -> dict[str, object]:
+    datasets = {
+        name: {"scenes": "rooms", "make": "scan", "errors": "vlp16"}
+        for name in ("capod", "s3dis_raw", "s3dis_clean", "s3dis_noisy")
+    }
+    return {
+        "scenes": {"rooms": {"loader": "embedded_rooms"}},
+        "datasets": datasets,
+        "codecs": {"draco": {}, "gpcc": {"options": {"profile": NASTY}}},
+    }

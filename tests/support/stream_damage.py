@@ -1,0 +1,142 @@
+"""Damaged streams: flipped, cut, spliced, with absurd sizes; the same for the same number."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from puckbench.core.seeding import generator
+
+Random = np.random.Generator
+_UNIT = struct.Struct(">BI")
+
+
+def units(stream: bytes) -> list[bytes]:
+    """The type-length-value units that a bare stream consists of."""
+    found, at = [], 0
+    while at + _UNIT.size <= len(stream):
+        end = at + _UNIT.size + _UNIT.unpack_from(stream, at)[1]
+        found.append(stream[at:end])
+        at = end
+    return found
+
+
+def damaged(streams: Sequence[bytes], number: int, codec: str = "gpcc") -> bytes:
+    """One damaged stream, made of whole `streams` of a codec (G-PCC: bare ones).
+
+    Every other one of a codec with a check sum has one that fits, as an attacker would send it.
+    """
+    random = generator(number, "damaged G-PCC streams")
+    stream = streams[random.integers(len(streams))]
+    mutation = MUTATIONS[random.integers(len(MUTATIONS))]
+    changed = mutation(stream, streams, random)
+    if random.random() < 0.2:
+        changed = MUTATIONS[random.integers(len(MUTATIONS))](changed, streams, random)
+    seal = SEALS.get(codec)
+    return seal(changed) if seal is not None and number % 2 else changed
+
+
+def _sealed_at(at: int) -> Callable[[bytes], bytes]:
+    """A CRC-32 at byte `at` of all that follows it."""
+    return lambda stream: (
+        stream[:at] + struct.pack("<I", zlib.crc32(stream[at + 4 :])) + stream[at + 4 :]
+    )
+
+
+def _sealed_at_the_end(stream: bytes) -> bytes:
+    return stream[:-2] + struct.pack("<H", zlib.crc32(stream[:-2]) & 0xFFFF)
+
+
+SEALS: dict[str, Callable[[bytes], bytes]] = {
+    "pcgcv1": _sealed_at(5),
+    "pcgcv2": _sealed_at(6),
+    "sparse_octree_net": _sealed_at(5),
+    "primitives": _sealed_at_the_end,
+}
+"""What makes the check sums of streams fit again, where a codec has them."""
+
+
+def _flipped(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
+    bits = np.unpackbits(np.frombuffer(stream, np.uint8))
+    for _ in range(random.integers(1, 9) if len(bits) else 0):
+        bits[random.integers(len(bits))] ^= 1
+    return np.packbits(bits).tobytes()
+
+
+def _flipped_header(stream: bytes, streams: Sequence[bytes], random: Random) -> bytes:
+    head = 60
+    return _flipped(stream[:head], streams, random) + stream[head:]
+
+
+def _flipped_end(stream: bytes, streams: Sequence[bytes], random: Random) -> bytes:
+    tail = max(0, len(stream) - 10)
+    return stream[:tail] + _flipped(stream[tail:], streams, random)
+
+
+def _cut(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
+    return stream[: random.integers(len(stream) + 1)]
+
+
+def _cut_within_its_length(stream: bytes, streams: Sequence[bytes], random: Random) -> bytes:
+    """The last unit is shorter, and says so."""
+    parts = units(stream)
+    if not parts or len(parts[-1]) <= _UNIT.size:
+        return stream
+    body = _cut(parts[-1][_UNIT.size :], streams, random)
+    return b"".join(parts[:-1]) + _UNIT.pack(parts[-1][0], len(body)) + body
+
+
+def _overwritten(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
+    """Four bytes, aligned with nothing, hold an absurd number."""
+    absurd = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0, 0x00FFFFFF, 0x01000000)
+    at = random.integers(min(len(stream), 80) + 1)
+    number = absurd[random.integers(len(absurd))].to_bytes(4, "big")
+    return stream[:at] + number + stream[at + 4 :]
+
+
+def _overwritten_end(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
+    """The footer, which holds the number of points, holds an absurd one."""
+    length = int(random.integers(1, 6))
+    ending = random.integers(0, 256, length, dtype=np.uint8).tobytes()
+    return stream[: max(0, len(stream) - length)] + (b"\xff" * length, ending)[random.integers(2)]
+
+
+def _spliced(stream: bytes, streams: Sequence[bytes], random: Random) -> bytes:
+    """The beginning of one stream and the end of another."""
+    other = streams[random.integers(len(streams))]
+    return stream[: random.integers(len(stream) + 1)] + other[random.integers(len(other) + 1) :]
+
+
+def _mixed(stream: bytes, streams: Sequence[bytes], random: Random) -> bytes:
+    """Whole units of two streams: one's parameter sets before the other's data, or any order."""
+    mine, others = units(stream), units(streams[random.integers(len(streams))])
+    if random.random() < 0.7:
+        return b"".join([*mine[:-1], *others[-1:]])
+    parts = [*mine, *others]
+    chosen = random.integers(0, len(parts), random.integers(1, len(parts) + 2))
+    return b"".join(parts[i] for i in chosen)
+
+
+def _inserted(stream: bytes, _: Sequence[bytes], random: Random) -> bytes:
+    at = random.integers(len(stream) + 1)
+    noise = random.integers(0, 256, random.integers(1, 200), dtype=np.uint8).tobytes()
+    return stream[:at] + noise + stream[at:]
+
+
+MUTATIONS: tuple[Callable[[bytes, Sequence[bytes], Random], bytes], ...] = (
+    _flipped,
+    _flipped_header,
+    _flipped_header,
+    _flipped_end,
+    _cut,
+    _cut_within_its_length,
+    _overwritten,
+    _overwritten,
+    _overwritten_end,
+    _spliced,
+    _mixed,
+    _inserted,
+)

@@ -1,0 +1,144 @@
+"""The checklist of the thesis's figures and tables."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from snakemake.cli import parse_args
+
+from puckbench.cli import main
+from puckbench.thesis.checklist import Item, Reproduction
+
+ROOT = Path(__file__).parents[2]
+SNAKEFILE = ROOT / "workflow" / "Snakefile"
+CONFIG: dict[str, Any] = {
+    "scenes": {
+        "objects": {
+            "loader": "capod",
+            "options": {"path": "data/CAPOD"},
+            "stand_in": {"loader": "embedded_objects", "limit": 2},
+        }
+    },
+    "datasets": {"capod": {"scenes": "objects", "make": "sample", "points": 1000}},
+    "codecs": {"draco": {"rates": ["r1", "r8"]}},
+    "sensor_study": {"runs": 1},
+    "figures": {"stand_in": {"examples": {"object": "capod/airplane_01"}}},
+}
+
+
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reproduction:
+    """A small configuration whose data are not there, with stand-ins."""
+    monkeypatch.chdir(tmp_path)
+    Path("c.yaml").write_text(yaml.safe_dump(CONFIG))
+    return Reproduction(Path("c.yaml"), SNAKEFILE, {"stand_in": True})
+
+
+def states(asked: Reproduction) -> dict[str, Item]:
+    return {item.name: item for item in asked.items()}
+
+
+def made(path: str, time: float) -> None:
+    file = Path("results_stand_in") / path
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("")
+    os.utime(file, (time, time))
+
+
+def test_every_figure_and_table_of_the_thesis_is_listed(asked: Reproduction) -> None:
+    found = [item.title for item in asked.items()]
+    assert found == [
+        *(f"Table {number}" for number in ("4.1", "4.2", "5.1")),
+        *(f"Figure 5.{number}" for number in range(1, 22)),
+        *(f"Figure 6.{number}" for number in range(1, 10)),
+    ]
+
+
+def test_what_is_missing_has_the_command_that_makes_it(asked: Reproduction) -> None:
+    item = states(asked)["fig_6_5"]
+    assert item.state == "missing"
+    program, *words = shlex.split(item.note)
+    _, read = parse_args(words)  # as Snakemake itself reads them
+    assert (program, read.cores, read.configfile) == ("snakemake", 2, [Path("c.yaml")])
+    assert list(read.targets) == ["results_stand_in/figures/fig_6_5.pdf"]
+    assert read.config == ["stand_in=true"]
+    assert states(asked)["fig_6_2"].state == "unplanned"  # it names no raw room
+
+
+def test_missing_data_are_named_and_chapter_5_needs_none(asked: Reproduction) -> None:
+    without = Reproduction(asked.path, SNAKEFILE, {})
+    assert list(without.absent) == ["objects"]
+    assert "data/CAPOD: no such folder" in without.absent["objects"]
+    found = states(without)
+    assert (found["fig_6_5"].state, found["fig_5_10"].state) == ("impossible", "missing")
+    assert "config/chapter5.yaml" in found["fig_5_10"].note
+
+
+def test_a_figure_is_done_until_its_table_is_newer(asked: Reproduction) -> None:
+    made("tables/residuals.parquet", 100)
+    made("figures/fig_5_10.pdf", 200)
+    assert states(asked)["fig_5_10"].line() == "done        results_stand_in/figures/fig_5_10.pdf"
+    made("tables/residuals.parquet", 300)
+    assert states(asked)["fig_5_10"].state == "stale"
+
+
+def test_a_figure_of_results_is_done_when_every_cell_is_in_its_table(asked: Reproduction) -> None:
+    cells = ["/".join(cell) for cell in asked.bench.plan.cells]
+    assert len(cells) == 4
+    for cell in cells[:3]:
+        made(f"metrics/{cell}.json", 100)
+    made("tables/metrics.parquet", 200)
+    made("figures/fig_6_5.pdf", 300)
+    again = [Reproduction(asked.path, SNAKEFILE, asked.changes) for _ in range(3)]
+    assert states(again[0])["fig_6_5"].state == "stale"
+    assert again[0].progress()["metrics"] == (3, 4)
+    made(f"metrics/{cells[3]}.json", 100)
+    assert states(again[1])["fig_6_5"].state == "done"
+    made(f"metrics/{cells[3]}.json", 250)
+    assert states(again[2])["fig_6_5"].state == "stale"
+
+
+def test_what_snakemake_says_comes_first(asked: Reproduction) -> None:
+    made("figures/fig_5_1.pdf", 200)
+    assert {item.name: item for item in asked.items({})}["fig_5_1"].state == "done"
+    assert {item.name: item for item in asked.items({"fig_5_1": 1})}["fig_5_1"].state == "stale"
+
+
+def test_all_jobs_of_the_configuration_are_counted(asked: Reproduction) -> None:
+    kinds = asked.job_kinds()
+    counts: dict[str, int] = {}
+    for kind in kinds:
+        counts[kind.rule] = counts.get(kind.rule, 0) + kind.jobs
+    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode": 4, "evaluate": 4, "fig_6_5": 1}
+    assert expected.items() <= counts.items()
+    assert counts["residuals"] == 5
+
+
+def test_the_command_prints_the_list(
+    asked: Reproduction, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["reproduce", "--config", "c.yaml", "--snakefile", str(SNAKEFILE)]) == 0
+    text = capsys.readouterr().out
+    assert "data of objects  data/CAPOD: no such folder" in text
+    assert main(["reproduce", "--config", "no.yaml", "--snakefile", str(SNAKEFILE)]) == 2
+    assert "no.yaml: no such file" in capsys.readouterr().err
+
+
+def test_an_estimate_says_what_it_rests_on(
+    asked: Reproduction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = {"rule": "encode", "codec": "draco", "rate": "r1", "points": 1000, "seconds": 3600.0}
+    (tmp_path / "costs.json").write_text(json.dumps({"jobs": [job | {"repeats": 3}]}))
+    words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
+    assert main(["reproduce", *words, "--estimate", "costs.json", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    rests = "(from 1 job; some rates from the codec's others)"
+    assert found["encode draco"] == f"4.00 core-hours: 4 jobs of 3600.0 s {rests}"
+    assert found["evaluate draco"] == "4 jobs, not measured"
+    assert found["total"] == "4.0 core-hours"
