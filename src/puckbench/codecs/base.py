@@ -89,9 +89,9 @@ class Codec(ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Triangles in the coordinates of the input cloud, where a codec codes surfaces.
 
-        The labels say which geometric primitive (kind and parameters as in
-        `puckbench.geometry.mesh`, in those coordinates too) each triangle lies on, and, as object,
-        which piece of surface it belongs to: a wall is one object however many primitives it was coded in.
+        The labels say which geometric primitive each triangle lies on (kind and parameters as in
+        `puckbench.geometry.mesh`, in those coordinates too) and, as object, which piece of surface
+        it belongs to: a wall is one object however many primitives it was coded in.
 
         InputError as for `decode`, for a codec that has no surfaces, and for a stream without one.
         """

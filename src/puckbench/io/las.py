@@ -18,7 +18,7 @@ from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.export.rows import Rows
+from puckbench.io.point_formats import Rows
 
 _HEADER_BYTES = 227
 _STEP_M = 1e-4

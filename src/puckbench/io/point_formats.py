@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.core.files import write_bytes, written_whole
-from puckbench.lidar.export.rows import Rows
+
+Rows = NDArray[Any]
+"""A structured array; x, y, z, timestamp and laser_id are among its names."""
 
 _PCD_HEADER = """# .PCD v0.7 - Point Cloud Data file format
 VERSION 0.7

@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.io.point_formats import Rows
 from puckbench.lidar.recordings.capture_table import CaptureTable
 from puckbench.lidar.scan_table import ScanTable
-
-Rows = NDArray[Any]
-"""A structured array; x, y, z, timestamp and laser_id are among its names."""
 
 _SCAN = ("timestamp", "frame", "laser_id", "yaw", "pitch", "incidence", "object_id", "primitive_id")
 _NORMAL = ("nx", "ny", "nz")
