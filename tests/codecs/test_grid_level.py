@@ -73,7 +73,7 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
     name: str, tmp_path: Path
 ) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
-    rates = {rate: {**values, "children": 4} for rate, values in RATES[name].items()}
+    rates = {rate: {**values, "mean_occupied_children": 4} for rate, values in RATES[name].items()}
     entry = {**changes(name, tmp_path, fill=False), "rates": rates}
     codec, points = open_codec(name, entry), _plane(2)
     decoded = codec.decode(codec.encode(points, "r2"))
@@ -87,11 +87,11 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
 
 @pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
 @pytest.mark.parametrize(
-    ("coarser", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20), (2000, 2**20)]
+    ("offset", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20), (2000, 2**20)]
 )
-def test_grids_lie_between_halvings(name: str, coarser: float, side: float, tmp_path: Path) -> None:
+def test_grids_lie_between_halvings(name: str, offset: float, side: float, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
-    rate = {**RATES[name]["r2"], "children": 2, "coarser": coarser}
+    rate = {**RATES[name]["r2"], "mean_occupied_children": 2, "grid_level_offset": offset}
     codec = open_codec(name, {**changes(name, tmp_path, fill=False), "rates": {"r2": rate}})
     decoded = codec.decode(codec.encode(_plane() + 1000, "r2"))
     voxels = decoded / side

@@ -373,7 +373,7 @@ def test_another_machines_tables_end_in_an_error(weights: WeightSet) -> None:
 
 def test_pcc_arenas_rates() -> None:
     rates = entries()["pcgcv1_published"]["rates"].values()
-    assert [(r["alpha"], r["scale"], r["rho"]) for r in rates] == [
+    assert [(r["lmbda"], r["scale"], r["rho"]) for r in rates] == [
         (0.75, 0.625, 1.15), (0.75, 1, 1.15), (2, 1, 1), (3.5, 1, 1), (6, 1, 1), (10, 1, 1),
     ]  # fmt: skip
 

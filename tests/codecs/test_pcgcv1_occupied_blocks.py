@@ -35,7 +35,7 @@ def weights(path: Path) -> WeightSet:
 
 @pytest.fixture
 def codec(path: Path, weights: WeightSet) -> Codec:
-    rates = {"r1": {"alpha": float(ALPHAS[0])}, "r2": {"alpha": float(ALPHAS[1])}}
+    rates = {"r1": {"lmbda": float(ALPHAS[0])}, "r2": {"lmbda": float(ALPHAS[1])}}
     options = {"weights": str(path), "fill": False}
     return open_codec("pcgcv1", {"options": options, "rates": rates})
 

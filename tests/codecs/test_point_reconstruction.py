@@ -200,7 +200,7 @@ def test_the_number_of_points_is_told_in_parts_and_bounded() -> None:
 @pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
 def test_a_cloud_decodes_into_as_many_points_nearer_to_it(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
-    rates = {rate: {**values, "children": 2} for rate, values in RATES[name].items()}
+    rates = {rate: {**values, "mean_occupied_children": 2} for rate, values in RATES[name].items()}
     points = _tilted(1.0)[0][:30_000]
     decoded = []
     for fill in (True, False):

@@ -28,8 +28,8 @@ TINY1 = Shape1(side=16, widths=(4, 8, 16), latent=4, hyper=(16, 8), blocks=1, ra
 TINY2 = Shape2(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
 ALPHAS = (1.0, 4.0)
 RATES: dict[str, dict[str, Any]] = {
-    "pcgcv1": {"r1": {"alpha": 1, "scale": 0.5, "rho": 1.2}, "r2": {"alpha": 4}},
-    "pcgcv2": {"r1": {"alpha": 1}, "r2": {"alpha": 4}},
+    "pcgcv1": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
+    "pcgcv2": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
 

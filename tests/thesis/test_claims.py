@@ -192,7 +192,7 @@ def test_7_needs_a_learned_codec() -> None:
 
 def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> None:
     config = read_schema(ROOT / "config" / "config.yaml")
-    rates = {"rates": {f"r{number}": {"alpha": number} for number in range(1, 7)}}
+    rates = {"rates": {f"r{number}": {"lmbda": number} for number in range(1, 7)}}
     own = {"options": {"weights": "pcgcv2_objects"}, **rates}
     config["codecs"] = {"draco": {}, "gpcc": {}, "gpcc_arena": {}, "pcgcv1": own, "pcgcv2": own}
     plan = Plan(checked(config, read_schema(ROOT / "workflow/schemas/config.schema.yaml")))

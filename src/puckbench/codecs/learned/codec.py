@@ -171,12 +171,12 @@ class LearnedByAlpha(Learned[R]):
         return super()._encode(np.trunc(points) if self.as_published else points, parameters)
 
     def _path(self, parameters: Mapping[str, Any]) -> Path | None:
-        return self.network.by_alpha(self._where()).get(float(parameters["alpha"]))
+        return self.network.by_alpha(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Mapping[str, Any]) -> tuple[R, int]:
         """The weights of a rate, and its number among theirs."""
         weights = self._weights(parameters)
-        return weights, weights.alphas.index(float(parameters["alpha"]))
+        return weights, weights.alphas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
         """The weights that a stream names, which must have as many rates as its number says."""
@@ -187,16 +187,16 @@ class LearnedByAlpha(Learned[R]):
 
 
 def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
-    """How many quarters of a halving coarser a rate makes the grid of points (n, 3).
+    """The level of the grid that a rate codes points (n, 3) on, in quarter octaves above their own.
 
-    Until they have the rate's `children`, and then so many halvings more as its `coarser` says, or
-    fewer; without `children` none. No grid is finer than the points' own, or coarser than
-    `MOST_QUARTERS` make it.
+    The grid is coarsened until a voxel has the rate's `mean_occupied_children`, and then
+    by its `grid_level_offset` in octaves, which may be negative. Without `mean_occupied_children`
+    the level is 0. It is never below 0 or above `MOST_QUARTERS`.
     """
     from puckbench.codecs.learned.grid_level import QUARTERS, halvings_of
 
-    children = float(parameters.get("children", 1))
+    children = float(parameters.get("mean_occupied_children", 1))
     if children <= 1:
         return 0
-    halved = halvings_of(points, children) + float(parameters.get("coarser", 0))
+    halved = halvings_of(points, children) + float(parameters.get("grid_level_offset", 0))
     return round(min(max(0.0, QUARTERS * halved), MOST_QUARTERS))

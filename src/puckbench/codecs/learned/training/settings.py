@@ -111,8 +111,8 @@ class TrainingByAlpha(Training):
 
     def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
         """Those of the entry with one of the alphas; if it has none of them, one for each alpha."""
-        kept = {name: rate for name, rate in known.items() if rate["alpha"] in self.alphas}
-        return kept or {f"alpha_{alpha:g}": {"alpha": alpha} for alpha in self.alphas}
+        kept = {name: rate for name, rate in known.items() if rate["lmbda"] in self.alphas}
+        return kept or {f"lmbda_{alpha:g}": {"lmbda": alpha} for alpha in self.alphas}
 
 
 def _fits(value: Any, default: Any, free: bool = False, least: int | None = None) -> bool:
