@@ -1,8 +1,8 @@
 """The codec PCGCv2: points on the integer grid, coded with trained weights.
 
 Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces: a rate
-may say the `mean_occupied_children` that a voxel shall have in the mean, and the grid of a thin cloud is
-halved until it has; without it voxels have size one, as the thesis ran the codec on clouds scaled
+may say the `mean_occupied_children` of a voxel, and the grid of a sparse cloud is coarsened until
+voxels have as many; without it voxels have size one, as the thesis ran the codec on clouds scaled
 to [0, 1023].
 """
 
