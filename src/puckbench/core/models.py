@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -16,7 +17,9 @@ M = TypeVar("M", bound=BaseModel)
 class Model(BaseModel):
     """A frozen record of options: unknown names are refused, words are never read as numbers."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True
+    )
 
 
 def parsed(model: type[M], values: Any, what: str) -> M:
@@ -29,19 +32,27 @@ def parsed(model: type[M], values: Any, what: str) -> M:
     values
         Names and values; lists stand for tuples, whole numbers for any numbers.
     what
-        What the values are for, which begins the line of an error.
+        What the options are for, which begins the line of an error.
 
     Raises
     ------
     InputError
-        The first fault in one line: the key, its value, and what is allowed.
+        The first fault in one line: the option, its value, and what is allowed.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{what} is {values!r}, but must be options by name")
     try:
-        return model.model_validate(_immutable(dict(values)))
+        return model.model_validate(_immutable(values))
     except ValidationError as error:
-        raise InputError(f"{what}: {_one_line(error, model)}") from error
+        raise InputError(f"{what}: {_Fault.of(error, values, model).line('option')}") from error
+
+
+def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
+    """Make a model from a whole configuration; an InputError begins with the key at fault."""
+    try:
+        return model.model_validate(_immutable(values))
+    except ValidationError as error:
+        raise InputError(_Fault.of(error, values, model).placed_line()) from error
 
 
 def closest(name: str, known: list[str]) -> str:
@@ -57,35 +68,88 @@ def _immutable(value: Any) -> Any:
     return tuple(map(_immutable, value)) if isinstance(value, list) else value
 
 
-def _one_line(error: ValidationError, model: type[BaseModel]) -> str:
-    first = error.errors()[0]
-    where = [str(part) for part in first["loc"] if not _is_branch(part)]
-    name = ".".join(where)
-    kind, value, context = first["type"], first["input"], first.get("ctx", {})
-    if kind == "extra_forbidden":
-        known = _known(model, where[:-1])
-        listed = f" (known: {', '.join(known)})" if known else ""
-        return f"unknown option '{name}'{listed}{closest(where[-1], known)}"
-    if kind == "missing":
-        return f"the option '{name}' is missing"
-    if kind == "value_error":
-        return f"{name}: {context['error']}" if name else str(context["error"])
-    if kind in {"literal_error", "enum"}:
-        return f"'{name}' is {value!r} (allowed: {context['expected']})"
-    said = first["msg"].removeprefix("Input should be ")
-    return f"'{name}' is {value!r}, but must be {said}"
+@dataclass(frozen=True)
+class _Fault:
+    """One fault of some values: where it is, what kind it has, and what is allowed there."""
+
+    where: tuple[str, ...]
+    kind: str
+    value: Any
+    said: str
+    known: list[str]
+
+    @classmethod
+    def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
+        """The deepest fault of a validation; branches of one union are told together."""
+        found = [(_place(one["loc"], values, one["type"]), one) for one in error.errors()]
+        where, first = max(found, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
+        alike = [one for place, one in found if place == where]
+        said = " or ".join(dict.fromkeys(map(_said, alike)))
+        return cls(where, first["type"], first["input"], said, _known(model, where[:-1]))
+
+    def line(self, noun: str) -> str:
+        """The fault with the whole path of the option in it."""
+        name = ".".join(self.where)
+        if self.kind == "extra_forbidden":
+            listed = f" (known: {', '.join(self.known)})" if self.known else ""
+            return f"unknown {noun} '{name}'{listed}{closest(self.where[-1], self.known)}"
+        if self.kind == "missing":
+            return f"the {noun} '{name}' is missing"
+        if self.kind == "value_error":
+            return f"{name}: {self.said}" if name else self.said
+        must = self.said if self.said.startswith("have ") else f"be {self.said}"
+        return f"{name} is {self.value!r}, but must {must}"
+
+    def placed_line(self) -> str:
+        """The fault after the place of the key in a configuration."""
+        if self.kind not in {"extra_forbidden", "missing"}:
+            return self.line("key")
+        place = ".".join(self.where[:-1]) or "the configuration"
+        inner = _Fault(self.where[-1:], self.kind, self.value, self.said, self.known)
+        return f"{place}: {inner.line('key')}"
 
 
-def _is_branch(part: Any) -> bool:
-    """Whether a part of a place names a branch of a union, which is no key of the input."""
-    return isinstance(part, str) and not part.isidentifier() and "[" in part
+def _place(location: tuple[int | str, ...], values: Any, kind: str) -> tuple[str, ...]:
+    """The keys of a location: names of a union's branches are left out."""
+    found: list[str] = []
+    for number, part in enumerate(location):
+        absent = kind == "missing" and number == len(location) - 1
+        if isinstance(values, Mapping) and (part in values or absent):
+            values = values.get(part)
+        elif isinstance(values, (list, tuple)) and isinstance(part, int):
+            values = values[part]
+        else:
+            continue
+        found.append(str(part))
+    return tuple(found)
 
 
-def _known(model: Any, where: list[str]) -> list[str]:
+def _said(fault: Any) -> str:
+    """What is allowed, in words that follow "must" or "must be"."""
+    context = fault.get("ctx", {})
+    if fault["type"] == "value_error":
+        return str(context["error"])
+    if fault["type"] in {"literal_error", "enum"}:
+        return str(context["expected"])
+    if fault["type"] == "too_short":
+        return f"have at least {context['min_length']}"
+    said = str(fault["msg"]).replace("Input should be ", "")
+    return said.replace("String should match pattern", "a name that matches")
+
+
+def _known(model: Any, where: tuple[str, ...]) -> list[str]:
     """Names of the options of the model at a place within another one."""
     for name in where:
-        fields = getattr(model, "model_fields", {})
-        if name not in fields:
-            return []
-        model = fields[name].annotation
-    return list(getattr(model, "model_fields", {}))
+        fields = _fields(model)
+        model = fields.get(name, next(iter(fields.values()), None)) if fields else None
+    return list(_fields(model))
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    """Name -> type of the options of a model, of one within a union, or of values by name."""
+    if hasattr(kind, "model_fields"):
+        return {field.alias or name: field.annotation for name, field in kind.model_fields.items()}
+    parts = [part for part in get_args(kind) if hasattr(part, "model_fields") or get_args(part)]
+    if getattr(kind, "__origin__", None) is dict:
+        return {"*": get_args(kind)[1]}
+    return next((found for part in parts if (found := _fields(part))), {})
