@@ -40,6 +40,7 @@ lint: setup-test
 	$(IN_VENV) ruff check
 	$(IN_VENV) ruff format --check
 	$(IN_VENV) mypy
+	$(IN_VENV) lint-imports --no-cache
 
 SECONDS ?= 300
 fuzz: setup-test

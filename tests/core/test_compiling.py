@@ -1,9 +1,14 @@
 """Machine code is cached on disk, and not used when another file that it holds code of changes."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from puckbench.core import compiling
 
 SOURCE = Path(__file__).parents[2] / "src"
 OUTER = """
@@ -16,6 +21,7 @@ def outer():
 
 print(outer(), outer.stats.cache_hits[()] if () in outer.stats.cache_hits else 0)
 """
+PRINT = OUTER[OUTER.index("print(") :]
 INNER = """
 from puckbench.core.compiling import compiled
 
@@ -25,8 +31,11 @@ def inner():
 """
 
 
-def _run(folder: Path) -> str:
-    environment = {**os.environ, "PYTHONPATH": f"{SOURCE}:{folder}"}
+_COMPILED = shutil.ignore_patterns("__pycache__")
+
+
+def _run(folder: Path, source: Path = SOURCE) -> str:
+    environment = {**os.environ, "PYTHONPATH": f"{source}:{folder}"}
     environment.pop("NUMBA_CACHE_DIR", None)
     done = subprocess.run(
         [sys.executable, folder / "outer.py"],
@@ -45,6 +54,52 @@ def test_a_cached_function_follows_the_one_it_calls(tmp_path: Path) -> None:
     assert _run(tmp_path) == "2 1"
     (tmp_path / "inner.py").write_text(INNER.format(value=5))
     assert _run(tmp_path) == "6 0"
+
+
+def test_a_cached_function_follows_one_of_another_room(tmp_path: Path) -> None:
+    """In a copy of the package, so that its sources can be edited."""
+    package = tmp_path / "puckbench"
+    shutil.copytree(SOURCE / "puckbench" / "core", package / "core", ignore=_COMPILED)
+    for room in (package, package / "near", package / "far"):
+        room.mkdir(exist_ok=True)
+        (room / "__init__.py").write_text("")
+    (package / "near" / "outer.py").write_text(
+        OUTER.replace("from inner", "from puckbench.far.inner").split("print(")[0]
+    )
+    (tmp_path / "outer.py").write_text(f"from puckbench.near.outer import outer\n{PRINT}")
+    inner = package / "far" / "inner.py"
+    inner.write_text(INNER.format(value=1))
+    assert _run(tmp_path, tmp_path) == "2 0"
+    assert _run(tmp_path, tmp_path) == "2 1"
+    inner.write_text(INNER.format(value=5))
+    assert _run(tmp_path, tmp_path) == "6 0"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "from far import inner",
+        "from far.inner import value",
+        "import far.inner",
+        "from . import inner",
+        "from .inner import (\n    value,\n)",
+        "def late():\n    from far import (  # why\n        inner,\n    )",
+    ],
+)
+def test_every_way_to_import_a_module_is_followed(tmp_path: Path, statement: str) -> None:
+    package = tmp_path / "far"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "inner.py").write_text("value = 1\n")
+    (package / "user.py").write_text(f"{statement}\n")
+    assert package / "inner.py" in compiling._reached(package / "user.py")
+
+
+def test_of_a_package_the_file_that_is_run_and_the_names_in_it_are_followed() -> None:
+    reached = compiling._reached(SOURCE / "puckbench" / "io" / "meshes" / "ply.py")
+    names = {str(path.relative_to(SOURCE / "puckbench")) for path in reached}
+    assert {"io/meshes/ply.py", "geometry/mesh.py", "core/errors.py"} <= names
+    assert not any(name.startswith(("cli", "lidar")) for name in names)
 
 
 def test_functions_that_call_blas_are_compiled() -> None:

@@ -1,19 +1,22 @@
-"""Machine code for loops: numba's compiler, cached on disk for each state of a package's sources.
+"""The one door for compiled loops: numba's compiler, cached on disk as long as no source changes.
 
 Numba's own cache looks at the file of a function alone, and would go on using machine code in which
-an older version of another file's function is compiled.
+an older version of another file's function or constant is compiled. Here the place of the cache is
+named after the contents of the function's file and of all that it imports.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba import extending
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -22,6 +25,16 @@ IN_PLACE: dict[str, Any] = {"_nrt": False}
 that it is given are not counted. Where small functions hand records of arrays to each other, as
 coders of single bits do, counting takes three times as long as their work."""
 
+INLINED: Any = {
+    **IN_PLACE,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": True,
+    "forceinline": True,
+}
+"""Numba's options for a function that only other compiled functions call, and become one with."""
+
+_PACKAGE = Path(__file__).parents[1]
 _config: Any = numba.config  # its entries come from the environment
 
 
@@ -46,14 +59,14 @@ _start_without_blas()
 def compiled(function: Function, **options: Any) -> Function:
     """Compile `function` on its first call; later processes load it from the cache.
 
-    The cache holds while no file changes in the folder of the function's file and in the one above,
-    which is therefore where all that it calls must be. Arithmetic is strict IEEE (no fused or
+    The cache holds while no file changes of the function's module and of the modules of its package
+    and of puckbench that it imports, directly or not. Arithmetic is strict IEEE (no fused or
     reordered operations) unless numba's `options` say otherwise: equal distances stay equal. Other
     threads run meanwhile.
     """
-    folder = Path(function.__code__.co_filename).parent
+    file = Path(function.__code__.co_filename)
     chosen = _config.CACHE_DIR
-    _config.CACHE_DIR = str(Path(chosen or folder / "__pycache__") / _state_of(folder))
+    _config.CACHE_DIR = str(Path(chosen or file.parent / "__pycache__") / state_of(file))
     try:
         return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
     finally:
@@ -65,9 +78,91 @@ def compiled_in_place(function: Function, **options: Any) -> Function:
     return compiled(function, **IN_PLACE, **options)
 
 
+def inlined(function: Function) -> Function:
+    """Compile a function that makes no arrays into the compiled functions that call it."""
+    return compiled(function, **INLINED)
+
+
+def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
+    """A function of compiled loops whose machine code `function` writes (`numba.extending`)."""
+    written: Any = extending.intrinsic(**options) if options else extending.intrinsic
+    return written(function)
+
+
 @cache
-def _state_of(folder: Path) -> str:
+def state_of(file: Path) -> str:
+    """Name for the contents of a source file and of all that it imports, directly or not."""
     digest = hashlib.sha256()
-    for file in (*sorted(folder.glob("*.py")), *sorted(folder.parent.glob("*.py"))):
-        digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    for source in sorted(_reached(file)):
+        digest.update(source.name.encode() + b"\0" + _read(source)[0])
     return f"numba-{digest.hexdigest()[:12]}"
+
+
+def _reached(file: Path) -> set[Path]:
+    found: set[Path] = set()
+    waiting = [file]
+    while waiting:
+        source = waiting.pop()
+        if source not in found:
+            found.add(source)
+            waiting += _read(source)[1]
+    return found
+
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(\.*)([\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE
+)
+
+
+@cache
+def _read(source: Path) -> tuple[bytes, set[Path]]:
+    """Digest of a file, and the files that it imports of those that are followed."""
+    content = source.read_bytes() if source.is_file() else b""  # a notebook's cell has none
+    statements = set(_IMPORT.findall(content.decode(errors="replace")))
+    imported = {file for each in statements for file in _imported(source, *each)}
+    return hashlib.sha256(content).digest(), imported
+
+
+def _imported(source: Path, dots: str, module: str, names: str) -> Iterator[Path]:
+    """Files of the module and, where it is a package, of its modules that a statement imports."""
+    if dots:
+        package = source.relative_to(_top(source)).parts[: -len(dots)]
+        module = ".".join((*package, *filter(None, [module])))
+    inner = re.findall(r"[\w.]+", names)
+    for each in [module] if module else inner:
+        root = _root(source, each.partition(".")[0])
+        file = _file(root, each) if root else None
+        if file is not None:
+            yield file
+            if module and file.name == "__init__.py":
+                inside = (_file(root, f"{module}.{name}") for name in inner)
+                yield from filter(None, inside)
+
+
+@cache
+def _top(source: Path) -> Path:
+    """The folder that a file's outermost package lies in; without a package, its own folder."""
+    folder = source.parent
+    while (folder / "__init__.py").exists():
+        folder = folder.parent
+    return folder
+
+
+@cache
+def _root(source: Path, package: str) -> Path | None:
+    """Where a package that a file imports is looked for; None when its changes do not count."""
+    if package == _PACKAGE.name:
+        return _PACKAGE.parent
+    top = _top(source)
+    is_own = top == source.parent or source.relative_to(top).parts[0] == package
+    return top if is_own else None
+
+
+@cache
+def _file(root: Path | None, module: str) -> Path | None:
+    """A module's source file, if it has one."""
+    if root is None:
+        return None
+    base = root / module.replace(".", "/")
+    files = (base.with_name(f"{base.name}.py"), base / "__init__.py")
+    return next((file for file in files if file.is_file()), None)

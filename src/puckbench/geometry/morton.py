@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import compiled, inlined
+from puckbench.core.compiling import compiled, inlined
 
 Ints = NDArray[np.int64]
 

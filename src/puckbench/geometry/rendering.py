@@ -345,9 +345,9 @@ def _relief(depth: Floats) -> Floats:
 
 @cache
 def _compiled_splat() -> Any:
-    import numba
+    from puckbench.core.compiling import compiled
 
-    return numba.njit(cache=True)(_splat)
+    return compiled(_splat)
 
 
 def _splat(

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
 
 # Below this cosine between ray and normal the distance to the plane is less certain than Embree's.
 _LEAST_COSINE = 1e-9
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
@@ -37,7 +37,7 @@ def fill_planes(
         planes[t, 0], planes[t, 1], planes[t, 2], planes[t, 3] = x, y, z, away
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_directions(
     yaw: tuple[Floats, Floats],
     pitch: tuple[Floats, Floats],
@@ -66,7 +66,7 @@ def fill_directions(
                 ray += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_distances(
     directions: Floats,
     nearest: NDArray[np.float32],
@@ -99,7 +99,7 @@ def fill_distances(
             distances[ray], cosines[ray] = distance, min(abs(cosine), 1.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_rays(
     rows: NDArray[np.bool_],
     nominal: tuple[Floats, Floats, Floats],
@@ -127,7 +127,7 @@ def fill_rays(
     return row
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_points(
     rows: NDArray[np.bool_],
     origins: Floats,
@@ -153,7 +153,7 @@ def fill_points(
             row += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_surface(
     rows: NDArray[np.bool_],
     hits: tuple[Floats, NDArray[np.uint32], Floats],
@@ -182,7 +182,7 @@ def fill_surface(
             row += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:

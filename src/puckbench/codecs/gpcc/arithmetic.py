@@ -13,8 +13,9 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import INLINED, entry, inlined, integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, integer, kernel
 from puckbench.codecs.gpcc.tables import ADAPTATION
+from puckbench.core.compiling import INLINED, inlined
 
 Bytes = NDArray[np.uint8]
 State = tuple[int, int, int, int]

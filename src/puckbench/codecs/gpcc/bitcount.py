@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
-from numba.extending import intrinsic
+from puckbench.core.compiling import intrinsic
 
 
 def _bit_count(_context: Any, word: Any) -> Any:
@@ -17,5 +17,5 @@ def _bit_count(_context: Any, word: Any) -> Any:
     return word(word), generate
 
 
-bit_count: Callable[[int], int] = cast(Any, intrinsic)(_bit_count)
+bit_count: Callable[[int], int] = intrinsic(_bit_count)
 """Number of set bits of an integer, in kernels only."""

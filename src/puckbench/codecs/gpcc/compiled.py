@@ -15,7 +15,6 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _KERNEL: dict[str, Any] = {**_OPTIONS, **compiling.IN_PLACE}
 # What lets Python call a function takes longer to compile than most functions.
 _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}
-INLINED: Any = {**_INTERNAL, "forceinline": True}
 
 integer = cast(Callable[[Any], int], np.int64)
 """Makes a 64-bit integer of a narrower one or of a truth value; in kernels, wherever a number is
@@ -35,11 +34,6 @@ def entry(function: Function) -> Function:
 def kernel(function: Function) -> Function:
     """Compile a kernel that only others call."""
     return compiling.compiled(function, **_INTERNAL)
-
-
-def inlined(function: Function) -> Function:
-    """Compile a kernel into those that call it."""
-    return compiling.compiled(function, **INLINED)
 
 
 def part(function: Function) -> Function:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, load, save, step
-from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
+from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.models import OCCUPANCY, SINGLE_CHILD, Models
 from puckbench.codecs.gpcc.tables import (
     ADJACENT_REDUCED,
@@ -15,6 +15,7 @@ from puckbench.codecs.gpcc.tables import (
     MAP_DELTA,
     MAP_SIZE,
 )
+from puckbench.core.compiling import inlined
 
 
 class Surroundings(NamedTuple):

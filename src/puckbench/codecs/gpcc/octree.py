@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
-from puckbench.codecs.gpcc.compiled import entry, inlined, integer, kernel, part
+from puckbench.codecs.gpcc.compiled import entry, integer, kernel, part
 from puckbench.codecs.gpcc.direct import (
     DirectNode,
     code_direct,
@@ -45,6 +45,7 @@ from puckbench.codecs.gpcc.planar import (
     masked_children,
 )
 from puckbench.codecs.gpcc.tables import COUNT
+from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import below
 
 Ints = NDArray[np.int64]

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit
-from puckbench.codecs.gpcc.compiled import inlined, integer, kernel
+from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.models import PLANAR_MODE, PLANE, PLANE_UNKNOWN, Models
 from puckbench.codecs.gpcc.neighbours import AFTER, BEFORE, UPPER
 from puckbench.codecs.gpcc.tables import COUNT
+from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import gathered
 
 _ROWS = 1 << 14

@@ -13,7 +13,8 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
+
+from puckbench.core.compiling import intrinsic
 
 _TOGETHER = 4
 _FLOAT_BYTES = 4
@@ -96,7 +97,7 @@ def _add_products(
     return types.void(*kinds), code
 
 
-add_products: Any = intrinsic(prefer_literal=True)(_add_products)
+add_products: Any = intrinsic(_add_products, prefer_literal=True)
 """``add_products(sums, targets, read, sources, pairs, kernel, at, width, wider)``, unchecked.
 
 For each of the `pairs` first targets, all different, and sources, which are rows of the flat arrays

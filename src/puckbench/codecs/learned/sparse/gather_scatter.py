@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from puckbench.codecs.learned.sparse.kernel_map import Layout
 from puckbench.codecs.learned.sparse.thread_pool import Scratch
 from puckbench.codecs.learned.sparse.vector_copies import add_run, copy_run
 from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS
+from puckbench.core.compiling import compiled
 
 Flat = NDArray[np.float32]
 Segments = list[Tensor | None]
@@ -130,7 +130,7 @@ def _after(features: Tensor) -> int:
 
 @cache
 def _gatherer(width: int) -> Callable[..., None]:
-    @numba.njit(cache=True, nogil=True)
+    @compiled
     def gather(
         features: Flat,
         row_stride: int,
@@ -165,7 +165,7 @@ def _gatherer(width: int) -> Callable[..., None]:
 
 @cache
 def _adder(width: int) -> Callable[..., None]:
-    @numba.njit(cache=True, nogil=True)
+    @compiled
     def add(
         products: Flat,
         table: NDArray[np.int32],

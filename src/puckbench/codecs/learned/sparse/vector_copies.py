@@ -11,7 +11,8 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+
+from puckbench.core.compiling import intrinsic
 
 _FLOAT_BYTES = 4
 
@@ -50,8 +51,8 @@ def _add_run(typing: Any, onto: Any, i: Any, source: Any, j: Any, length: Any) -
     return _run(length, onto, source, adds=True)
 
 
-copy_run: Any = intrinsic(prefer_literal=True)(_copy_run)
+copy_run: Any = intrinsic(_copy_run, prefer_literal=True)
 """``copy_run(onto, i, source, j, n)``: ``onto[i : i + n] = source[j : j + n]``, unchecked."""
 
-add_run: Any = intrinsic(prefer_literal=True)(_add_run)
+add_run: Any = intrinsic(_add_run, prefer_literal=True)
 """``add_run(onto, i, source, j, n)``: ``onto[i : i + n] += source[j : j + n]``, unchecked."""

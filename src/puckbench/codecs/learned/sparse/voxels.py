@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puckbench.core.compiling import compiled
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.sparse.thread_pool import Crew
@@ -171,7 +172,7 @@ def _family_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return above, within
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled
 def _descend(
     parent_table: Table,
     first: NDArray[np.int64],
