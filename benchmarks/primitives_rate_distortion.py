@@ -54,7 +54,7 @@ class Room:
 def scene_of(name: str, captured: Path, furniture: Path | None = None) -> Scene:
     """A captured room if the folder has it, else a generated one, with real furniture if asked."""
     if (captured / f"{name}.json").exists():
-        return CapturedRooms(str(captured)).load(name)
+        return CapturedRooms(path=str(captured)).load(name)
     if name.endswith(FURNISHED):
         return EmbeddedRooms(furniture=str(furniture)).load(name.removesuffix(FURNISHED))
     return EmbeddedRooms().load(name)

@@ -113,12 +113,12 @@ def rooms(tmp_path: Path) -> Path:
 
 
 def test_only_captures_are_scenes(rooms: Path) -> None:
-    assert CapturedRooms(str(rooms)).names() == ["office", "office_large"]
+    assert CapturedRooms(path=str(rooms)).names() == ["office", "office_large"]
 
 
 @pytest.mark.parametrize("name", ["office", "office_large"])
 def test_the_mesh_is_in_metres_with_z_up(rooms: Path, name: str) -> None:
-    mesh = CapturedRooms(str(rooms)).load(name).mesh
+    mesh = CapturedRooms(path=str(rooms)).load(name).mesh
     assert mesh is not None
     low, high = mesh.bounds()
     turn = np.radians(TURN)
@@ -129,7 +129,7 @@ def test_the_mesh_is_in_metres_with_z_up(rooms: Path, name: str) -> None:
 
 
 def test_every_entity_labels_the_area_that_it_covers(rooms: Path) -> None:
-    mesh = CapturedRooms(str(rooms)).load("office").mesh
+    mesh = CapturedRooms(path=str(rooms)).load("office").mesh
     assert mesh is not None
     assert mesh.labels is not None
     areas = mesh.areas()

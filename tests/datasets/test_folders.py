@@ -32,23 +32,23 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_folder_gives_safe_unique_names_and_groups(folder: Path) -> None:
-    meshes = MeshFolder(str(folder))
+    meshes = MeshFolder(path=str(folder))
     names = ["chair-train-chair_0001", "table-t_1", "top_one", "top_one_2"]
     assert meshes.names() == names
     assert [meshes.load(name).group for name in names] == ["chair", "table", "meshes", "meshes"]
     assert meshes.files("table-t_1") == [folder / "table" / "t 1.obj"]
-    assert MeshFolder(str(folder), recursive=False).names() == ["top_one", "top_one_2"]
+    assert MeshFolder(path=str(folder), recursive=False).names() == ["top_one", "top_one_2"]
 
 
 def test_units_and_orientation_of_a_folder(folder: Path) -> None:
-    scene = MeshFolder(str(folder), up="y", metres_per_unit=0.01).load("table-t_1")
+    scene = MeshFolder(path=str(folder), up="y", metres_per_unit=0.01).load("table-t_1")
     assert scene.mesh is not None
     assert scene.mesh.bounds().tolist() == [[0, 0, 0], [0.01, 0, 0.02]]
 
 
 def test_an_unknown_scene_is_named(folder: Path) -> None:
     with pytest.raises(InputError, match="no scene 'sofa'"):
-        MeshFolder(str(folder)).load("sofa")
+        MeshFolder(path=str(folder)).load("sofa")
 
 
 def make_capod(root: Path) -> Path:
@@ -62,7 +62,7 @@ def make_capod(root: Path) -> Path:
 
 
 def test_capod_names_groups_and_counts(tmp_path: Path) -> None:
-    capod = Capod(str(make_capod(tmp_path / "CAPOD")))
+    capod = Capod(path=str(make_capod(tmp_path / "CAPOD")))
     assert capod.names() == ["m001", "m002", "m003"]
     scene = capod.load("m003")
     assert scene.group == "Desktop_computer"
@@ -72,9 +72,11 @@ def test_capod_names_groups_and_counts(tmp_path: Path) -> None:
 
 def test_capod_by_class(tmp_path: Path) -> None:
     root = make_capod(tmp_path / "CAPOD")
-    assert Capod(str(root), classes=("Human",)).names() == ["m001", "m002"]
-    with pytest.raises(InputError, match=r"no class 'human' \(known: Human, Desktop_computer\)"):
-        Capod(str(root), classes=("human",)).names()
+    assert Capod(path=str(root), classes=("Human",)).names() == ["m001", "m002"]
+    with pytest.raises(
+        InputError, match=r"unknown name 'human' \(known: Human, Desktop_computer\)"
+    ):
+        Capod(path=str(root), classes=("human",)).names()
 
 
 def test_capod_tells_what_is_missing(tmp_path: Path) -> None:
@@ -83,7 +85,7 @@ def test_capod_tells_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"1 of 3 objects are missing, the first is class1/m2\.obj"
     ):
-        Capod(str(root)).names()
+        Capod(path=str(root)).names()
 
 
 @pytest.mark.parametrize(
@@ -93,4 +95,4 @@ def test_a_damaged_classification_is_named(tmp_path: Path, text: str) -> None:
     root = make_capod(tmp_path / "CAPOD")
     (root / "CAPOD.cla").write_text(text)
     with pytest.raises(InputError, match=r"CAPOD\.cla: "):
-        Capod(str(root)).names()
+        Capod(path=str(root)).names()

@@ -35,7 +35,7 @@ def test_frames_of_every_layout(tmp_path: Path, folder: str, part: str) -> None:
     put(tmp_path / folder / "000000.bin", FRAME.tobytes())
     put(tmp_path / folder / "000001.bin", FRAME.tobytes())
     put(tmp_path / folder / "._000001.bin", b"resource fork")
-    frames = Kitti(str(tmp_path))
+    frames = Kitti(path=str(tmp_path))
     assert frames.names() == [f"{part}_000000", f"{part}_000001"]
     scene = frames.load(f"{part}_000001")
     assert scene.cloud is not None
@@ -46,7 +46,7 @@ def test_frames_of_every_layout(tmp_path: Path, folder: str, part: str) -> None:
 def test_points_that_are_not_finite_are_dropped_and_counted(tmp_path: Path) -> None:
     damaged = np.vstack([FRAME, [[np.nan, 0, 0, 0]], [[0, np.inf, 0, 0]]]).astype("<f4")
     put(tmp_path / "training" / "velodyne" / "000000.bin", damaged.tobytes())
-    scene = Kitti(str(tmp_path)).load("training_000000")
+    scene = Kitti(path=str(tmp_path)).load("training_000000")
     assert scene.cloud is not None
     assert len(scene.cloud) == 2
     assert scene.about["dropped_points"] == 2
@@ -56,7 +56,7 @@ def test_points_that_are_not_finite_are_dropped_and_counted(tmp_path: Path) -> N
 def test_a_damaged_frame_is_named(tmp_path: Path, data: bytes, message: str) -> None:
     put(tmp_path / "training" / "velodyne" / "000000.bin", data)
     with pytest.raises(InputError, match=rf"000000\.bin: .*{message}"):
-        Kitti(str(tmp_path)).load("training_000000")
+        Kitti(path=str(tmp_path)).load("training_000000")
 
 
 def test_the_whole_object_benchmark_is_listed_without_reading_a_frame(tmp_path: Path) -> None:
@@ -64,10 +64,10 @@ def test_the_whole_object_benchmark_is_listed_without_reading_a_frame(tmp_path: 
     folder.mkdir(parents=True)
     for number in range(7481):
         (folder / f"{number:06d}.bin").symlink_to("nowhere")
-    frames = Kitti(str(tmp_path))
+    frames = Kitti(path=str(tmp_path))
     assert len(frames.names()) == 7481
     assert [count.line() for count in frames.counts()] == ["7481 of 7481 published"]
-    thinned = Kitti(str(tmp_path), every=1000)
+    thinned = Kitti(path=str(tmp_path), every=1000)
     assert thinned.names()[:2] == ["training_000000", "training_001000"]
     assert thinned.counts() == frames.counts()
 
@@ -75,9 +75,9 @@ def test_the_whole_object_benchmark_is_listed_without_reading_a_frame(tmp_path: 
 def test_parts_are_chosen_by_name(tmp_path: Path) -> None:
     for part in ("training", "testing"):
         put(tmp_path / part / "velodyne" / "000000.bin", FRAME.tobytes())
-    assert Kitti(str(tmp_path), parts=("testing",)).names() == ["testing_000000"]
+    assert Kitti(path=str(tmp_path), parts=("testing",)).names() == ["testing_000000"]
     with pytest.raises(InputError, match="unknown name '00'"):
-        Kitti(str(tmp_path), parts=("00",)).names()
+        Kitti(path=str(tmp_path), parts=("00",)).names()
 
 
 HEADER = (
@@ -95,7 +95,7 @@ def body(root: Path, name: str, lines: list[str]) -> None:
 
 def test_a_voxelised_body_keeps_its_colours_and_grid(tmp_path: Path) -> None:
     body(tmp_path, "loot_vox10_1000", VOXELS)
-    scene = Voxelised8i(str(tmp_path)).load("loot_vox10_1000")
+    scene = Voxelised8i(path=str(tmp_path)).load("loot_vox10_1000")
     cloud = scene.cloud
     assert cloud is not None
     assert cloud.colours is not None
@@ -110,7 +110,7 @@ def test_a_voxelised_body_keeps_its_colours_and_grid(tmp_path: Path) -> None:
 def test_a_voxelised_body_is_prepared_on_its_own_grid(tmp_path: Path) -> None:
     voxels = np.random.default_rng(0).integers(0, 1024, (40, 3))
     body(tmp_path, "loot_vox10_1000", [f"{x} {y} {z} 1 2 3" for x, y, z in voxels])
-    cloud = Voxelised8i(str(tmp_path)).load("loot_vox10_1000").cloud
+    cloud = Voxelised8i(path=str(tmp_path)).load("loot_vox10_1000").cloud
     assert cloud is not None
     ready = prepare(cloud, "grid", 5)
     # Turned by a quarter about x, so that y is up: z runs downwards along y, from the far side.
@@ -122,15 +122,15 @@ def test_a_voxel_has_the_size_of_the_header_unless_another_is_given(tmp_path: Pa
     comment = "comment frame_to_world_scale 0.181985\ncomment width 1023\nelement"
     text = HEADER.replace("element", comment, 1).format(3) + "\n".join(VOXELS) + "\n"
     put(tmp_path / "loot_vox10_1000.ply", text.encode())
-    own = Voxelised8i(str(tmp_path)).load("loot_vox10_1000")
-    given = Voxelised8i(str(tmp_path), height_m=1.024).load("loot_vox10_1000")
+    own = Voxelised8i(path=str(tmp_path)).load("loot_vox10_1000")
+    given = Voxelised8i(path=str(tmp_path), height_m=1.024).load("loot_vox10_1000")
     assert own.about["metres_per_voxel"] == pytest.approx(0.00181985)
     assert given.about["metres_per_voxel"] == pytest.approx(0.001)
 
 
 def test_the_colours_survive_a_file_of_ours(tmp_path: Path) -> None:
     body(tmp_path / "in", "loot_vox10_1000", VOXELS)
-    cloud = Voxelised8i(str(tmp_path / "in")).load("loot_vox10_1000").cloud
+    cloud = Voxelised8i(path=str(tmp_path / "in")).load("loot_vox10_1000").cloud
     assert cloud is not None
     write_cloud(tmp_path / "out.ply", cloud)
     again = read_cloud(tmp_path / "out.ply")
@@ -144,8 +144,8 @@ def test_sequences_and_frames_are_chosen(tmp_path: Path) -> None:
     for name in names:
         body(tmp_path, name, VOXELS)
     body(tmp_path, "loot_vox10_1000_n", VOXELS)  # MPEG's, with normals: not a frame of the set
-    assert Voxelised8i(str(tmp_path)).names() == names
-    chosen = Voxelised8i(str(tmp_path), sequences=("soldier",), every=2)
+    assert Voxelised8i(path=str(tmp_path)).names() == names
+    chosen = Voxelised8i(path=str(tmp_path), sequences=("soldier",), every=2)
     assert chosen.names() == ["soldier_vox10_1000"]
     held = {count.what: (count.held, count.published) for count in chosen.counts()}
     assert held["soldier"] == (2, 300)
@@ -156,4 +156,4 @@ def test_sequences_and_frames_are_chosen(tmp_path: Path) -> None:
 def test_a_point_off_the_grid_is_an_error(tmp_path: Path, line: str) -> None:
     body(tmp_path, "loot_vox10_1000", [*VOXELS, line])
     with pytest.raises(InputError, match="1 of 4 points are not on the grid of 10 bits"):
-        Voxelised8i(str(tmp_path)).load("loot_vox10_1000")
+        Voxelised8i(path=str(tmp_path)).load("loot_vox10_1000")

@@ -1,11 +1,13 @@
 """Object sets in the layouts of ModelNet40, ShapeNetCore and the Stanford scans."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.modelnet40 import ModelNet40
+from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.shapenetcore import ShapeNetCore
 from puckbench.datasets.stanford_scans import StanfordScans
 
@@ -37,14 +39,18 @@ def modelnet(tmp_path: Path) -> Path:
 
 
 def test_modelnet_has_classes_and_splits(modelnet: Path) -> None:
-    assert ModelNet40(str(modelnet)).names() == ["chair_0001", "chair_0890", "night_stand_0001"]
-    assert ModelNet40(str(modelnet), split="test").names() == ["chair_0890"]
-    assert ModelNet40(str(modelnet), classes=("night_stand",)).names() == ["night_stand_0001"]
-    assert ModelNet40(str(modelnet)).load("night_stand_0001").group == "night_stand"
+    assert ModelNet40(path=str(modelnet)).names() == [
+        "chair_0001",
+        "chair_0890",
+        "night_stand_0001",
+    ]
+    assert ModelNet40(path=str(modelnet), split="test").names() == ["chair_0890"]
+    assert ModelNet40(path=str(modelnet), classes=("night_stand",)).names() == ["night_stand_0001"]
+    assert ModelNet40(path=str(modelnet)).load("night_stand_0001").group == "night_stand"
 
 
 def test_a_header_glued_to_the_counts_is_read_and_told(modelnet: Path) -> None:
-    models = ModelNet40(str(modelnet))
+    models = ModelNet40(path=str(modelnet))
     plain, glued = models.load("chair_0001"), models.load("chair_0890")
     assert plain.mesh is not None
     assert glued.mesh is not None
@@ -53,7 +59,7 @@ def test_a_header_glued_to_the_counts_is_read_and_told(modelnet: Path) -> None:
 
 
 def test_modelnets_counts_are_those_of_all_classes(modelnet: Path) -> None:
-    counts = ModelNet40(str(modelnet), classes=("chair",), split="test").counts()
+    counts = ModelNet40(path=str(modelnet), classes=("chair",), split="test").counts()
     held = {count.what: (count.held, count.published) for count in counts}
     assert held == {"classes": (2, 40), "train": (2, 9843), "test": (1, 2468)}
     assert sum(count.published for count in counts[1:]) == 12_311
@@ -61,18 +67,18 @@ def test_modelnets_counts_are_those_of_all_classes(modelnet: Path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [({"split": "val"}, "split: 'val'"), ({"classes": ("sofa",)}, "unknown name 'sofa'")],
+    [({"split": "val"}, "split is 'val'"), ({"classes": ["sofa"]}, "unknown name 'sofa'")],
 )
 def test_a_wrong_choice_of_modelnet_is_named(
-    modelnet: Path, options: dict[str, str], message: str
+    modelnet: Path, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        ModelNet40(str(modelnet), **options).names()  # type: ignore[arg-type]
+        open_scene_set("modelnet40", {"path": str(modelnet), **options}).names()
 
 
 def test_a_class_without_models_of_the_split_is_told(modelnet: Path) -> None:
     with pytest.raises(InputError, match="no models"):
-        ModelNet40(str(modelnet), classes=("night_stand",), split="test").names()
+        ModelNet40(path=str(modelnet), classes=("night_stand",), split="test").names()
 
 
 @pytest.fixture
@@ -90,7 +96,7 @@ def shapenet(tmp_path: Path) -> Path:
 
 
 def test_both_versions_of_shapenet_are_read_and_missing_models_left_out(shapenet: Path) -> None:
-    models = ShapeNetCore(str(shapenet))
+    models = ShapeNetCore(path=str(shapenet))
     assert models.names() == ["99999999_c", "car_e03b", "chair_1a6f", "chair_2b7e"]
     sources = [models.load(name).about["source"] for name in models.names()[2:]]
     assert sources == [
@@ -100,14 +106,14 @@ def test_both_versions_of_shapenet_are_read_and_missing_models_left_out(shapenet
 
 
 def test_shapenet_is_turned_from_y_up_to_z_up(shapenet: Path) -> None:
-    scene = ShapeNetCore(str(shapenet), classes=("chair",)).load("chair_1a6f")
+    scene = ShapeNetCore(path=str(shapenet), classes=("chair",)).load("chair_1a6f")
     assert scene.mesh is not None
     assert scene.mesh.bounds().tolist() == [[0, 0, 0], [1, 0, 2]]
     assert scene.group == "chair"
 
 
 def test_shapenets_classes_are_counted(shapenet: Path) -> None:
-    (count,) = ShapeNetCore(str(shapenet), classes=("chair",)).counts()
+    (count,) = ShapeNetCore(path=str(shapenet), classes=("chair",)).counts()
     assert (count.held, count.published) == (3, 55)
 
 
@@ -116,7 +122,7 @@ def test_stanford_models_are_found_by_their_files_and_have_their_units(tmp_path:
     put(tmp_path / "bunny" / "reconstruction" / "bun_zipper_res2.ply", PLY)
     put(tmp_path / "bunny" / "data" / "bun000.ply", PLY)
     put(tmp_path / "lucy.ply", PLY)
-    models = StanfordScans(str(tmp_path))
+    models = StanfordScans(path=str(tmp_path))
     assert models.names() == ["bunny", "lucy"]
     bunny, lucy = models.load("bunny"), models.load("lucy")
     assert bunny.mesh is not None
@@ -129,4 +135,4 @@ def test_stanford_models_are_found_by_their_files_and_have_their_units(tmp_path:
 def test_a_stanford_model_that_is_not_there_is_named(tmp_path: Path) -> None:
     put(tmp_path / "bun_zipper.ply", PLY)
     with pytest.raises(InputError, match=r"unknown name 'dragon' \(known: bunny\)"):
-        StanfordScans(str(tmp_path), models=("dragon",)).names()
+        StanfordScans(path=str(tmp_path), models=("dragon",)).names()

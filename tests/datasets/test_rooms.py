@@ -41,9 +41,9 @@ def scans(tmp_path: Path) -> Path:
 
 
 def test_scannet_scans_have_the_type_of_their_room(scans: Path) -> None:
-    rooms = ScanNet(str(scans))
+    rooms = ScanNet(path=str(scans))
     assert rooms.names() == ["scene0000_00", "scene0707_00"]
-    assert rooms.names() == ScanNet(str(scans / "scans")).names()
+    assert rooms.names() == ScanNet(path=str(scans / "scans")).names()
     assert [rooms.load(name).group for name in rooms.names()] == ["copy_room", "unknown"]
     assert [path.name for path in rooms.files("scene0000_00")] == [
         "scene0000_00_vh_clean_2.ply",
@@ -52,8 +52,8 @@ def test_scannet_scans_have_the_type_of_their_room(scans: Path) -> None:
 
 
 def test_a_scan_is_turned_along_the_axes_unless_that_is_not_wanted(scans: Path) -> None:
-    turned = ScanNet(str(scans)).load("scene0000_00")
-    as_captured = ScanNet(str(scans), aligned=False).load("scene0000_00")
+    turned = ScanNet(path=str(scans)).load("scene0000_00")
+    as_captured = ScanNet(path=str(scans), aligned=False).load("scene0000_00")
     assert turned.mesh is not None
     assert as_captured.mesh is not None
     assert turned.mesh.vertices.tolist() == [[5, 6, 7], [5, 7, 7], [5, 6, 9]]
@@ -64,25 +64,25 @@ def test_a_scan_is_turned_along_the_axes_unless_that_is_not_wanted(scans: Path) 
 def test_a_damaged_alignment_is_named(scans: Path) -> None:
     put(scans / "scans" / "scene0000_00" / "scene0000_00.txt", "axisAlignment = 1 0 0\n")
     with pytest.raises(InputError, match=r"scene0000_00\.txt: axisAlignment"):
-        ScanNet(str(scans)).load("scene0000_00")
+        ScanNet(path=str(scans)).load("scene0000_00")
 
 
 def test_a_resolution_that_is_not_there_is_told(scans: Path) -> None:
     with pytest.raises(InputError, match=r"_vh_clean\.ply there .*scan-net"):
-        ScanNet(str(scans), full=True).names()
+        ScanNet(path=str(scans), full=True).names()
 
 
 def test_matterport_regions_of_either_unpacking(tmp_path: Path) -> None:
     put(tmp_path / "17DRP5sb8fy" / "region_segmentations" / "region0.ply", PLY)
     put(tmp_path / "17DRP5sb8fy" / "region_segmentations" / "region0.vsegs.json", "{}")
     put(tmp_path / "1LXtFkjw3qL" / "1LXtFkjw3qL" / "region_segmentations" / "region10.ply", PLY)
-    rooms = Matterport3D(str(tmp_path))
+    rooms = Matterport3D(path=str(tmp_path))
     assert rooms.names() == ["17DRP5sb8fy_region0", "1LXtFkjw3qL_region10"]
     scene = rooms.load("1LXtFkjw3qL_region10")
     assert scene.group == "1LXtFkjw3qL"
     assert scene.mesh is not None
     assert scene.mesh.bounds().tolist() == [[0, 0, 0], [1, 0, 2]]
-    chosen = Matterport3D(str(tmp_path), buildings=("17DRP5sb8fy",))
+    chosen = Matterport3D(path=str(tmp_path), buildings=("17DRP5sb8fy",))
     assert chosen.names() == ["17DRP5sb8fy_region0"]
     assert [(count.held, count.published) for count in chosen.counts()] == [(2, 90)]
 
@@ -129,7 +129,7 @@ def front(tmp_path: Path) -> Path:
 
 
 def open_front(root: Path, **options: Any) -> Front3D:
-    return Front3D(str(root / "3D-FRONT"), str(root / "models"), **options)
+    return Front3D(path=str(root / "3D-FRONT"), models=str(root / "models"), **options)
 
 
 def of(mesh: Mesh, index: int) -> Any:
@@ -214,6 +214,6 @@ def test_a_damaged_pose_is_named(front: Path, pose: Any) -> None:
 
 
 def test_missing_models_tell_where_to_ask(front: Path) -> None:
-    rooms = Front3D(str(front / "3D-FRONT"), str(front / "nowhere"))
+    rooms = Front3D(path=str(front / "3D-FRONT"), models=str(front / "nowhere"))
     with pytest.raises(InputError, match=r"nowhere: no such folder .*3D-FUTURE"):
         rooms.load("abc_LivingRoom-12")

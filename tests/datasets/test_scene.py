@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.registry import REGISTRY, open_scene_set
+from puckbench.core.registry import Registry
+from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import PointCloud
 
@@ -28,24 +29,40 @@ def test_a_scene_has_a_mesh_or_a_cloud() -> None:
     assert Scene("a", "b", cloud=PointCloud(np.zeros((1, 3)))).mesh is None
 
 
-@pytest.mark.parametrize("loader", REGISTRY)
+@pytest.mark.parametrize("loader", LOADERS.names())
 def test_every_loader_can_be_loaded_and_is_a_scene_set(loader: str) -> None:
-    from puckbench.core.plugins import load_class
-
-    found = load_class(REGISTRY[loader], loader)
+    found = LOADERS.get(loader)
     assert all(callable(getattr(found, member)) for member in ("names", "files", "load"))
 
 
+@pytest.mark.parametrize("loader", LOADERS.names())
+def test_every_option_is_described(loader: str) -> None:
+    known = options_model(LOADERS.get(loader), loader).model_fields
+    assert all(option.description for option in known.values())
+
+
 WRONG: list[tuple[str, Mapping[str, Any], str]] = [
-    ("capot", {}, "unknown loader 'capot'.*capod"),
-    ("capod", {"path": "x", "clases": ["Car"]}, "unknown option 'clases'.*classes"),
+    ("capot", {}, "unknown loader 'capot'.*did you mean 'capod'"),
+    (
+        "capod",
+        {"path": "x", "clases": ["Car"]},
+        "unknown option 'clases' .known: path, classes.; did you mean 'classes'",
+    ),
     ("capod", {}, "the option 'path' is missing"),
-    ("capod", {"path": 3}, "option 'path' is 3, which is not str"),
-    ("capod", {"path": "x", "classes": "Car"}, "'Car', which is not a list of names or None"),
-    ("mesh_folder", {"path": "x", "recursive": 1}, "option 'recursive' is 1, which is not bool"),
-    ("mesh_folder", {"path": "x", "metres_per_unit": True}, "which is not float"),
-    ("mesh_folder", {"path": "x", "metres_per_unit": 0}, "metres_per_unit: 0 is not above 0"),
-    ("mesh_folder", {"path": "x", "up": "x"}, "up: 'x' is not allowed"),
+    ("capod", {"path": 3}, "path is 3, but must be a valid string"),
+    ("capod", {"path": "x", "classes": "Car"}, "classes is 'Car', but must be a list"),
+    ("mesh_folder", {"path": "x", "recursive": 1}, "recursive is 1, but must be a valid boolean"),
+    (
+        "mesh_folder",
+        {"path": "x", "metres_per_unit": True},
+        "metres_per_unit is True, but must be a valid number",
+    ),
+    (
+        "mesh_folder",
+        {"path": "x", "metres_per_unit": 0},
+        "metres_per_unit is 0, but must be greater than 0",
+    ),
+    ("mesh_folder", {"path": "x", "up": "x"}, "up is 'x', but must be 'y' or 'z'"),
 ]
 
 
@@ -94,6 +111,99 @@ def test_a_set_that_is_not_there_tells_what_to_put_there(
     folder = tmp_path if exists else tmp_path / "data"
     with pytest.raises(InputError, match=r"should lie there, .* in it"):
         open_scene_set(loader, {"path": str(folder)}).names()
+
+
+SPHERES = """
+from puckbench.datasets.base import DataSet
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene
+from puckbench.geometry.mesh import Mesh
+
+@LOADERS.register("spheres")
+class Spheres(DataSet):
+    seed: int = 0
+    radii: tuple[float, ...] = (1.0,)
+
+    def names(self):
+        return [f"s{number}" for number in range(len(self.radii))]
+
+    def files(self, name):
+        return []
+
+    def load(self, name):
+        import trimesh
+
+        sphere = trimesh.creation.icosphere(1, self.radii[int(name[1:])])
+        return Scene(name, "sphere", mesh=Mesh(sphere.vertices, sphere.faces))
+"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package with a data set is installed, as pip leaves it: a module and its metadata."""
+    metadata = tmp_path / "spheres-1.dist-info"
+    metadata.mkdir()
+    (tmp_path / "spheres_of_a_package.py").write_text(SPHERES)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: spheres\nVersion: 1\n")
+    (metadata / "entry_points.txt").write_text(
+        "[puckbench.loaders]\nspheres = spheres_of_a_package:Spheres\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("puckbench.datasets.registry.LOADERS", Registry("loader", "datasets"))
+
+
+def test_a_package_brings_a_data_set(installed: None) -> None:
+    spheres = open_scene_set("spheres", {"radii": [1, 2]}, seed=3)
+    assert spheres.names() == ["s0", "s1"]
+    assert spheres.files("s1") == []
+    mesh = spheres.load("s1").mesh
+    assert mesh is not None
+    assert np.ptp(mesh.bounds(), axis=0) == pytest.approx(4, rel=0.1)
+    with pytest.raises(InputError, match="loader spheres: unknown option 'radius'"):
+        open_scene_set("spheres", {"radius": 1})
+    with pytest.raises(InputError, match=r"unknown loader 'sphere'.*did you mean 'spheres'"):
+        open_scene_set("sphere", {})
+
+
+def test_a_file_outside_the_tree_brings_a_data_set(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(SPHERES.replace('@LOADERS.register("spheres")\n', ""))
+    spheres: Any = open_scene_set(f"{path}:Spheres", {"radii": [1, 2]}, seed=3)
+    assert (spheres.seed, spheres.radii, spheres.names()) == (3, (1.0, 2.0), ["s0", "s1"])
+    with pytest.raises(InputError, match=r"radii.1 is 'two', but must be a valid number"):
+        open_scene_set(f"{path}:Spheres", {"radii": [1, "two"]})
+
+
+MINE = """
+from __future__ import annotations
+from dataclasses import dataclass, field
+
+@dataclass(frozen=True)
+class Mine:
+    {options}
+"""
+OWN_OPTIONS: list[tuple[str, dict[str, Any], str]] = [
+    ("size: float = 1.0", {"siez": 2}, "unknown option 'siez' .known: size.; did you mean 'size'"),
+    ("size: float = 1.0", {"size": "2"}, "size is '2', but must be a valid number"),
+    ("size: float", {}, "the option 'size' is missing"),
+    ("names: tuple[str, ...] = ()", {"names": "a"}, "names is 'a', but must be a list"),
+    ("size: Unknown = 1", {}, "the types of its options: name 'Unknown' is not defined"),
+]
+
+
+@pytest.mark.parametrize(("options", "given", "message"), OWN_OPTIONS)
+def test_options_of_a_data_class_of_ones_own_are_checked(
+    tmp_path: Path, options: str, given: dict[str, Any], message: str
+) -> None:
+    (path := tmp_path / "mine.py").write_text(MINE.format(options=options))
+    with pytest.raises(InputError, match=rf"loader {path}:Mine: {message}"):
+        open_scene_set(f"{path}:Mine", given)
+
+
+def test_a_class_without_options_to_read_is_named(tmp_path: Path) -> None:
+    (path := tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
+    with pytest.raises(InputError, match="Mine is no data class and no pydantic model"):
+        open_scene_set(f"{path}:Mine", {})
 
 
 def test_a_loader_of_ones_own(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def root(tmp_path: Path) -> Path:
 def rooms(root: Path, **options: Any) -> Stanford2D3D:
     """The set in `root`, with listed positions unless `positions` is None."""
     given = {"positions": str(root / "positions"), **options}
-    return Stanford2D3D(str(root / "2D-3D-S"), str(root / "S3DIS"), **given)
+    return Stanford2D3D(path=str(root / "2D-3D-S"), s3dis=str(root / "S3DIS"), **given)
 
 
 def mesh_of(scene: Scene) -> tuple[Mesh, Labels]:
@@ -211,8 +211,10 @@ def test_without_poses_and_list_the_poses_are_missed(root: Path) -> None:
 def test_no_area_at_all_and_an_unknown_one(root: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="empty: no areas there"):
-        Stanford2D3D(str(tmp_path / "empty"), str(root / "S3DIS")).names()
-    with pytest.raises(InputError, match=r"no area 'area_5' \(known: area_1, .*, area_5b, area_6"):
+        Stanford2D3D(path=str(tmp_path / "empty"), s3dis=str(root / "S3DIS")).names()
+    with pytest.raises(
+        InputError, match=r"unknown name 'area_5' \(known: area_1, .*, area_5b, area_6"
+    ):
         rooms(root, areas=("area_5",)).names()
 
 
@@ -260,5 +262,7 @@ def test_the_loader_is_registered_and_checks_its_options(root: Path) -> None:
     folders = {"path": str(root / "2D-3D-S"), "s3dis": str(root / "S3DIS")}
     options = {**folders, "positions": str(root / "positions"), "areas": ["area_5b"]}
     assert open_scene_set("stanford2d3d", options).names() == ["area_5b_hallway_1"]
-    with pytest.raises(InputError, match="margin_m: -1 is below 0"):
+    with pytest.raises(
+        InputError, match="margin_m is -1, but must be greater than or equal to 0"
+    ):
         open_scene_set("stanford2d3d", {**folders, "margin_m": -1})

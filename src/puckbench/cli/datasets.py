@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import MISSING, fields
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.core.plugins import load_class
 from puckbench.datasets.counts import Counted
-from puckbench.datasets.registry import REGISTRY, open_scene_set
+from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +23,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """
     if options.check:
         return _checked(options.check, options.options)
-    table = {name: _options(name) for name in REGISTRY}
+    table = {name: _options(name) for name in LOADERS.names()}
     return table if options.json else {name: _line(found) for name, found in table.items()}
 
 
@@ -36,8 +34,8 @@ def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _options(loader: str) -> dict[str, Any]:
-    known = fields(load_class(REGISTRY[loader], f"loader {loader}"))
-    return {item.name: "required" if item.default is MISSING else item.default for item in known}
+    known = options_model(LOADERS.get(loader), f"loader {loader}").model_fields
+    return {name: "required" if o.is_required() else o.get_default() for name, o in known.items()}
 
 
 def _line(options: dict[str, Any]) -> str:

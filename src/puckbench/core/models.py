@@ -134,6 +134,7 @@ def _said(fault: Any) -> str:
     if fault["type"] == "too_short":
         return f"have at least {context['min_length']}"
     said = str(fault["msg"]).replace("Input should be ", "")
+    said = said.replace("a valid tuple", "a list")
     return said.replace("String should match pattern", "a name that matches")
 
 

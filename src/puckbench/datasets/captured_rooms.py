@@ -1,4 +1,4 @@
-"""Real rooms captured by a headset: a mesh of everything, and the planes and boxes found in it."""
+"""Real rooms captured by a headset: one mesh, and the planes and boxes that it found there."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import base64
 import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,9 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.datasets.scene import Scene, existing_folder, found, unique_names
+from puckbench.datasets.base import FolderSet, Provenance
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
 from puckbench.io.meshes.reading import y_up_to_z_up
@@ -26,44 +27,48 @@ _SEMANTIC = {"couch": "sofa", "door_frame": "door", "wall_face": "wall", "window
 # How far a measured surface may lie from the entity that it is taken for.
 _NEAR_M, _FAR_M = 0.05, 0.15
 _PARALLEL = 0.7
-_CREDIT = "Meta Platforms, npm package @iwer/sem"
 
 
-@dataclass(frozen=True)
-class CapturedRooms:
+@LOADERS.register("captured_rooms")
+class CapturedRooms(FolderSet):
     """Scene captures as JSON (the npm package @iwer/sem has five), in metres, turned to z up.
 
-    path: the folder of the JSON files. Every triangle is labelled with the smallest entity that
-    it belongs to: a plane patch (wall, door, ...) within 5 cm that it is parallel to, else a box
-    (table, sofa, ...) around it, else a patch within 15 cm, else "clutter". The surface is
-    measured, not made of primitives: all of it is "freeform".
+    Every triangle is labelled with the smallest entity that it belongs to: a plane patch (wall,
+    door, ...) within 5 cm that it is parallel to, else a box (table, sofa, ...) around it, else a
+    patch within 15 cm, else "clutter". The surface is measured, not made of primitives: all of it
+    is "freeform".
     """
 
-    path: str
-
-    def names(self) -> list[str]:
-        """File names without suffix."""
-        return sorted(self._table)
-
-    def files(self, name: str) -> list[Path]:
-        """The JSON file."""
-        return [found(self._table, name, self.path)]
+    provenance = Provenance(
+        "MIT", "Meta Platforms, npm package @iwer/sem", "captured rooms (.json) should lie there"
+    )
 
     def load(self, name: str) -> Scene:
         """Read the room's mesh and label its triangles."""
-        return read_capture(found(self._table, name, self.path), name)
+        return read_capture(self._file(name), name)
 
-    @cached_property
-    def _table(self) -> dict[str, Path]:
-        folder = existing_folder(self.path, "captured rooms (.json)")
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted(path for path in folder.glob("*.json") if _is_capture(path))
         if not paths:
-            raise InputError(f"{self.path}: no captured rooms (.json with spatialEntities) there")
-        return dict(zip(unique_names(path.stem for path in paths), paths, strict=True))
+            raise self._missing("captured rooms (.json with spatialEntities)")
+        return dict(sorted(zip(unique_names(path.stem for path in paths), paths, strict=True)))
 
 
 def read_capture(path: Path, name: str | None = None) -> Scene:
-    """Read one captured room, in metres with z up; the scene is called `name` (or as the file)."""
+    """Read one captured room, in metres with z up.
+
+    Parameters
+    ----------
+    path
+        JSON file of a scene capture.
+    name
+        Name of the scene; by default that of the file.
+
+    Raises
+    ------
+    InputError
+        The file is no scene capture, or damaged.
+    """
     entities = _entities(path)
     try:
         mesh = _room_mesh(entities, path)
@@ -75,8 +80,8 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
     turned = Mesh(y_up_to_z_up(mesh.vertices), mesh.triangles, labels)
     about = {
         "source": path.name,
-        "licence": "MIT",
-        "credit": _CREDIT,
+        "licence": CapturedRooms.provenance.licence,
+        "credit": CapturedRooms.provenance.credit,
         "triangles": len(mesh.triangles),
         "clutter": int(np.count_nonzero(labels.object_id == len(placed))),
     }

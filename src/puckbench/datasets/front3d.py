@@ -2,48 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError
+from puckbench.datasets.base import DataSet, chosen, existing_folder, found
 from puckbench.datasets.counts import Count
-from puckbench.datasets.embedded import chosen
 from puckbench.datasets.front3d_house import Room, build_room, read_rooms
-from puckbench.datasets.scene import Scene, existing_folder, found, safe_name, unique_names
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene, safe_name, unique_names
 
 _HOUSES = 6813
-_LICENCE = "Alibaba's terms of 3D-FRONT and 3D-FUTURE: research, not redistributable"
+_EXPECTED = (
+    "3D-FRONT's houses (<id>.json) should lie there; Alibaba gives them on request, "
+    "tianchi.aliyun.com, data sets 3D-FRONT and 3D-FUTURE"
+)
+_EXPECTED_MODELS = (
+    "3D-FUTURE's models, <id>/raw_model.obj, should lie there; Alibaba gives them on request, "
+    "tianchi.aliyun.com, data set 3D-FUTURE"
+)
 _CREDIT = (
     'H. Fu et al., "3D-FRONT: 3D Furnished Rooms with layOuts and semaNTics", ICCV 2021; '
     '"3D-FUTURE: 3D Furniture shape with TextURE", IJCV 2021'
 )
-_ASK = (
-    "3D-FRONT's houses (<id>.json) should lie there; Alibaba gives them on request, "
-    "tianchi.aliyun.com, data sets 3D-FRONT and 3D-FUTURE"
-)
-_ASK_FOR_MODELS = (
-    "3D-FUTURE's models, <id>/raw_model.obj, should lie there; Alibaba gives them on request, "
-    "tianchi.aliyun.com, data set 3D-FUTURE"
-)
 
 
-@dataclass(frozen=True)
-class Front3D:
+@LOADERS.register("front3d")
+class Front3D(DataSet):
     """Rooms of the houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
 
-    path: the folder of the houses. models: the folder 3D-FUTURE-model. houses: names of houses
-    to use, or how many of the first; all by default. Rooms are listed inside the houses: the
-    whole set has 6,813, so naming some saves minutes. Scenes are called
-    <house>_LivingRoom-1234 and grouped by room type. In metres; y is up, and turned to z. Walls,
-    floors and furniture are labelled objects. Furniture without ``valid: true`` has no model and
-    is left out, counted in `about`, as are models whose file is missing.
+    Rooms are listed inside the houses: the whole set has 6,813, so naming some saves minutes.
+    Scenes are called <house>_LivingRoom-1234 and grouped by room type. In metres; y is up, and
+    turned to z. Walls, floors and furniture are labelled objects. Furniture without ``valid: true``
+    has no model and is left out, counted in `about`, as are models whose file is missing.
     """
 
     path: str
+    """Folder of the houses."""
     models: str
+    """The folder 3D-FUTURE-model."""
     houses: tuple[str, ...] | int | None = None
+    """Names of houses, or the number of houses from the first on; all by default."""
 
     def names(self) -> list[str]:
         """House and room of every room that has a surface."""
@@ -57,11 +57,11 @@ class Front3D:
     def load(self, name: str) -> Scene:
         """Put walls, floors and furniture in their places."""
         house, room = found(self._table, name, self.path)
-        folder = existing_folder(self.models, _ASK_FOR_MODELS)
+        folder = existing_folder(self.models, _EXPECTED_MODELS)
         mesh, box, left_out = build_room(room, folder, f"{house}: {room.name}")
         about: dict[str, Any] = {
             "source": f"3D-FRONT {house.name} {room.name}",
-            "licence": _LICENCE,
+            "licence": "Alibaba's terms of 3D-FRONT and 3D-FUTURE: research, not redistributable",
             "credit": _CREDIT,
             "left_out": left_out,
             "triangles": len(mesh.triangles),
@@ -74,10 +74,10 @@ class Front3D:
 
     @cached_property
     def _houses(self) -> dict[str, Path]:
-        folder = existing_folder(self.path, _ASK)
+        folder = existing_folder(self.path, _EXPECTED)
         paths = sorted(path for path in folder.glob("*.json") if not path.name.startswith("."))
         if not paths:
-            raise InputError(f"{self.path}: no houses (.json) there ({_ASK})")
+            raise InputError(f"{self.path}: no houses (.json) there ({_EXPECTED})")
         return {path.stem: path for path in paths}
 
     @cached_property

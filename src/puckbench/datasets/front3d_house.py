@@ -1,4 +1,4 @@
-"""Reading a house of 3D-FRONT: what stands in its rooms, and where."""
+"""Reading a house of 3D-FRONT: the furniture and surfaces of its rooms, with their poses."""
 
 from __future__ import annotations
 
@@ -51,16 +51,26 @@ class _Placed:
 
 @dataclass(frozen=True)
 class Room:
-    """A room of a house: name (LivingRoom-1234), kind (LivingRoom), things, and what lacks."""
+    """A room of a house.
+
+    Parameters
+    ----------
+    name, kind
+        Such as LivingRoom-1234 and LivingRoom.
+    items
+        Its surfaces and furniture.
+    left_out
+        Number of items without a surface, by reason.
+    """
 
     name: str
     kind: str
-    things: tuple[_Placed, ...]
+    items: tuple[_Placed, ...]
     left_out: dict[str, int]
 
     def models(self, folder: Path) -> list[Path]:
         """Files of the models that the room's furniture has, each once."""
-        ids = dict.fromkeys(thing.model for thing in self.things if thing.model is not None)
+        ids = dict.fromkeys(item.model for item in self.items if item.model is not None)
         return [_model_file(folder, model) for model in ids]
 
 
@@ -73,26 +83,46 @@ def read_rooms(path: Path) -> list[Room]:
         rooms = [_room(room, parts, furniture) for room in house["scene"]["room"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a readable house of 3D-FRONT ({error!r})") from error
-    return [room for room in rooms if room.things]
+    return [room for room in rooms if room.items]
 
 
 def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """The room's labelled mesh in metres with z up, the box of its own surfaces, and left-outs.
+    """Put the surfaces and the furniture of a room in their places.
 
-    `folder` holds the models. The box (2, 3) is None for a room of furniture alone. InputError
-    when nothing of the room has a surface.
+    Parameters
+    ----------
+    room
+        One of `read_rooms`.
+    folder
+        Folder of the furniture's models.
+    what
+        Names the room in errors.
+
+    Returns
+    -------
+    mesh
+        Labelled, in metres with z up.
+    box
+        (2, 3) lowest and highest corner of the room's own surfaces; None where there are none.
+    left_out
+        Number of items without a surface, by reason.
+
+    Raises
+    ------
+    InputError
+        Nothing of the room has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_Placed, Floats, NDArray[np.int64]]] = []
-    for thing in room.things:
-        surface = thing.surface if thing.model is None else _model_of(thing.model, folder)
+    for item in room.items:
+        surface = item.surface if item.model is None else _model_of(item.model, folder)
         if surface is None:
             left_out["model_missing"] += 1
         else:
-            placed.append((thing, y_up_to_z_up(thing.pose.apply(surface[0])), surface[1]))
+            placed.append((item, y_up_to_z_up(item.pose.apply(surface[0])), surface[1]))
     if not placed:
         raise InputError(f"{what}: nothing of the room has a surface")
-    own = [points for thing, points, _ in placed if thing.model is None]
+    own = [points for item, points, _ in placed if item.model is None]
     box = np.stack([np.vstack(own).min(axis=0), np.vstack(own).max(axis=0)]) if own else None
     mesh = _joined(placed)
     check_mesh(mesh, what)
@@ -101,11 +131,11 @@ def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None
 
 def _room(room: Any, parts: dict[str, Any], furniture: dict[str, Any]) -> Room:
     left_out: Counter[str] = Counter()
-    things = tuple(_things(room["children"], parts, furniture, left_out))
-    return Room(str(room["instanceid"]), str(room["type"]), things, dict(left_out))
+    items = tuple(_items(room["children"], parts, furniture, left_out))
+    return Room(str(room["instanceid"]), str(room["type"]), items, dict(left_out))
 
 
-def _things(
+def _items(
     children: Any, parts: dict[str, Any], furniture: dict[str, Any], left_out: Counter[str]
 ) -> Iterator[_Placed]:
     for child in children:
@@ -161,15 +191,15 @@ def _rotation(quaternion: Floats) -> Floats:
 
 
 def _joined(placed: list[tuple[_Placed, Floats, NDArray[np.int64]]]) -> Mesh:
-    """One mesh, each thing an object of its semantic class, all surfaces freeform."""
+    """One mesh, each item an object of its semantic class, all surfaces freeform."""
     starts = np.cumsum([0, *(len(points) for _, points, _ in placed)])
     triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
     sizes = [len(faces) for _, _, faces in placed]
     owner = np.repeat(np.arange(len(placed), dtype=np.int32), sizes)
     seen: Counter[str] = Counter()
     objects = []
-    for thing, _, _ in placed:
-        seen[thing.semantic] += 1
-        objects.append(SceneObject(f"{thing.semantic}_{seen[thing.semantic]}", thing.semantic))
+    for item, _, _ in placed:
+        seen[item.semantic] += 1
+        objects.append(SceneObject(f"{item.semantic}_{seen[item.semantic]}", item.semantic))
     labels = Labels(owner, np.zeros_like(owner), tuple(objects), (Primitive("freeform", {}),))
     return Mesh(np.vstack([points for _, points, _ in placed]), np.concatenate(triangles), labels)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.core.errors import InputError
+from puckbench.datasets.base import MeshFolderSet, Provenance, chosen, existing_folder
 from puckbench.datasets.counts import Count
-from puckbench.datasets.embedded import chosen
-from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
-from puckbench.io.meshes import read_mesh_report
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import safe_name
 
-_LICENCE = "Matterport3D's terms of use: academic, not redistributable"
-_CREDIT = 'A. Chang et al., "Matterport3D: Learning from RGB-D Data in Indoor Environments", 2017'
-_ASK = (
+_EXPECTED = (
     "Matterport3D should lie there, with <building>/region_segmentations/region0.ply and so on in "
     "it, its archives unpacked; its authors give it after a signed agreement, "
     "niessner.github.io/Matterport"
@@ -22,33 +19,23 @@ _ASK = (
 _BUILDINGS = 90
 
 
-@dataclass(frozen=True)
-class Matterport3D:
+@LOADERS.register("matterport3d")
+class Matterport3D(MeshFolderSet):
     """Regions (rooms) as ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
 
-    path: the folder that holds the buildings (``v1/scans``). buildings: names to keep; all by
-    default. Scenes are called <building>_region0 and grouped by building. Archives that unpack
-    into a second folder of the building's name are found as well.
+    The folder is the one that holds the buildings (``v1/scans``). Scenes are called
+    <building>_region0 and grouped by building. Archives that unpack into a second folder of the
+    building's name are found as well.
     """
 
-    path: str
+    provenance = Provenance(
+        "Matterport3D's terms of use: academic, not redistributable",
+        'A. Chang et al., "Matterport3D: Learning from RGB-D Data in Indoor Environments", 2017',
+        _EXPECTED,
+    )
+
     buildings: tuple[str, ...] | None = None
-
-    def names(self) -> list[str]:
-        """Building and region of every region."""
-        return sorted(self._table)
-
-    def files(self, name: str) -> list[Path]:
-        """The region's mesh."""
-        return [found(self._table, name, self.path)[0]]
-
-    def load(self, name: str) -> Scene:
-        """Read the mesh; `about` tells what the reader found and skipped."""
-        path, building = found(self._table, name, self.path)
-        mesh, report = read_mesh_report(path, up="z")
-        source = f"Matterport3D {building}/{path.name}"
-        about = {"source": source, "licence": _LICENCE, "credit": _CREDIT, **report}
-        return Scene(name, safe_name(building), mesh=mesh, about=about)
+    """Names of buildings to keep; all by default."""
 
     def counts(self) -> list[Count]:
         """Buildings with any region."""
@@ -57,20 +44,28 @@ class Matterport3D:
     @cached_property
     def _regions(self) -> dict[str, dict[str, Path]]:
         """Meshes of regions by building and name."""
-        root = existing_folder(self.path, _ASK)
+        root = existing_folder(self.path, _EXPECTED)
         regions: dict[str, dict[str, Path]] = {}
         for layout in ("*", "*/*"):
             for path in sorted(root.glob(f"{layout}/region_segmentations/region*.ply")):
-                building = path.relative_to(root).parts[0]
-                regions.setdefault(building, {}).setdefault(path.stem, path)
+                regions.setdefault(self._building(path), {}).setdefault(path.stem, path)
         if not regions:
-            raise InputError(f"{self.path}: no region_segmentations/region<k>.ply there ({_ASK})")
+            raise self._missing("region_segmentations/region<k>.ply")
         return dict(sorted(regions.items()))
 
-    @cached_property
-    def _table(self) -> dict[str, tuple[Path, str]]:
-        return {
-            safe_name(f"{building}_{region}"): (path, building)
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
+        table = {
+            safe_name(f"{building}_{region}"): path
             for building in chosen("buildings", self.buildings, list(self._regions))
             for region, path in self._regions[building].items()
         }
+        return dict(sorted(table.items()))
+
+    def _building(self, path: Path) -> str:
+        return path.relative_to(self.path).parts[0]
+
+    def _group(self, path: Path) -> str:
+        return safe_name(self._building(path))
+
+    def _source(self, path: Path) -> str:
+        return f"Matterport3D {self._building(path)}/{path.name}"

@@ -2,96 +2,83 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Literal
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
+from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
 from puckbench.datasets.counts import Count
-from puckbench.datasets.embedded import chosen
-from puckbench.datasets.scene import Scene, existing_folder, found, safe_name, unique_names
-from puckbench.io.meshes import read_mesh_report
-
-SPLITS = ("train", "test")
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import safe_name, unique_names
+from puckbench.geometry.mesh import Mesh
 
 _PUBLISHED = {"train": 9843, "test": 2468}
-_LICENCE = "for academic use; the models belong to their authors"
-_CREDIT = 'Z. Wu et al., "3D ShapeNets: A Deep Representation for Volumetric Shapes", CVPR 2015'
-_ASK = (
+_CLASSES = 40
+_EXPECTED = (
     "ModelNet40 should lie there, with airplane/train, ..., xbox/test in it; Princeton gives it "
     "for academic use, modelnet.cs.princeton.edu"
 )
 
 
-@dataclass(frozen=True)
-class ModelNet40:
+@LOADERS.register("modelnet40")
+class ModelNet40(MeshFolderSet):
     """The models of a ModelNet folder: ``<class>/{train,test}/<class>_0001.off``.
 
-    path: the folder that holds the classes. classes: names of classes to keep (airplane, ...,
-    xbox); all by default. split: "train" or "test"; both by default. Scenes are called
-    chair_0001 and grouped by class. The models have no unit: one is taken for a metre. Z is up.
+    Scenes are called chair_0001 and grouped by class. The models have no unit: one is taken for a
+    metre. Z is up.
     """
 
-    path: str
+    provenance = Provenance(
+        "for academic use; the models belong to their authors",
+        'Z. Wu et al., "3D ShapeNets: A Deep Representation for Volumetric Shapes", CVPR 2015',
+        _EXPECTED,
+    )
+
     classes: tuple[str, ...] | None = None
-    split: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.split not in (None, *SPLITS):
-            raise InputError(f"split: '{self.split}' is not allowed (allowed: train, test)")
-
-    def names(self) -> list[str]:
-        """Class and number of every model; lists folders, reads no file."""
-        return sorted(self._table)
-
-    def files(self, name: str) -> list[Path]:
-        """The model's file."""
-        return [found(self._table, name, self.path)]
-
-    def load(self, name: str) -> Scene:
-        """Read the model; `about` tells whether its header was glued to its counts."""
-        path = found(self._table, name, self.path)
-        mesh, report = read_mesh_report(path, up="z")
-        about = {
-            "source": f"ModelNet40 {path.parent.name}/{path.name}",
-            "licence": _LICENCE,
-            "credit": _CREDIT,
-            "header_glued": _is_glued(path),
-            **report,
-        }
-        return Scene(name, safe_name(path.parent.parent.name), mesh=mesh, about=about)
+    """Names of classes to keep (airplane, ..., xbox); all by default."""
+    split: Literal["train", "test"] | None = None
+    """The split to keep; both by default."""
 
     def counts(self) -> list[Count]:
         """Classes, and models of each split."""
-        every = list(replace(self, classes=None, split=None)._table.values())
-        held = {split: sum(path.parent.name == split for path in every) for split in SPLITS}
-        classes = Count("classes", len({path.parent.parent for path in every}), 40)
-        return [classes, *(Count(split, held[split], _PUBLISHED[split]) for split in SPLITS)]
+        every = self._whole()._table.values()
+        splits = [path.parent.name for path in every]
+        classes = Count("classes", len({path.parent.parent for path in every}), _CLASSES)
+        models = [Count(name, splits.count(name), number) for name, number in _PUBLISHED.items()]
+        return [classes, *models]
 
-    @cached_property
-    def _table(self) -> dict[str, Path]:
-        folder = existing_folder(self.path, _ASK)
-        classes = sorted(
-            {path.parent.name for split in SPLITS for path in folder.glob(f"*/{split}")}
-        )
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
+        parents = (path.parent for split in _PUBLISHED for path in folder.glob(f"*/{split}"))
+        classes = sorted({path.name for path in parents})
         if not classes:
-            raise InputError(f"{self.path}: no <class>/train or <class>/test there ({_ASK})")
-        splits = SPLITS if self.split is None else (self.split,)
-        folders = [
-            folder / name / split
+            raise self._missing("<class>/train or <class>/test")
+        splits = list(_PUBLISHED) if self.split is None else [self.split]
+        models = [
+            path
             for name in sorted(chosen("classes", self.classes, classes))
             for split in splits
+            for path in sorted((folder / name / split).glob("*.off"))
+            if not path.name.startswith(".")
         ]
-        paths = [path for place in folders for path in sorted(place.glob("*.off"))]
-        models = [path for path in paths if not path.name.startswith(".")]
         if not models:
             raise InputError(f"{self.path}: no models (.off) in {', '.join(splits)}")
-        return dict(zip(unique_names(path.stem for path in models), models, strict=True))
+        return dict(sorted(zip(unique_names(path.stem for path in models), models, strict=True)))
+
+    def _group(self, path: Path) -> str:
+        return safe_name(path.parent.parent.name)
+
+    def _source(self, path: Path) -> str:
+        return f"ModelNet40 {path.parent.name}/{path.name}"
+
+    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+        mesh, report = super()._read(path)
+        return mesh, {"header_glued": _is_glued(path), **report}
 
 
 def _is_glued(path: Path) -> bool:
-    """Whether the file starts as in ``OFF3514 3546 0``."""
+    """Whether the counts follow the header without a space, as in ``OFF3514 3546 0``."""
     try:
         with path.open("rb") as stream:
             return stream.read(4)[3:].isdigit()

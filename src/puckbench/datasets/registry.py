@@ -1,83 +1,67 @@
-"""The table of scene sets and how to open one from the configuration."""
+"""The registry of data sets, and how to open one from a configuration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from typing import Any
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any, cast, get_type_hints
+
+import pydantic
 
 from puckbench.core.errors import InputError
-from puckbench.core.plugins import load_class
+from puckbench.core.models import Model, parsed
+from puckbench.core.registry import Registry
 from puckbench.datasets.scene import SceneSet
 
-REGISTRY = {
-    "calibration": "puckbench.datasets.calibration:Calibration",
-    "capod": "puckbench.datasets.capod:Capod",
-    "captured_rooms": "puckbench.datasets.captured_rooms:CapturedRooms",
-    "embedded_areas": "puckbench.datasets.embedded_areas:EmbeddedAreas",
-    "embedded_objects": "puckbench.datasets.embedded_objects:EmbeddedObjects",
-    "embedded_rooms": "puckbench.datasets.embedded_rooms:EmbeddedRooms",
-    "front3d": "puckbench.datasets.front3d:Front3D",
-    "kitti": "puckbench.datasets.kitti:Kitti",
-    "matterport3d": "puckbench.datasets.matterport3d:Matterport3D",
-    "mesh_folder": "puckbench.datasets.mesh_folder:MeshFolder",
-    "modelnet40": "puckbench.datasets.modelnet40:ModelNet40",
-    "s3dis": "puckbench.datasets.s3dis:S3DIS",
-    "scannet": "puckbench.datasets.scannet:ScanNet",
-    "shapenetcore": "puckbench.datasets.shapenetcore:ShapeNetCore",
-    "stanford2d3d": "puckbench.datasets.stanford2d3d:Stanford2D3D",
-    "stanford_scans": "puckbench.datasets.stanford_scans:StanfordScans",
-    "sweethome3d": "puckbench.datasets.sweethome3d:SweetHome3D",
-    "voxelised8i": "puckbench.datasets.voxelised8i:Voxelised8i",
-}
+LOADERS: Registry[type[SceneSet]] = Registry("loader", "datasets")
+"""Classes that read or generate data sets, by the name that the configuration's `loader` gives."""
 
 
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
-    """Open the scene set of a loader: a name of `REGISTRY`, ``module:Class`` or ``file.py:Class``.
+    """Open a data set.
 
-    `seed` goes to loaders that have one, unless the options give their own. InputError for an
-    unknown loader, an unknown option, or one that is missing or of the wrong kind.
+    Parameters
+    ----------
+    loader
+        A name of `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``. A class is a pydantic
+        model (`puckbench.core.models.Model`) or a frozen data class.
+    options
+        Values of the class's fields; lists stand for tuples.
+    seed
+        Value of the field ``seed``, where the class has one and the options do not give it.
+
+    Raises
+    ------
+    InputError
+        The loader or an option is unknown, or an option is missing or not allowed.
     """
-    where = REGISTRY.get(loader, loader)
-    if ":" not in where:
-        raise InputError(f"unknown loader '{loader}' (known: {', '.join(REGISTRY)})")
-    loader_class = load_class(where, f"loader {loader}")
-    if not hasattr(loader_class, "__dataclass_fields__"):
-        raise InputError(f"loader {loader}: {where} is not a dataclass")
-    known = {field.name: field for field in fields(loader_class)}
-    for option in options:
-        if option not in known:
-            allowed = ", ".join(known)
-            raise InputError(f"loader {loader}: unknown option '{option}' (known: {allowed})")
-    given = {"seed": seed, **options} if "seed" in known else dict(options)
-    for name, field in known.items():
-        if name not in given and field.default is MISSING and field.default_factory is MISSING:
-            raise InputError(f"loader {loader}: the option '{name}' is missing")
-    checked = {name: _checked(loader, name, known[name].type, given[name]) for name in given}
-    scenes: SceneSet = loader_class(**checked)
-    return scenes
+    loader_class = LOADERS.get(loader)
+    model = options_model(loader_class, f"loader {loader}")
+    given = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)
+    values = parsed(model, given, f"loader {loader}")
+    return loader_class(**dict(values))
 
 
-_KINDS: dict[str, tuple[type, ...]] = {
-    "bool": (bool,),
-    "float": (float, int),
-    "int": (int,),
-    "str": (str,),
-    "tuple[str, ...]": (list, tuple),
-    "None": (type(None),),
-}
-
-
-def _checked(loader: str, name: str, annotation: Any, value: Any) -> Any:
-    """The value, lists as tuples; InputError unless it is of an annotated kind."""
-    allowed = [kind.strip() for kind in str(annotation).split("|")]
-    if any(kind not in _KINDS for kind in allowed):
-        return value
-    fits = any(
-        isinstance(value, _KINDS[kind]) and (not isinstance(value, bool) or kind == "bool")
-        for kind in allowed
+def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
+    """The options of a loader as a pydantic model: itself, or one with a data class's fields."""
+    if issubclass(loader_class, pydantic.BaseModel):
+        return loader_class
+    if not is_dataclass(loader_class):
+        raise InputError(f"{what}: {loader_class.__name__} is no data class and no pydantic model")
+    try:
+        hints = get_type_hints(loader_class, include_extras=True)
+    except NameError as error:
+        raise InputError(f"{what}: the types of its options: {error}") from error
+    options: dict[str, Any] = {
+        item.name: (hints[item.name], _default(item)) for item in fields(loader_class) if item.init
+    }
+    config = {**Model.model_config, "arbitrary_types_allowed": True}
+    return pydantic.create_model(
+        loader_class.__name__, __config__=cast("pydantic.ConfigDict", config), **options
     )
-    if not fits:
-        said = " or ".join("a list of names" if "tuple" in kind else kind for kind in allowed)
-        raise InputError(f"loader {loader}: option '{name}' is {value!r}, which is not {said}")
-    return tuple(str(item) for item in value) if isinstance(value, list) else value
+
+
+def _default(item: Field[Any]) -> Any:
+    if item.default_factory is not MISSING:
+        return pydantic.Field(default_factory=item.default_factory)
+    return ... if item.default is MISSING else item.default

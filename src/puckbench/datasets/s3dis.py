@@ -3,92 +3,114 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.datasets.base import FolderSet, Provenance, chosen
 from puckbench.datasets.counts import Count
-from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import TextCloud, read_xyzrgb
 from puckbench.geometry.cloud import PointCloud
 
 CLASSES = (
-    "ceiling",
-    "floor",
-    "wall",
-    "beam",
-    "column",
-    "window",
-    "door",
-    "table",
-    "chair",
-    "sofa",
-    "bookcase",
-    "board",
-    "clutter",
-)
+    "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa",
+    "bookcase", "board", "clutter",
+)  # fmt: skip
 _ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _COPY = re.compile(r" \(\d+\)$")
 _NUMBER = re.compile(r"_\d+$")
-_LICENCE = "terms of Stanford's S3DIS, not redistributable"
-_CREDIT = 'I. Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016'
+_EXPECTED = "S3DIS should lie there, with Area_1, ..., Area_6 in it"
 
 
-@dataclass(frozen=True)
-class S3DIS:
+@LOADERS.register("s3dis")
+class S3DIS(FolderSet):
     """Rooms in the layout of S3DIS: ``Area_<n>/<room>/<room>.txt`` and ``Annotations/*.txt``.
 
-    path: the folder that holds the areas. areas: names of areas to keep (Area_1, ...); all by
-    default. labels: take the points from the annotations, each with its class (an index into
-    `CLASSES`); otherwise they come from the room's file, without labels. Scenes are called
-    Area_1_office_1 and grouped by room type (office).
+    Scenes are called Area_1_office_1 and grouped by room type (office).
     """
 
-    path: str
-    areas: tuple[str, ...] | None = None
-    labels: bool = False
+    provenance = Provenance(
+        "terms of Stanford's S3DIS, not redistributable",
+        'I. Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016',
+        _EXPECTED,
+    )
 
-    def names(self) -> list[str]:
-        """Area and room of every room."""
-        return sorted(self._table)
+    areas: tuple[str, ...] | None = None
+    """Names of areas to keep (Area_1, ...); all by default."""
+    labels: bool = False
+    """Whether to take the points from the annotations, each with its class (an index into
+    `CLASSES`); otherwise they come from the room's file, without labels."""
 
     def files(self, name: str) -> list[Path]:
         """The room's file, or with labels those of its annotations."""
-        folder = found(self._table, name, self.path)
+        folder = self._file(name)
         return _annotations(folder)[0] if self.labels else [_room_file(folder)]
 
     def load(self, name: str) -> Scene:
-        """Read the room; `about` tells which lines were repaired or dropped and why."""
-        folder = found(self._table, name, self.path)
-        cloud = _labelled_cloud(folder) if self.labels else _plain_cloud(folder)
+        """Read the room; `about` has the lines that were repaired or dropped."""
+        folder = self._file(name)
+        cloud = self._labelled_cloud(folder) if self.labels else self._plain_cloud(folder)
         box = np.stack([cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)])
-        group = _NUMBER.sub("", folder.name)
-        return Scene(name, group, cloud=cloud, box=box, about=cloud.about)
+        return Scene(name, room_type(folder.name), cloud=cloud, box=box, about=cloud.about)
 
     def counts(self) -> list[Count]:
         """Rooms of each area; 272 in all."""
-        areas = [room.parent.name for room in replace(self, areas=None)._table.values()]
+        areas = [room.parent.name for room in self._whole()._table.values()]
         return [Count(area, areas.count(area), rooms) for area, rooms in _ROOMS.items()]
 
-    @cached_property
-    def _table(self) -> dict[str, Path]:
-        root = existing_folder(self.path, "S3DIS's areas")
-        areas = {path.name: path for path in sorted(root.glob("Area_*")) if path.is_dir()}
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
+        areas = {path.name: path for path in sorted(folder.glob("Area_*")) if path.is_dir()}
         if not areas:
-            raise InputError(f"{self.path}: no Area_<n> folders there (S3DIS should lie there)")
-        missing = sorted(set(self.areas or ()) - set(areas))
-        if missing:
-            raise InputError(f"{self.path}: no area '{missing[0]}' (it has {', '.join(areas)})")
-        kept = [path for name, path in areas.items() if not self.areas or name in self.areas]
-        rooms = [room for area in kept for room in area.iterdir() if _is_room(room)]
+            raise self._missing("Area_<n> folders")
+        kept = sorted(chosen("areas", self.areas, list(areas)))
+        rooms = [room for area in kept for room in areas[area].iterdir() if _is_room(room)]
         if not rooms:
-            raise InputError(f"{self.path}: no rooms in {', '.join(path.name for path in kept)}")
-        return {safe_name(f"{room.parent.name}_{room.name}"): room for room in rooms}
+            raise InputError(f"{self.path}: no rooms in {', '.join(kept)}")
+        return dict(sorted((safe_name(f"{p.parent.name}_{p.name}"), p) for p in rooms))
+
+    def _plain_cloud(self, folder: Path) -> PointCloud:
+        path = _room_file(folder)
+        text = read_xyzrgb(path)
+        about = self._about_room(folder, {path: text})
+        if path.stem != folder.name:
+            about["misnamed"] = path.name
+        return PointCloud(text.xyz, colours=text.colours, about=about)
+
+    def _labelled_cloud(self, folder: Path) -> PointCloud:
+        paths, copies = _annotations(folder)
+        texts = {path: read_xyzrgb(path) for path in paths}
+        classes = [_NUMBER.sub("", _COPY.sub("", path.stem)) for path in paths]
+        about = self._about_room(folder, texts)
+        about["classes"] = list(CLASSES)
+        about["copies_left_out"] = [path.name for path in copies]
+        about["read_as_clutter"] = sorted(set(classes) - set(CLASSES))
+        labels = np.array([_label(name) for name in classes], dtype=np.int32)
+        return PointCloud(
+            np.concatenate([text.xyz for text in texts.values()]),
+            colours=np.concatenate([text.colours for text in texts.values()]),
+            labels=np.repeat(labels, [len(text.xyz) for text in texts.values()]),
+            about=about,
+        )
+
+    def _about_room(self, folder: Path, texts: Mapping[Path, TextCloud]) -> dict[str, Any]:
+        """Source, release and the lines that were repaired or dropped, by file."""
+        area = folder.parent.name
+        return self._about(
+            f"S3DIS {area}/{folder.name}",
+            aligned=(folder.parent / f"{area}_alignmentAngle.txt").exists(),
+            repaired_lines={p.name: text.repaired for p, text in texts.items() if text.repaired},
+            dropped_lines={p.name: text.dropped for p, text in texts.items() if text.dropped},
+        )
+
+
+def room_type(room: str) -> str:
+    """Type of a room of S3DIS and 2D-3D-S: "office" of "office_12"."""
+    return _NUMBER.sub("", room)
 
 
 def _is_room(folder: Path) -> bool:
@@ -120,46 +142,5 @@ def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
     return kept, copies
 
 
-def _plain_cloud(folder: Path) -> PointCloud:
-    path = _room_file(folder)
-    text = read_xyzrgb(path)
-    about = _about(folder, [(path, text)])
-    if path.stem != folder.name:
-        about["misnamed"] = path.name
-    return PointCloud(text.xyz, colours=text.colours, about=about)
-
-
-def _labelled_cloud(folder: Path) -> PointCloud:
-    paths, copies = _annotations(folder)
-    texts = [read_xyzrgb(path) for path in paths]
-    classes = [_NUMBER.sub("", _COPY.sub("", path.stem)) for path in paths]
-    labels = [_label(name) for name in classes]
-    sizes = [len(text.xyz) for text in texts]
-    about = _about(folder, zip(paths, texts, strict=True))
-    about["classes"] = list(CLASSES)
-    about["copies_left_out"] = [path.name for path in copies]
-    about["read_as_clutter"] = sorted(set(classes) - set(CLASSES))
-    return PointCloud(
-        np.concatenate([text.xyz for text in texts]),
-        colours=np.concatenate([text.colours for text in texts]),
-        labels=np.repeat(np.array(labels, dtype=np.int32), sizes),
-        about=about,
-    )
-
-
 def _label(name: str) -> int:
     return CLASSES.index(name if name in CLASSES else "clutter")
-
-
-def _about(folder: Path, texts: Iterable[tuple[Path, TextCloud]]) -> dict[str, Any]:
-    """Licence, release and the lines that were repaired or dropped, by file."""
-    texts = list(texts)
-    area = folder.parent.name
-    return {
-        "source": f"S3DIS {area}/{folder.name}",
-        "licence": _LICENCE,
-        "credit": _CREDIT,
-        "aligned": (folder.parent / f"{area}_alignmentAngle.txt").exists(),
-        "repaired_lines": {path.name: text.repaired for path, text in texts if text.repaired},
-        "dropped_lines": {path.name: text.dropped for path, text in texts if text.dropped},
-    }

@@ -3,97 +3,89 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
+from puckbench.datasets.base import MeshFolderSet, Provenance
 from puckbench.datasets.counts import Count
-from puckbench.datasets.scene import Scene, existing_folder, found, safe_name
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import safe_name
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.meshes import read_mesh_report
 
 _SCAN = re.compile(r"scene\d{4}_\d{2}")
-_LICENCE = "ScanNet's terms of use, not redistributable"
 _CREDIT = (
     'A. Dai et al., "ScanNet: Richly-annotated 3D Reconstructions of Indoor Scenes", CVPR 2017'
 )
-_ASK = (
+_EXPECTED = (
     "ScanNet's scans should lie there, with scene0000_00/scene0000_00_vh_clean_2.ply and so on in "
     "it; its authors give them after a signed agreement, www.scan-net.org"
 )
 _PUBLISHED = 1513
 
 
-@dataclass(frozen=True)
-class ScanNet:
+@LOADERS.register("scannet")
+class ScanNet(MeshFolderSet):
     """Rooms as ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
 
-    path: the folder of the scans (its sub-folder ``scans`` will do). full: read the meshes of full
-    resolution, ``..._vh_clean.ply``. aligned: turn the room by ``axisAlignment`` of its ``.txt``,
-    which brings walls along the axes. Scenes are named as their scans and grouped by the
-    ``sceneType`` of the ``.txt``, "unknown" where there is none (the hidden test has none).
+    The folder is that of the scans (its parent, with the sub-folder ``scans``, will do). Scenes are
+    named as their scans and grouped by the ``sceneType`` of the scan's ``.txt``, "unknown" where
+    there is none (the hidden test has none).
     """
 
-    path: str
-    full: bool = False
-    aligned: bool = True
+    provenance = Provenance("ScanNet's terms of use, not redistributable", _CREDIT, _EXPECTED)
 
-    def names(self) -> list[str]:
-        """Names of the scans whose mesh is there."""
-        return list(self._table)
+    full: bool = False
+    """Whether to read the meshes of full resolution, ``..._vh_clean.ply``."""
+    aligned: bool = True
+    """Whether to turn the room by ``axisAlignment`` of its ``.txt``, walls along the axes."""
 
     def files(self, name: str) -> list[Path]:
         """The mesh and, where there is one, the description of the scan."""
-        mesh = found(self._table, name, self.path)
+        mesh = self._file(name)
         described = _description_file(mesh)
         return [mesh, described] if described.is_file() else [mesh]
-
-    def load(self, name: str) -> Scene:
-        """Read the mesh; `about` tells whether it was aligned and what the reader skipped."""
-        path = found(self._table, name, self.path)
-        described = _description(_description_file(path))
-        mesh, report = read_mesh_report(path, up="z")
-        pose = _alignment(described, _description_file(path)) if self.aligned else None
-        if pose is not None:
-            mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.triangles)
-        about = {
-            "source": f"ScanNet {path.name}",
-            "licence": _LICENCE,
-            "credit": _CREDIT,
-            "aligned": pose is not None,
-            **report,
-        }
-        group = safe_name(described.get("sceneType", "unknown")).lower()
-        return Scene(name, group, mesh=mesh, about=about)
 
     def counts(self) -> list[Count]:
         """Scans of the public part."""
         return [Count("scans", len(self.names()), _PUBLISHED)]
 
-    @cached_property
-    def _table(self) -> dict[str, Path]:
-        root = existing_folder(self.path, _ASK)
-        folder = root / "scans" if (root / "scans").is_dir() else root
-        scans = sorted(path.name for path in folder.iterdir() if _SCAN.fullmatch(path.name))
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
+        root = folder / "scans" if (folder / "scans").is_dir() else folder
+        scans = sorted(path.name for path in root.iterdir() if _SCAN.fullmatch(path.name))
         end = "_vh_clean.ply" if self.full else "_vh_clean_2.ply"
-        meshes = {name: folder / name / f"{name}{end}" for name in scans}
+        meshes = {name: root / name / f"{name}{end}" for name in scans}
         table = {name: path for name, path in meshes.items() if path.is_file()}
         if not table:
-            raise InputError(f"{self.path}: no scene<n>_<k>/...{end} there ({_ASK})")
+            raise self._missing(f"scene<n>_<k>/...{end}")
         return table
+
+    def _group(self, path: Path) -> str:
+        return safe_name(_description(path).get("sceneType", "unknown")).lower()
+
+    def _source(self, path: Path) -> str:
+        return f"ScanNet {path.name}"
+
+    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+        mesh, report = super()._read(path)
+        pose = _alignment(path) if self.aligned else None
+        if pose is not None:
+            mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.triangles)
+        return mesh, {"aligned": pose is not None, **report}
 
 
 def _description_file(mesh: Path) -> Path:
     return mesh.parent / f"{mesh.parent.name}.txt"
 
 
-def _description(path: Path) -> dict[str, str]:
-    """Lines ``key = value`` of a scan's text; none where there is no text."""
+def _description(mesh: Path) -> dict[str, str]:
+    """Lines ``key = value`` of the text beside a mesh; none where there is no text."""
+    path = _description_file(mesh)
     if not path.is_file():
         return {}
     lines = read_bytes(path).decode("latin-1").splitlines()
@@ -101,12 +93,14 @@ def _description(path: Path) -> dict[str, str]:
     return {key.strip(): value.strip() for key, _, value in pairs}
 
 
-def _alignment(described: dict[str, str], path: Path) -> Floats | None:
+def _alignment(mesh: Path) -> Floats | None:
     """The 4x4 matrix ``axisAlignment``, row by row; None where the text has none."""
+    described = _description(mesh)
     if "axisAlignment" not in described:
         return None
     try:
         pose = np.array([float(number) for number in described["axisAlignment"].split()])
         return pose.reshape(4, 4)
     except ValueError as error:
-        raise InputError(f"{path}: axisAlignment is not a matrix of 16 numbers") from error
+        what = f"{_description_file(mesh)}: axisAlignment is not a matrix of 16 numbers"
+        raise InputError(what) from error

@@ -1,28 +1,35 @@
-"""A scene (a mesh or a cloud, and where it comes from) and what every set of scenes offers."""
+"""A scene (a mesh or a cloud, and where it comes from) and what every data set offers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One scene in metres with z up.
+    """One scene, in metres with z up: either a mesh or a cloud.
 
-    name: file-name safe and unique in its set. group: its class, room type or area. Exactly one
-    of mesh and cloud is given. origin: where a sensor may stand, if known. box: (2, 3) the
-    room's box, to crop to; None stands for the bounds of the mesh. about: licence, credit,
-    source and counts of what was repaired or skipped.
+    Parameters
+    ----------
+    name
+        Safe as a file name and unique in its data set.
+    group
+        Its class, room type or area.
+    mesh, cloud
+        Exactly one of them is given.
+    origin
+        (x, y, z) where a sensor may stand, if known.
+    box
+        (2, 3) lowest and highest corner of the room, to crop to; None for the bounds of the mesh.
+    about
+        Source, licence, credit, and counts of what was repaired or skipped.
     """
 
     name: str
@@ -39,11 +46,13 @@ class Scene:
 
 
 class SceneSet(Protocol):
-    """One class per data set, constructed with keyword options from the configuration.
+    """What a data set offers; its constructor takes the options of the configuration by name.
 
-    A set whose meshes have the geometric primitive of each triangle in their labels says so by a
-    class variable ``primitives = True``; see `has_primitives`.
+    A data set whose meshes name the geometric primitive of each triangle in their labels says so by
+    a class variable ``primitives = True``.
     """
+
+    def __init__(self, **options: Any) -> None: ...
 
     def names(self) -> list[str]:
         """Names of the scenes, sorted; InputError tells what is missing and where it should lie."""
@@ -56,17 +65,17 @@ class SceneSet(Protocol):
 
 
 def has_primitives(scenes: SceneSet) -> bool:
-    """Whether the meshes of a set are labelled with the geometric primitives they are made of."""
+    """Whether the labels of a data set's meshes name the geometric primitives of the triangles."""
     return bool(getattr(scenes, "primitives", False))
 
 
 def safe_name(text: str) -> str:
-    """`text` with everything that does not belong into a file name replaced by underscores."""
+    """The text with underscores for all that is not safe in a file name."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or "unnamed"
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """File-name safe names, in order; one taken already (whatever its case) gets a number."""
+    """The texts as distinct file names, whatever the case: one that is taken gets a number."""
     taken: set[str] = set()
     names = []
     for text in texts:
@@ -77,19 +86,3 @@ def unique_names(texts: Iterable[str]) -> list[str]:
         taken.add(name.lower())
         names.append(name)
     return names
-
-
-def existing_folder(path: str, what: str) -> Path:
-    """The folder at `path`; InputError, which says `what` should lie there, when it is missing."""
-    folder = Path(path)
-    if not folder.is_dir():
-        raise InputError(f"{path}: no such folder ({what} should lie there)")
-    return folder
-
-
-def found(table: Mapping[str, T], name: str, where: str) -> T:
-    """The entry of `table` called `name`; InputError names the set and some of its scenes."""
-    if name not in table:
-        some = ", ".join(list(table)[:5])
-        raise InputError(f"{where}: no scene '{name}' (it has {len(table)}: {some}, ...)")
-    return table[name]

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import yaml
 
-from puckbench.core.errors import InputError
+from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
 from puckbench.datasets.counts import Count
-from puckbench.datasets.embedded import chosen
-from puckbench.datasets.scene import Scene, existing_folder, found
+from puckbench.datasets.registry import LOADERS
+from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report
 
 _SYNSET = re.compile(r"\d{8}")
@@ -23,68 +24,58 @@ _EMPTY = {
     "03624134/67ada28ebc79cc75a056f196c127ed77",
     "04090263/4a32519f44dc84aabafe26e2eb69ebf4",
 }
-_LICENCE = "ShapeNet's terms of use: research and education, not redistributable"
-_CREDIT = 'A. X. Chang et al., "ShapeNet: An Information-Rich 3D Model Repository", 2015'
-_ASK = (
+_EXPECTED = (
     "ShapeNetCore, version 1 or 2, should lie there, with 02691156, ..., 04554684 in it; ShapeNet "
     "gives it under its own terms after registration at shapenet.org"
 )
 
 
-@dataclass(frozen=True)
-class ShapeNetCore:
+@LOADERS.register("shapenetcore")
+class ShapeNetCore(MeshFolderSet):
     """Models as ``<synset>/<id>/model.obj`` or ``<synset>/<id>/models/model_normalized.obj``.
 
-    path: the folder that holds the synsets. classes: names of classes (airplane, ..., washer)
-    to keep; all by default. Scenes are called chair_<id> and grouped by class. The models are
-    normalised, without a unit: one is taken for a metre. Y is up, and turned to z. Models whose
-    file is missing, as some of the releases are, are left out.
+    Scenes are called chair_<id> and grouped by class. The models are normalised, without a unit:
+    one is taken for a metre. Y is up, and turned to z. Models whose file is missing, as some of
+    the releases are, are left out.
     """
 
-    path: str
+    provenance = Provenance(
+        "ShapeNet's terms of use: research and education, not redistributable",
+        'A. X. Chang et al., "ShapeNet: An Information-Rich 3D Model Repository", 2015',
+        _EXPECTED,
+    )
+
     classes: tuple[str, ...] | None = None
-
-    def names(self) -> list[str]:
-        """Class and id of every model; lists folders, reads no model."""
-        return sorted(self._table)
-
-    def files(self, name: str) -> list[Path]:
-        """The model's OBJ file; materials have no extent."""
-        return [found(self._table, name, self.path)[0]]
-
-    def load(self, name: str) -> Scene:
-        """Read the model; `about` tells what the reader found and skipped."""
-        path, group = found(self._table, name, self.path)
-        mesh, report = read_mesh_report(path, up="y")
-        version = 2 if path.name == "model_normalized.obj" else 1
-        about = {
-            "source": f"ShapeNetCore.v{version} {path.relative_to(self.path)}",
-            "licence": _LICENCE,
-            "credit": _CREDIT,
-            **report,
-        }
-        return Scene(name, group, mesh=mesh, about=about)
+    """Names of classes to keep (airplane, ..., washer); all by default."""
 
     def counts(self) -> list[Count]:
         """Classes; of models only the rough number is published."""
-        every = replace(self, classes=None)._table
-        return [Count("classes", len({group for _, group in every.values()}), _CLASSES)]
+        groups = {self._group(path) for path in self._whole()._table.values()}
+        return [Count("classes", len(groups), _CLASSES)]
 
-    @cached_property
-    def _table(self) -> dict[str, tuple[Path, str]]:
-        root = existing_folder(self.path, _ASK)
-        synsets = {_class_of(path): path for path in sorted(root.iterdir()) if _is_synset(path)}
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
+        synsets = {_class_of(path): path for path in sorted(folder.iterdir()) if _is_synset(path)}
         if not synsets:
-            raise InputError(f"{self.path}: no synsets such as 02691156 there ({_ASK})")
+            raise self._missing("synsets such as 02691156")
         table = {
-            f"{group}_{model.name}": (path, group)
+            f"{group}_{model.name}": path
             for group in chosen("classes", self.classes, list(synsets))
             for model in synsets[group].iterdir()
             if (path := _model_file(model)) is not None
         }
         if not table:
-            raise InputError(f"{self.path}: no model.obj and no model_normalized.obj ({_ASK})")
-        return table
+            raise self._missing("model.obj and no model_normalized.obj")
+        return dict(sorted(table.items()))
+
+    def _group(self, path: Path) -> str:
+        return _class_of(Path(path.relative_to(self.path).parts[0]))
+
+    def _source(self, path: Path) -> str:
+        version = 2 if path.name == "model_normalized.obj" else 1
+        return f"ShapeNetCore.v{version} {path.relative_to(self.path)}"
+
+    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+        return read_mesh_report(path, up="y")
 
 
 @cache
@@ -97,8 +88,8 @@ def _is_synset(path: Path) -> bool:
     return _SYNSET.fullmatch(path.name) is not None and path.is_dir()
 
 
-def _class_of(path: Path) -> str:
-    return _synsets().get(path.name, path.name)
+def _class_of(synset: Path) -> str:
+    return _synsets().get(synset.name, synset.name)
 
 
 def _model_file(folder: Path) -> Path | None:

@@ -94,7 +94,7 @@ def _only(folder: Path, pattern: str) -> Path:
 
 
 def _room_credits(folder: Path) -> str:
-    rooms = "\n".join(f"* {name}" for name in CapturedRooms(str(folder)).names())
+    rooms = "\n".join(f"* {name}" for name in CapturedRooms(path=str(folder)).names())
     return (
         "# Captured rooms\n\nFrom the npm package @iwer/sem 2.4.0, copyright Meta Platforms, Inc. "
         f"and affiliates, MIT licence (see LICENSE).\n\n{rooms}\n"
@@ -102,7 +102,7 @@ def _room_credits(folder: Path) -> str:
 
 
 def _furniture_credits(folder: Path) -> str:
-    models = SweetHome3D(str(folder))
+    models = SweetHome3D(path=str(folder))
     rows = [models.model(name) for name in models.names()]
     lines = [f"| {m.name} | {m.title} | {m.creator} | {m.licence} |" for m in rows]
     head = (

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from pydantic import NonNegativeFloat
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_mesh
-from puckbench.datasets.s3dis import S3DIS
-from puckbench.datasets.scene import Scene, found
+from puckbench.datasets.base import DataSet, chosen, existing_folder, found
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.s3dis import S3DIS, room_type
+from puckbench.datasets.scene import Scene
 from puckbench.datasets.tripods import (
     camera_position,
     listed_file,
@@ -23,22 +25,21 @@ from puckbench.geometry.cloud import Floats
 
 AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")
 
-_NUMBER = re.compile(r"_\d+$")
 _LICENCE = "terms of Stanford's 2D-3D-S, not redistributable"
 _CREDIT = (
     'I. Armeni, A. Sax et al., "Joint 2D-3D-Semantic Data for Indoor Scene Understanding", '
     "arXiv:1702.01105, 2017"
 )
-_ASK_FOR_MESHES = (
+_EXPECTED_MESHES = (
     "2D-3D-S should lie there, with area_1, ..., area_6 in it; Stanford gives it under its own "
     "licence, ask with the form that the project alexsax/2D-3D-Semantics on GitHub names"
 )
-_ASK_FOR_CLOUDS = (
+_EXPECTED_CLOUDS = (
     "S3DIS should lie there, version 1.2, not the aligned one, with Area_1, ..., Area_6 in it; "
     "Stanford gives it under its own licence, ask with the form of the S3DIS project, "
     "buildingparser.stanford.edu"
 )
-_ASK_FOR_POSITIONS = (
+_EXPECTED_POSITIONS = (
     "the folder s3dis_locations of the thesis's repository branislavjenco/thesis-code on GitHub "
     "should lie there; without the option 'positions' the cameras' poses of 2D-3D-S are used"
 )
@@ -63,28 +64,26 @@ class _Room:
         return f"Area_{self.area[0]}_{self.room}"
 
 
-@dataclass(frozen=True)
-class Stanford2D3D:
+@LOADERS.register("stanford2d3d")
+class Stanford2D3D(DataSet):
     """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
 
-    path: the folder that holds the areas. s3dis: the folder of S3DIS v1.2, not aligned, whose
-    room files give the rooms' boxes. positions: a folder with ``locations_pruned<n>.json``, one
-    scanner position per room (the thesis's); by default the position of the room's cameras
-    that is nearest the middle of its box. areas: names of areas to use; by default those that
-    are there. margin_m: geometry is kept so far beyond the room's box, for what a scan sees
-    through doors. Scenes are called area_1_office_1 and grouped by room type. A room that lies
-    in both 5a and 5b is two scenes with one box, as in the thesis.
+    Scenes are called area_1_office_1 and grouped by room type. A room that lies in both 5a and 5b
+    is two scenes with one box, as in the thesis.
     """
 
     path: str
+    """Folder that holds the areas."""
     s3dis: str
+    """Folder of S3DIS v1.2, not aligned, whose room files give the rooms' boxes."""
     positions: str | None = None
+    """Folder with ``locations_pruned<n>.json``, one scanner position per room (the thesis's); by
+    default the position of the room's cameras that is nearest to the middle of its box."""
     areas: tuple[str, ...] | None = None
-    margin_m: float = 10.0
-
-    def __post_init__(self) -> None:
-        if self.margin_m < 0:
-            raise InputError(f"margin_m: {self.margin_m} is below 0")
+    """Names of areas to use; by default those that are there."""
+    margin_m: NonNegativeFloat = 10.0
+    """Geometry is kept up to this distance around the room's box, m, for what a scan sees through
+    doors."""
 
     def names(self) -> list[str]:
         """Area and room of every room that has a scanner position; reads no mesh and no cloud."""
@@ -115,8 +114,7 @@ class Stanford2D3D:
             "origin_in_box": _outside(origin, box) == 0,
         }
         x, y, z = origin.tolist()
-        group = _NUMBER.sub("", room.room)
-        return Scene(name, group, mesh=mesh, origin=(x, y, z), box=box, about=about)
+        return Scene(name, room_type(room.room), mesh=mesh, origin=(x, y, z), box=box, about=about)
 
     def _origin(self, room: _Room, box: Floats) -> Floats:
         """The room's position nearest the middle of its box, in the frame of S3DIS."""
@@ -143,9 +141,8 @@ class Stanford2D3D:
 
     @cached_property
     def _clouds(self) -> S3DIS:
-        if not Path(self.s3dis).is_dir():
-            raise InputError(f"{self.s3dis}: no such folder ({_ASK_FOR_CLOUDS})")
-        return S3DIS(self.s3dis)
+        existing_folder(self.s3dis, _EXPECTED_CLOUDS)
+        return S3DIS(path=self.s3dis)
 
     @cached_property
     def _table(self) -> dict[str, _Room]:
@@ -155,24 +152,20 @@ class Stanford2D3D:
         if missing:
             raise InputError(
                 f"{self.s3dis}: {len(missing)} of {len(rooms)} rooms are missing, the first is "
-                f"{missing[0]} ({_ASK_FOR_CLOUDS})"
+                f"{missing[0]} ({_EXPECTED_CLOUDS})"
             )
         return {f"area_{room.area}_{room.room}": room for room in rooms}
 
     def _areas(self) -> list[str]:
-        root = Path(self.path)
-        if not root.is_dir():
-            raise InputError(f"{root}: no such folder ({_ASK_FOR_MESHES})")
-        unknown = sorted(set(self.areas or ()) - set(AREAS))
-        if unknown:
-            raise InputError(f"2D-3D-S has no area '{unknown[0]}' (known: {', '.join(AREAS)})")
-        chosen = self.areas or tuple(name for name in AREAS if (root / name).is_dir())
-        if not chosen:
-            raise InputError(f"{root}: no areas there ({_ASK_FOR_MESHES})")
-        for name in chosen:
+        root = existing_folder(self.path, _EXPECTED_MESHES)
+        there = [name for name in AREAS if (root / name).is_dir()]
+        kept = there if self.areas is None else chosen("areas", self.areas, list(AREAS))
+        if not kept:
+            raise InputError(f"{root}: no areas there ({_EXPECTED_MESHES})")
+        for name in kept:
             if not _mesh_file(root, name).is_file():
-                raise InputError(f"{_mesh_file(root, name)}: no such file ({_ASK_FOR_MESHES})")
-        return [name.removeprefix("area_") for name in sorted(chosen)]
+                raise InputError(f"{_mesh_file(root, name)}: no such file ({_EXPECTED_MESHES})")
+        return [name.removeprefix("area_") for name in sorted(kept)]
 
     def _rooms(self, area: str) -> list[_Room]:
         folder = Path(self.path) / f"area_{area}"
@@ -181,7 +174,7 @@ class Stanford2D3D:
         else:
             listed = listed_file(Path(self.positions), area)
             if not listed.is_file():
-                raise InputError(f"{listed}: no such file ({_ASK_FOR_POSITIONS})")
+                raise InputError(f"{listed}: no such file ({_EXPECTED_POSITIONS})")
             places = dict.fromkeys(listed_positions(listed, area), (listed,))
         mesh = _mesh_file(Path(self.path), folder.name)
         return [_Room(area, room, mesh, places[room]) for room in sorted(places)]

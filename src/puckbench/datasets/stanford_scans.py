@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
+from typing import Any
 
-from puckbench.core.errors import InputError
-from puckbench.datasets.embedded import chosen
-from puckbench.datasets.scene import Scene, existing_folder, found
+from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
+from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report
 
 _CREDIT = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repository"
 _CREDIT_XYZRGB = f"{_CREDIT}; scanned by XYZ RGB Inc."
-_LICENCE = "research use with credit, not commercial; see the repository's page"
-_ASK = (
+_EXPECTED = (
     "models of the Stanford 3D Scanning Repository should lie there, such as bun_zipper.ply; "
     "Stanford gives them at graphics.stanford.edu/data/3Dscanrep"
 )
@@ -26,7 +25,7 @@ class _Model:
     """A model's file at full resolution, its up axis, its unit in metres and its faces where known.
 
     The repository names no unit: the models of the first years are in metres, the later ones have
-    the size of the thing in millimetres.
+    the size of the original in millimetres.
     """
 
     file: str
@@ -48,48 +47,45 @@ _MODELS = {
     "thai_statue": _Model("xyzrgb_statuette.ply", "y", 0.001, 10_000_000),
     "vellum_manuscript": _Model("xyzrgb_manuscript.ply", "z", 0.001),
 }
+_BY_FILE = {model.file: model for model in _MODELS.values()}
 
 
-@dataclass(frozen=True)
-class StanfordScans:
+@LOADERS.register("stanford_scans")
+class StanfordScans(MeshFolderSet):
     """Models by the names of their files, anywhere below a folder; those that are there.
 
-    path: the folder. models: names to keep (bunny, dragon, ...); all by default. They are one
-    group, "scan". Reduced versions (``bun_zipper_res2.ply``) and range scans are passed over.
+    They are one group, "scan". Reduced versions (``bun_zipper_res2.ply``) and range scans are
+    passed over.
     """
 
-    path: str
+    provenance = Provenance(
+        "research use with credit, not commercial; see the repository's page", _CREDIT, _EXPECTED
+    )
+
     models: tuple[str, ...] | None = None
+    """Names of models to keep (bunny, dragon, ...); all by default."""
 
-    def names(self) -> list[str]:
-        """The models that are there."""
-        return sorted(chosen("models", self.models, list(self._table)))
-
-    def files(self, name: str) -> list[Path]:
-        """The model's file."""
-        return [found(self._table, name, self.path)]
-
-    def load(self, name: str) -> Scene:
-        """Read the model; `about` has the faces that the file should have, and those found."""
-        path = found(self._table, name, self.path)
-        model = _MODELS[name]
-        mesh, report = read_mesh_report(path, up=model.up)
-        about = {
-            "source": f"Stanford 3D Scanning Repository {path.name}",
-            "licence": _LICENCE,
-            "credit": _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT,
-            "metres_per_unit": model.unit,
-            "faces_expected": model.triangles,
-            **report,
-        }
-        scaled = Mesh(mesh.vertices * model.unit, mesh.triangles)
-        return Scene(name, "scan", mesh=scaled, about=about)
-
-    @cached_property
-    def _table(self) -> dict[str, Path]:
-        folder = existing_folder(self.path, _ASK)
+    def _listed(self, folder: Path) -> Mapping[str, Path]:
         there = {path.name: path for path in sorted(folder.rglob("*.ply"), reverse=True)}
         table = {name: there[model.file] for name, model in _MODELS.items() if model.file in there}
         if not table:
-            raise InputError(f"{self.path}: none of its models there ({_ASK})")
-        return table
+            raise self._missing("such models")
+        return {name: table[name] for name in sorted(chosen("models", self.models, list(table)))}
+
+    def _group(self, path: Path) -> str:
+        return "scan"
+
+    def _source(self, path: Path) -> str:
+        return f"Stanford 3D Scanning Repository {path.name}"
+
+    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+        """The scaled mesh, with the number of faces that its file should have."""
+        model = _BY_FILE[path.name]
+        mesh, report = read_mesh_report(path, up=model.up)
+        credit = _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT
+        details = {"metres_per_unit": model.unit, "faces_expected": model.triangles}
+        return Mesh(mesh.vertices * model.unit, mesh.triangles), {
+            "credit": credit,
+            **details,
+            **report,
+        }

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.scene import Scene, found, safe_name, unique_names
+from puckbench.datasets.base import DataSet, chosen, found
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.io.meshes.reading import mesh_of_polygons, y_up_to_z_up
@@ -47,19 +49,19 @@ class Model:
     licence: str
 
 
-@dataclass(frozen=True)
-class SweetHome3D:
+@LOADERS.register("sweethome3d")
+class SweetHome3D(DataSet):
     """Models of the ``.sh3f`` catalogues, brought to the sizes that these give.
 
-    path: a folder with the catalogues, or one that the Debian package was unpacked into; by
-    default where the package installs them. classes: semantic classes to keep (chair, table,
-    sofa, bookcase, ...); all models by default. Scenes are called scopia-chair2 (catalogue and
-    model) and grouped by semantic class. A model stands on z = 0, its middle at x = y = 0, its
-    front towards -y.
+    Scenes are called scopia-chair2 (catalogue and model) and grouped by semantic class. A model
+    stands on z = 0, its middle at x = y = 0, its front towards -y.
     """
 
     path: str = INSTALLED
+    """Folder with the catalogues, or one that the Debian package was unpacked into; by default
+    where the package installs them."""
     classes: tuple[str, ...] | None = None
+    """Semantic classes to keep (chair, table, sofa, bookcase, ...); all models by default."""
 
     def names(self) -> list[str]:
         """Catalogue and model, for every model of the classes kept."""
@@ -118,7 +120,7 @@ class SweetHome3D:
         )
 
     def credit(self) -> str:
-        """Who made the models, for things made with them."""
+        """Who made the models, for scenes furnished with them."""
         creators = {model.creator for model in self._table.values() if model.creator}
         return f"models of Sweet Home 3D by {', '.join(sorted(creators))}"
 
@@ -126,15 +128,10 @@ class SweetHome3D:
     def _table(self) -> dict[str, Model]:
         models = [model for path in self.catalogues() for model in _read_catalogue(path)]
         names = unique_names(model.name for model in models)
-        known = {model.semantic for model in models}
-        unknown = sorted(set(self.classes or ()) - known)
-        if unknown:
-            listed = ", ".join(sorted(known))
-            raise InputError(f"{self.path}: no models of class '{unknown[0]}' (known: {listed})")
+        known = sorted({model.semantic for model in models})
+        kept = chosen("classes", self.classes, known)
         return {
-            name: model
-            for name, model in zip(names, models, strict=True)
-            if self.classes is None or model.semantic in self.classes
+            name: model for name, model in zip(names, models, strict=True) if model.semantic in kept
         }
 
 
@@ -190,7 +187,7 @@ def _member(path: Path, name: str) -> bytes:
 
 
 def semantic_class(title: str) -> str | None:
-    """Semantic class that a model's English name tells; None when it tells none."""
+    """Semantic class of a model by its English name; None where no class is in it."""
     words = title.lower()
     table = _class_words()
     if any(f"{word} " in f"{words} " and not words.endswith(word) for word in table["not"]):

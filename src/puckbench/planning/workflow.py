@@ -20,7 +20,7 @@ from puckbench.codecs.registry import module_of, training_class
 from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
-from puckbench.datasets.registry import REGISTRY as LOADERS
+from puckbench.datasets.registry import LOADERS
 from puckbench.figures.entry import BOTH_GPCC, STUDY, at
 from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
@@ -84,7 +84,7 @@ class Workflow:
     def scene_parameters(self, scenes: str) -> dict[str, str]:
         """Loader, its options and the code of a scene set."""
         plan = self.plan.scenes[scenes]
-        module = LOADERS.get(plan.loader, plan.loader).rpartition(":")[0]
+        module = LOADERS.module_of(plan.loader)
         return {
             "loader": plan.loader,
             "options": json.dumps(plan.options, sort_keys=True),
