@@ -262,7 +262,5 @@ def test_the_loader_is_registered_and_checks_its_options(root: Path) -> None:
     folders = {"path": str(root / "2D-3D-S"), "s3dis": str(root / "S3DIS")}
     options = {**folders, "positions": str(root / "positions"), "areas": ["area_5b"]}
     assert open_scene_set("stanford2d3d", options).names() == ["area_5b_hallway_1"]
-    with pytest.raises(
-        InputError, match="margin_m is -1, but must be greater than or equal to 0"
-    ):
+    with pytest.raises(InputError, match="margin_m is -1, but must be greater than or equal to 0"):
         open_scene_set("stanford2d3d", {**folders, "margin_m": -1})
