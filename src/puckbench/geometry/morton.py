@@ -68,6 +68,19 @@ def spread(bits: int) -> int:
 
 
 @compiled
+def codes(points: Ints, axes: Ints) -> Ints:
+    """Codes (n,) of points (n, 3) in [0, 2**21): column c is the axis axes[c] (0 x, 1 y, 2 z)."""
+    found = np.empty(len(points), dtype=np.int64)
+    shifts = 2 - axes
+    for i in range(len(points)):
+        code = 0
+        for c in range(3):
+            code |= spread(points[i, c]) << shifts[c]
+        found[i] = code
+    return found
+
+
+@compiled
 def coordinates(morton: Ints, axes: Ints, origin: Ints) -> Ints:
     """Points (n, 3) of codes (n,): column c is the axis axes[c] (0 x, 1 y, 2 z) plus origin[c]."""
     points = np.empty((len(morton), 3), dtype=np.int64)

@@ -1,50 +1,22 @@
-"""Pictures of meshes and clouds without a display: ray casting and depth-buffered splats."""
+"""Pictures of clouds without a display: cameras, and points drawn as depth-buffered splats."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
-from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
 
 Image = NDArray[np.uint8]
 Vector = tuple[float, float, float]
 
-SEMANTIC_COLOURS: dict[str, tuple[int, int, int]] = {
-    "ceiling": (232, 229, 220),
-    "floor": (196, 178, 150),
-    "wall": (214, 219, 224),
-    "beam": (160, 140, 170),
-    "column": (150, 160, 200),
-    "window": (150, 205, 235),
-    "door": (178, 128, 82),
-    "table": (218, 165, 90),
-    "chair": (214, 84, 80),
-    "sofa": (150, 95, 190),
-    "bookcase": (110, 150, 90),
-    "board": (245, 245, 245),
-    "clutter": (90, 155, 170),
-}
-PRIMITIVE_COLOURS: dict[str, tuple[int, int, int]] = {
-    "plane": (200, 205, 212),
-    "cylinder": (228, 120, 60),
-    "sphere": (70, 130, 200),
-    "cone": (80, 170, 110),
-    "torus": (190, 90, 170),
-    "superquadric": (220, 190, 70),
-    "freeform": (150, 110, 90),
-}
 _PLAIN = (200, 196, 188)
 _BACKGROUND = 255.0
-_FAR = np.float32(np.inf)
 
 
 @dataclass(frozen=True)
@@ -75,18 +47,6 @@ class View:
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
-
-    def rays(self, width: int, height: int) -> tuple[Floats, Floats]:
-        """Origins and unit directions of the pixels' rays, each (height, width, 3)."""
-        right, up, forward = self.axes()
-        half = self.half_extent()
-        across = (np.arange(width) + 0.5 - width / 2) * (2 * half / height)
-        upward = (height / 2 - np.arange(height) - 0.5) * (2 * half / height)
-        plane = across[None, :, None] * right + upward[:, None, None] * up
-        eye = np.asarray(self.eye, dtype=np.float64)
-        if self.height is not None:
-            return eye + plane, np.broadcast_to(forward, plane.shape)
-        return np.broadcast_to(eye, plane.shape), _unit(plane + forward)
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
         """Column, row and depth (along the line of sight) of points (n, 3), as (n, 3)."""
@@ -124,71 +84,6 @@ def three_quarter_view(
     return View(_vector(eye), _vector(centre), field_of_view_deg=field_of_view_deg)
 
 
-def top_view(bounds: Floats, aspect: float = 4 / 3) -> View:
-    """Orthographic view of a box (2, 3) from straight above, x to the right and y upwards."""
-    centre = np.mean(bounds, axis=0)
-    size = np.subtract(bounds[1], bounds[0])
-    eye = centre + np.array([0.0, 0.0, size[2] + size.max()])
-    height = 1.04 * max(size[1], size[0] / aspect)
-    return View(_vector(eye), _vector(centre), up=(0.0, 1.0, 0.0), height=float(height))
-
-
-def triangle_colours(mesh: Mesh, by: str) -> Image:
-    """Colours (t, 3) of a mesh's triangles by "object", "semantic" or "primitive"; "plain" grey."""
-    plain = np.full((len(mesh.triangles), 3), _PLAIN, dtype=np.uint8)
-    if by == "plain" or (mesh.labels is None and by in ("object", "semantic", "primitive")):
-        return plain
-    if mesh.labels is None or by not in ("object", "semantic", "primitive"):
-        raise InputError(f"colours: expected plain, object, semantic or primitive, got {by!r}")
-    labels = mesh.labels
-    if by == "primitive":
-        kinds = [PRIMITIVE_COLOURS.get(one.kind, _PLAIN) for one in labels.primitives]
-        return np.array(kinds, dtype=np.uint8)[labels.primitive_id]
-    semantic = [SEMANTIC_COLOURS.get(one.semantic, _PLAIN) for one in labels.objects]
-    palette = np.array(semantic, dtype=np.float64)
-    if by == "object":
-        palette = _varied(palette)
-    return palette.astype(np.uint8)[labels.object_id]
-
-
-def render_mesh(
-    mesh: Mesh,
-    view: View,
-    size: tuple[int, int] = (800, 600),
-    colours: str | Image = "object",
-    *,
-    cull: bool = False,
-    edges: bool = True,
-    occlusion_rays: int = 10,
-    samples: int = 2,
-) -> Image:
-    """Picture (height, width, 3) of a mesh by ray casting, soft shading and contact shadows.
-
-    size: (width, height) in pixels. colours: "object", "semantic", "primitive", "plain", or
-    (t, 3) uint8. cull: faces whose front is turned away from the camera are cut away, which opens
-    the ceiling and the near walls of a room. edges: darker lines where depth or direction jumps.
-    samples: rays per pixel along each axis. The same arguments give the same bytes.
-    """
-    palette = triangle_colours(mesh, colours) if isinstance(colours, str) else colours
-    corners = mesh.corners() - np.asarray(view.eye)
-    kept = np.flatnonzero(_facing(corners, view) if cull else np.ones(len(corners), dtype=bool))
-    width, height = size[0] * samples, size[1] * samples
-    origins, directions = view.rays(width, height)
-    rays = np.concatenate([origins - np.asarray(view.eye), directions], axis=-1)
-    picture = np.full((height, width, 3), _BACKGROUND)
-    if len(kept):
-        scene = _scene(corners[kept])
-        hits = _cast(scene, rays.astype(np.float32))
-        seen = hits.distance < _FAR
-        extent = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
-        light = _shade(hits, rays, view, seen)
-        light[seen] *= _openness(scene, hits, rays, extent, occlusion_rays)
-        picture[seen] = palette[kept][hits.triangle[seen]] * light[seen, None]
-        if edges:
-            picture *= 1 - 0.45 * _edge_lines(hits, extent)[..., None]
-    return _averaged(picture, samples)
-
-
 def render_cloud(
     points: Floats,
     colours: Image | None,
@@ -210,19 +105,10 @@ def render_cloud(
     picture = np.full((height, width, 3), _BACKGROUND, dtype=np.uint8)
     projected = view.project(np.asarray(points, dtype=np.float64), width, height)
     projected[~(projected[:, 2] > 0)] = np.nan
-    _compiled_splat()(projected, np.ascontiguousarray(colours), int(radius), depth, picture)
+    _splat(projected, np.ascontiguousarray(colours), int(radius), depth, picture)
     if shade:
         picture = (picture * _relief(depth)[..., None] + 0.5).astype(np.uint8)
     return picture
-
-
-@dataclass(frozen=True)
-class _Hits:
-    """First hits of a picture's rays: distance (inf: none), triangle, unit normal to the eye."""
-
-    distance: NDArray[np.float32]
-    triangle: NDArray[np.int64]
-    normal: Floats
 
 
 def _vector(values: Floats) -> Vector:
@@ -232,99 +118,6 @@ def _vector(values: Floats) -> Vector:
 
 def _unit(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
-
-
-def _varied(palette: Floats) -> Floats:
-    """Give neighbours in a list of colours slightly different shades, to tell objects apart."""
-    steps = (np.arange(len(palette))[:, None] * np.array([0.618, 0.755, 0.570])) % 1.0
-    shade = 0.84 + 0.2 * steps[:, :1] + 0.06 * steps
-    return np.asarray(np.clip(palette * shade, 0, 255))
-
-
-def _facing(corners: Floats, view: View) -> NDArray[np.bool_]:
-    """Triangles (corners relative to the eye) whose front is turned to the camera, (t,)."""
-    a, b, c = corners.swapaxes(0, 1)
-    normal = np.cross(b - a, c - a)
-    sight = a if view.height is None else view.axes()[2]
-    return np.asarray(np.sum(normal * sight, axis=1) < 0)
-
-
-def _scene(corners: Floats) -> Any:
-    """Embree scene of triangles (t, 3, 3)."""
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    vertices = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
-    triangles = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
-    scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(triangles))
-    return scene
-
-
-def _cast(scene: Any, rays: NDArray[np.float32]) -> _Hits:
-    import open3d as o3d
-
-    answer = scene.cast_rays(o3d.core.Tensor.from_numpy(np.ascontiguousarray(rays)))
-    normal = answer["primitive_normals"].numpy().astype(np.float64)
-    away = np.sum(normal * rays[..., 3:], axis=-1) > 0
-    normal[away] *= -1
-    triangle = answer["primitive_ids"].numpy().astype(np.int64)
-    return _Hits(answer["t_hit"].numpy(), triangle, normal)
-
-
-def _shade(hits: _Hits, rays: Floats, view: View, seen: NDArray[np.bool_]) -> Floats:
-    """Light of every pixel, (height, width): a lamp above the left shoulder and one at the eye."""
-    right, up, forward = view.axes()
-    lamp = _unit(up * 0.9 - right * 0.6 - forward * 0.7)
-    key = np.clip(hits.normal @ lamp * 0.5 + 0.5, 0, 1) ** 1.3
-    head = np.abs(np.sum(hits.normal * rays[..., 3:], axis=-1))
-    return np.asarray(np.where(seen, 0.34 + 0.6 * key + 0.2 * head, 1.0))
-
-
-def _openness(scene: Any, hits: _Hits, rays: Floats, extent: float, count: int) -> Floats:
-    """Share of a cosine-weighted hemisphere that is open nearby, for the seen pixels, (s,)."""
-    import open3d as o3d
-
-    seen = hits.distance < _FAR
-    normal = hits.normal[seen]
-    points = rays[seen, :3] + rays[seen, 3:] * hits.distance[seen, None] + normal * (1e-4 * extent)
-    random = generator(0, "render", "occlusion")
-    blocked = np.zeros(len(points))
-    for _ in range(count):
-        ball = _unit(random.normal(size=(len(points), 3)))
-        probe = np.concatenate([points, _unit(normal * 1.001 + ball)], axis=1).astype(np.float32)
-        shadow = scene.test_occlusions(
-            o3d.core.Tensor.from_numpy(probe), tnear=0.0, tfar=0.08 * extent
-        )
-        blocked += shadow.numpy()
-    return np.asarray(1 - 0.5 * blocked / max(count, 1))
-
-
-def _edge_lines(hits: _Hits, extent: float) -> Floats:
-    """1 where depth jumps or the surface bends sharply between neighbouring pixels, else 0."""
-    distance = np.where(hits.distance < _FAR, hits.distance, 1e3 * extent)
-    lines = np.zeros(distance.shape)
-    for axis in (0, 1):
-        near = np.minimum(*_pairs(distance, axis))
-        jump = np.abs(np.diff(distance, axis=axis)) > 0.02 * near + 0.002 * extent
-        cosine = np.sum(np.multiply(*_pairs(hits.normal, axis)), axis=-1)
-        both = np.logical_and(*_pairs(hits.distance < _FAR, axis))
-        first, second = _pairs(lines, axis)
-        first[...] = np.maximum(first, jump | (both & (cosine < 0.8)))
-        second[...] = np.maximum(second, jump)
-    return lines
-
-
-def _pairs(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Views of all values and of their next neighbours along an axis."""
-    count = values.shape[axis]
-    index: list[slice] = [slice(None)] * axis
-    return values[(*index, slice(0, count - 1))], values[(*index, slice(1, count))]
-
-
-def _averaged(picture: Floats, samples: int) -> Image:
-    height, width = picture.shape[0] // samples, picture.shape[1] // samples
-    blocks = picture.reshape(height, samples, width, samples, 3).mean(axis=(1, 3))
-    return np.asarray(np.clip(blocks + 0.5, 0, 255).astype(np.uint8))
 
 
 def _relief(depth: Floats) -> Floats:
@@ -343,16 +136,8 @@ def _relief(depth: Floats) -> Floats:
     return np.where(finite, np.maximum(np.exp(-12.0 * behind), 0.35), 1.0)
 
 
-@cache
-def _compiled_splat() -> Any:
-    from puckbench.core.compiling import compiled
-
-    return compiled(_splat)
-
-
-def _splat(
-    projected: Floats, colours: Image, radius: int, depth: Floats, picture: Image
-) -> None:  # pragma: no cover - compiled
+@compiled
+def _splat(projected: Floats, colours: Image, radius: int, depth: Floats, picture: Image) -> None:
     """Draw discs at (column, row, depth) into `picture`, the nearest in front; nan is skipped."""
     height, width = depth.shape
     for index in range(len(projected)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.morton import spread
 
 Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]
@@ -57,20 +58,11 @@ def _morton_keys(points: Floats, lowest: Floats, cells_per_unit: float) -> Keys:
     """Interleave the bits of the three cell numbers of each point."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        x = _spread(int((points[i, 0] - lowest[0]) * cells_per_unit))
-        y = _spread(int((points[i, 1] - lowest[1]) * cells_per_unit))
-        z = _spread(int((points[i, 2] - lowest[2]) * cells_per_unit))
+        x = spread(int((points[i, 0] - lowest[0]) * cells_per_unit))
+        y = spread(int((points[i, 1] - lowest[1]) * cells_per_unit))
+        z = spread(int((points[i, 2] - lowest[2]) * cells_per_unit))
         keys[i] = x | (y << 1) | (z << 2)
     return keys
-
-
-@compiled
-def _spread(cell: int) -> int:
-    """Put two zero bits between the bits of a 16-bit number."""
-    cell = (cell | (cell << 16)) & 0x0000FF0000FF
-    cell = (cell | (cell << 8)) & 0x00F00F00F00F
-    cell = (cell | (cell << 4)) & 0x0C30C30C30C3
-    return (cell | (cell << 2)) & 0x249249249249
 
 
 @compiled

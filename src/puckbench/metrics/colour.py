@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -67,19 +66,6 @@ def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) 
         return math.nan
     weighted = GEOMETRY_WEIGHT * distortion["cd_plane"]
     return weighted + (1 - GEOMETRY_WEIGHT) * colour["luminance_l2"]
-
-
-def with_projected_colours(reference: PointCloud, decoded: Floats) -> PointCloud:
-    """`decoded` (m, 3) with the colour of the nearest point of `reference`, ties averaged.
-
-    What a codec of geometry alone could show if colours came for free: measures on it say nothing
-    about the coding of colour.
-    """
-    a, colours = _merged(reference, "reference cloud")
-    check_points(decoded, "decoded cloud")
-    taken = _means(colours, Points(a).nearest(np.ascontiguousarray(decoded, dtype=np.float64)))
-    rgb = np.clip(np.round(taken @ np.linalg.inv(_YUV).T * 255), 0, 255)
-    return replace(PointCloud(decoded), colours=rgb.astype(np.uint8))
 
 
 def _merged(cloud: PointCloud, what: str) -> tuple[Floats, Floats]:

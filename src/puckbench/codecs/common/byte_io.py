@@ -33,6 +33,10 @@ class Reader:
             raise InputError("the stream is truncated")
         return self.body[self.at - size : self.at]
 
+    def rest(self) -> bytes:
+        """All bytes that are left."""
+        return self.take(len(self.body) - self.at)
+
     def number(self) -> int:
         """A number of `base_128`; InputError when it has no end."""
         number = 0

@@ -6,12 +6,12 @@ bits of the box's sides, in base-128 numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice
 from puckbench.codecs.gpcc.encoder import coded_tree
@@ -26,7 +26,6 @@ _GPS = syntax.GeometryParameterSet(
     neighbour_avail_boundary_log2_minus1=7,
     adjacent_child_contextualization_enabled_flag=1,
 )
-_LONGEST_NUMBER = 5
 _MOST_VOXELS = 1 << 24
 _AXES = np.arange(3)
 
@@ -47,24 +46,22 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
     tree = build_tree(voxels, least, header.tree_lvl_coded_axis_list)
     if len(tree.keys) > _MOST_VOXELS:
         raise InputError(f"more than {_MOST_VOXELS} voxels")
-    signed = [2 * abs(int(v)) - (v < 0) for v in least]
-    numbers = [*signed, len(tree.keys), x | y << 5 | z << 10]
-    return b"".join(map(_base_128, numbers)) + coded_tree(tree, header, _GPS)
+    numbers = [base_128(len(tree.keys)), base_128(x | y << 5 | z << 10)]
+    return b"".join([*map(signed_128, least.tolist()), *numbers]) + coded_tree(tree, header, _GPS)
 
 
 def decode_voxels(stream: bytes) -> Ints:
     """Voxels (m, 3) int64, in the order of their tree; InputError for a damaged stream."""
     if not stream:
         return np.empty((0, 3), dtype=np.int64)
-    rest = iter(stream)
-    signed = [_number(rest) for _ in range(3)]
-    count, sides = _number(rest), _number(rest)
+    reader = Reader(stream)
+    least = [reader.signed() for _ in range(3)]
+    count, sides = reader.number(), reader.number()
     bits = (sides & 31, sides >> 5 & 31, sides >> 10)
     if not 0 < count <= _MOST_VOXELS or max(bits) > MOST_BITS:
         raise InputError("packed voxels: the header is damaged")
-    coded = CodedSlice(_header(bits), bytes(rest), count)
+    coded = CodedSlice(_header(bits), reader.rest(), count)
     codes = decode_slice(coded, _SPS, _GPS, fresh_models())
-    least = [(v >> 1) if v % 2 == 0 else -(v + 1 >> 1) for v in signed]
     return coordinates(codes, _AXES, np.array(least, dtype=np.int64))
 
 
@@ -73,23 +70,3 @@ def _header(bits: tuple[int, int, int]) -> syntax.GeometryHeader:
     x, y, z = bits
     axes = split_axes((max(x, 1), y, z) if max(bits) == 0 else bits, qtbt=True)
     return syntax.GeometryHeader(tree_depth_minus1=len(axes) - 1, tree_lvl_coded_axis_list=axes)
-
-
-def _base_128(number: int) -> bytes:
-    """Seven bits a byte, the lowest first; the top bit says that more follow."""
-    groups = [number & 127]
-    while number := number >> 7:
-        groups.append(number & 127)
-    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
-
-
-def _number(rest: Iterator[int]) -> int:
-    number = 0
-    for k in range(_LONGEST_NUMBER):
-        byte = next(rest, None)
-        if byte is None:
-            raise InputError("packed voxels: the stream is truncated")
-        number |= (byte & 127) << 7 * k
-        if byte < 128:
-            return number
-    raise InputError("packed voxels: the header is damaged")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.bitcount import bit_count
+from puckbench.codecs.common.bit_count import bit_count
 from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below

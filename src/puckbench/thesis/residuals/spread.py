@@ -1,4 +1,4 @@
-"""How plane residuals spread: per laser, per incidence angle, and between two distributions."""
+"""How plane residuals spread: per laser and per incidence angle."""
 
 from __future__ import annotations
 
@@ -51,18 +51,6 @@ def incidence_bins(
     result.insert(len(by), "low_rad", result["bin"] * (highest / bins))
     result.insert(len(by) + 1, "high_rad", (result["bin"] + 1) * (highest / bins))
     return result[[*by, "low_rad", "high_rad", "count", "mean_m", "std_m"]]
-
-
-def earth_movers_distance(a: Floats, b: Floats) -> float:
-    """Earth mover's (1-Wasserstein) distance between two samples, (n,) and (m,), in their unit.
-
-    The area between the two empirical distribution functions. Raises InputError for an empty one.
-    """
-    from scipy.stats import wasserstein_distance
-
-    if len(a) == 0 or len(b) == 0:
-        raise InputError("the earth mover's distance needs two samples that are not empty")
-    return float(wasserstein_distance(a, b))
 
 
 def _bins(angles: Floats, bins: int, highest: float) -> Floats:
