@@ -25,8 +25,8 @@ from puckbench.io.meshes import write_mesh
 from puckbench.io.tables import write_table
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan, write_scan
 from puckbench.lidar.export import FORMATS, export
+from puckbench.lidar.residual_table import write_residuals
 from puckbench.lidar.scan_table import write_scan_portions
-from puckbench.thesis.residuals.virtual import write_residuals
 from tests.support.sensor_scenes import ROOM, room
 
 SIZE = 1000

@@ -7,6 +7,7 @@ import struct
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.pcap import read_pcap, udp_datagram
-from puckbench.io.recordings.ros_bags import packets_of_scan
+from puckbench.io.recordings.pcap import udp_datagram
 from puckbench.lidar.recordings import decode_packets, read_capture
 from puckbench.lidar.recordings.packets import PACKET
-from puckbench.lidar.recordings.reading import read_packets
+from puckbench.lidar.recordings.reading import MESSAGES, SCAN, packets_of_capture, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
 from tests.support.capture_lookalike import box_capture, scan_message
 
@@ -40,9 +40,14 @@ def big_endian(data: bytes) -> bytes:
 
 def bag(path: Path, messages: list[bytes], kind: str = "velodyne_msgs/msg/VelodyneScan") -> Path:
     with closing(sqlite3.connect(path)) as connection:
-        connection.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT)")
+        connection.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT,"
+            " serialization_format TEXT, offered_qos_profiles TEXT)"
+        )
         connection.execute("CREATE TABLE messages(id INTEGER, topic_id, timestamp, data BLOB)")
-        connection.execute("INSERT INTO topics VALUES (1, '/velodyne_packets', ?)", (kind,))
+        connection.execute(
+            "INSERT INTO topics VALUES (1, '/velodyne_packets', ?, 'cdr', '')", (kind,)
+        )
         rows = [(k, 1, 10 + k, message) for k, message in enumerate(messages)]
         connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows)
         connection.commit()
@@ -50,19 +55,19 @@ def bag(path: Path, messages: list[bytes], kind: str = "velodyne_msgs/msg/Velody
 
 
 def test_packets_come_back_from_a_capture() -> None:
-    log = read_pcap(PCAP)
+    log = packets_of_capture(PCAP)
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
 
 
 def test_the_other_byte_order_and_nanoseconds_are_read() -> None:
-    log = read_pcap(big_endian(PCAP))
+    log = packets_of_capture(big_endian(PCAP))
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
 
 
 def test_a_truncated_capture_gives_its_whole_packets_and_tells_the_rest() -> None:
-    log = read_pcap(PCAP[:-100])
+    log = packets_of_capture(PCAP[:-100])
     assert len(log) == 2
     assert log.about["bytes_cut_off"] == RECORD - 100
 
@@ -82,13 +87,13 @@ def test_fragments_and_other_protocols_are_no_datagrams() -> None:
 
 def test_packets_of_other_sizes_are_counted() -> None:
     position = struct.pack("<IIII", 0, 0, 60, 60) + PCAP[40:100]
-    assert read_pcap(PCAP + position).about["other_packets"] == 1
+    assert packets_of_capture(PCAP + position).about["other_packets"] == 1
 
 
 def test_two_sensors_in_one_capture_are_refused() -> None:
     other = PCAP[24 : 24 + RECORD].replace(bytes([192, 168, 1, 201]), bytes([192, 168, 1, 202]))
     with pytest.raises(InputError, match=r"2 senders \(192.168.1.201, 192.168.1.202\)"):
-        read_pcap(PCAP + other)
+        packets_of_capture(PCAP + other)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +101,7 @@ def test_two_sensors_in_one_capture_are_refused() -> None:
     [
         (b"", "not a packet capture"),
         (b"PK\x03\x04" + bytes(100), "not a packet capture"),
-        (b"\x0a\x0d\x0d\x0a" + bytes(100), "editcap"),
+        (b"\x0a\x0d\x0d\x0a" + bytes(100), "not a packet capture"),
         (PCAP[:20] + b"\x69\x00\x00\x00", "link type 105"),
         (PCAP[:24], "no data packet of a VLP-16"),
     ],
@@ -139,26 +144,101 @@ def test_a_bag_gives_the_packets_of_all_its_messages(tmp_path: Path, order: str)
 
 def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
     bag(tmp_path / "a.db3", [], "sensor_msgs/msg/Image")
-    with pytest.raises(InputError, match=r"a.db3: the ROS 2 bag must have one topic"):
+    with pytest.raises(InputError, match=r"a.db3: the ROS bag must have one topic"):
         read_capture(tmp_path / "a.db3")
     bag(tmp_path / "b.db3", [])
-    with pytest.raises(InputError, match=r"b.db3: the ROS 2 bag has no message"):
+    with pytest.raises(InputError, match=r"b.db3: the ROS bag has no message"):
         read_capture(tmp_path / "b.db3")
 
 
 def test_a_damaged_data_base_is_refused(tmp_path: Path) -> None:
     data = bag(tmp_path / "a.db3", [scan_message(LOG.payloads)]).read_bytes()
     (tmp_path / "b.db3").write_bytes(data[:3000])
-    with pytest.raises(InputError, match=r"b.db3: not a readable ROS 2 bag"):
+    with pytest.raises(InputError, match=r"b.db3: not a readable ROS bag"):
         read_capture(tmp_path / "b.db3")
 
 
-def test_a_message_that_claims_more_packets_than_it_has_is_refused() -> None:
+def test_a_message_that_claims_more_packets_than_it_has_is_refused(tmp_path: Path) -> None:
     message = scan_message(LOG.payloads)
-    with pytest.raises(InputError, match="of 3 packets is cut short"):
-        packets_of_scan(message[:-10])
-    with pytest.raises(InputError, match="of 4294967295 packets is cut short"):
-        packets_of_scan(message[:28] + b"\xff\xff\xff\xff" + message[32:])
+    for number, damaged in enumerate(
+        (message[:-10], message[:28] + b"\xff\xff\xff\xff" + message[32:], b"\x07" * 40, b"")
+    ):
+        with pytest.raises(InputError, match=r"\d.db3: not a readable ROS bag"):
+            read_capture(bag(tmp_path / f"{number}.db3", [damaged]))
+
+
+def stores(writer: object, ros1: bool) -> tuple[Any, Any]:
+    """A connection of a bag that is written, and the types of its messages."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    for name, text in MESSAGES.items():
+        types.register(get_types_from_msg(text, name))
+    return writer.add_connection("/velodyne_packets", SCAN, typestore=types), types  # type: ignore[attr-defined]
+
+
+def scan_of(types: Any, payloads: Any, ros1: bool) -> bytes:
+    """A VelodyneScan of the payloads as the bag's own serialisation has it."""
+    time = types.types["builtin_interfaces/msg/Time"]
+    head = {"seq": 0} if ros1 else {}
+    header = types.types["std_msgs/msg/Header"](stamp=time(5, 0), frame_id="velodyne", **head)
+    packet = types.types["velodyne_msgs/msg/VelodynePacket"]
+    packets = [packet(time(5 + k, 250_000_000), payload) for k, payload in enumerate(payloads)]
+    message = types.types[SCAN](header, packets)
+    return bytes((types.serialize_ros1 if ros1 else types.serialize_cdr)(message, SCAN))
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_ros_1_bag_gives_its_packets(tmp_path: Path, compress: bool) -> None:
+    from rosbags.rosbag1 import Writer
+
+    writer = Writer(tmp_path / "a.bag")
+    if compress:
+        writer.set_compression(Writer.CompressionFormat.BZ2)
+    with writer:
+        connection, types = stores(writer, ros1=True)
+        writer.write(connection, 10, scan_of(types, LOG.payloads, ros1=True))
+    log = read_packets(tmp_path / "a.bag")
+    assert np.array_equal(log.payloads, LOG.payloads)
+    assert log.received.tolist() == [5.25, 6.25, 7.25]
+    assert read_capture(tmp_path / "a.bag").about["format"] == "rosbag"
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_ros_2_bag_folders_and_their_files_are_read(tmp_path: Path, storage: str) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin[storage]) as writer:
+        connection, types = stores(writer, ros1=False)
+        writer.write(connection, 10, scan_of(types, LOG.payloads[:1], ros1=False))
+        writer.write(connection, 20, scan_of(types, LOG.payloads[1:], ros1=False))
+    file = next(path for path in (tmp_path / "bag").iterdir() if path.suffix != ".yaml")
+    for path in (tmp_path / "bag", file):
+        log = read_packets(path)
+        assert np.array_equal(log.payloads, LOG.payloads)
+        assert log.about == {"format": "ros2bag", "topic": "/velodyne_packets", "messages": 2}
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=rf"{file.name}: not a readable ROS bag"):
+        read_capture(file)
+
+
+def test_a_pcapng_capture_gives_the_same_packets(tmp_path: Path) -> None:
+    import dpkt
+
+    with (tmp_path / "a.pcapng").open("wb") as stream:
+        writer = dpkt.pcapng.Writer(stream)
+        for at in range(24, len(PCAP), RECORD):
+            seconds, micros = struct.unpack_from("<II", PCAP, at)
+            writer.writepkt(PCAP[at + 16 : at + RECORD], seconds + micros * 1e-6)
+    data = (tmp_path / "a.pcapng").read_bytes()
+    log = packets_of_capture(data)
+    assert np.array_equal(log.payloads, LOG.payloads)
+    assert log.received == pytest.approx(LOG.received, abs=1e-6)
+    assert log.about == {"format": "pcap", "other_packets": 0, "bytes_cut_off": 0}
+    cut = packets_of_capture(data[:-100])
+    assert len(cut) == 2
+    assert cut.about["bytes_cut_off"] > 0
 
 
 def mutated(data: bytes, changes: list[tuple[int, int]], length: int) -> bytes:
@@ -186,7 +266,7 @@ def test_a_mutated_capture_is_a_table_or_an_error(
 ) -> None:
     data = mutated(PCAP, changes, length)
     try:
-        table = decode_packets(read_pcap(data).payloads)
+        table = decode_packets(packets_of_capture(data).payloads)
     except InputError:
         return
     assert len(table) <= 3 * 384
@@ -195,17 +275,20 @@ def test_a_mutated_capture_is_a_table_or_an_error(
 
 @given(CHANGES, LENGTH, st.sampled_from("<>"))
 @example([], -1, "<")
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_a_mutated_message_is_packets_or_an_error(
-    changes: list[tuple[int, int]], length: int, order: str
+    tmp_path_factory: pytest.TempPathFactory,
+    changes: list[tuple[int, int]],
+    length: int,
+    order: str,
 ) -> None:
     data = mutated(scan_message(LOG.payloads, order), changes, length)
     try:
-        packets = packets_of_scan(data)
+        log = read_packets(bag(tmp_path_factory.mktemp("bag") / "a.db3", [data]))
     except InputError:
         return
-    assert packets["payload"].shape == (len(packets), 1206)
-    assert packets["payload"].nbytes <= len(data) + 2
+    assert log.payloads.shape == (len(log), 1206)
+    assert log.payloads.nbytes <= len(data) + 2
 
 
 @given(

@@ -13,7 +13,7 @@ from puckbench.lidar import open_error_model
 from puckbench.lidar.calibration import Settings, calibrate, write_calibration
 from puckbench.lidar.calibration.likelihood import RestrictedLikelihood, Sigmas
 from puckbench.lidar.calibration.observations import Observations, observations
-from puckbench.thesis.residuals.virtual import write_residuals
+from puckbench.lidar.residual_table import write_residuals
 from tests.support.calibration_lookalike import DISTANCES, residuals
 
 EVERY_KIND = Sigmas(0.008, 0.004, 0.003, 0.006, 0.002, 0.0003)

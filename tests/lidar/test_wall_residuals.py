@@ -19,6 +19,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar import ScanTable, load_sensor
 from puckbench.lidar.recordings.packets import PACKET
 from puckbench.lidar.recordings.writing import pcap_bytes, write_pcap
+from puckbench.lidar.residual_table import COLUMNS, REAL, joined, read_residuals
 from puckbench.lidar.walls.detection import PlaneSearch
 from puckbench.lidar.walls.options import CaptureOptions, capture_options
 from puckbench.lidar.walls.residuals import (
@@ -27,8 +28,6 @@ from puckbench.lidar.walls.residuals import (
     captured_planes,
 )
 from puckbench.lidar.walls.summary import capture_summary, plane_statistics
-from puckbench.thesis.figures.model_styles import REAL
-from puckbench.thesis.residuals.virtual import COLUMNS, joined, read_residuals
 from tests.support.capture_lookalike import box_capture
 from tests.support.room_captures import NOISE, ROTATION_HZ, room_scan
 from tests.support.sensor_scenes import quad

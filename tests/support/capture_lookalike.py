@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
-from puckbench.io.recordings.packet_log import PacketLog
 from puckbench.lidar import load_sensor
+from puckbench.lidar.recordings.packet_log import PacketLog
 from puckbench.lidar.recordings.packets import LASERS, RETURN
 from puckbench.lidar.recordings.writing import distance_counts, pack_blocks
 

@@ -8,15 +8,17 @@ import pytest
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.geometry.ransac import Plane
-from puckbench.thesis.residuals.virtual import (
+from puckbench.lidar.residual_table import (
     COLUMNS,
-    SWEEP,
-    Procedure,
     plane_coordinates,
     read_residuals,
+    write_residuals,
+)
+from puckbench.thesis.residuals.virtual import (
+    SWEEP,
+    Procedure,
     residual_table,
     scan_residuals,
-    write_residuals,
 )
 
 COARSE = replace(SWEEP, azimuth_step_deg=0.5)

@@ -42,7 +42,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _scanned(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.thesis.residuals.virtual import Procedure, residual_table, write_residuals
+    from puckbench.lidar.residual_table import write_residuals
+    from puckbench.thesis.residuals.virtual import Procedure, residual_table
 
     procedure = Procedure(
         options.model, options.model_options, refit=options.refit, keep=options.keep
@@ -59,11 +60,10 @@ def _scanned(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _captured(options: argparse.Namespace) -> dict[str, Any]:
+    from puckbench.lidar.residual_table import REAL, write_residuals
     from puckbench.lidar.walls.options import capture_options
     from puckbench.lidar.walls.residuals import capture_residuals, captured_planes
     from puckbench.lidar.walls.summary import capture_summary
-    from puckbench.thesis.figures.model_styles import REAL
-    from puckbench.thesis.residuals.virtual import write_residuals
 
     planes = captured_planes(options.capture, capture_options(options.capture_options))
     write_residuals(options.out, capture_residuals(planes))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.core.files import write_bytes
-from puckbench.lidar.scan_table import ScanTable
+from puckbench.io.columns import Table
 
 _NUMBERS = (
     *("timestamp", "yaw", "pitch", "distance", "distance_noisy"),
@@ -18,8 +18,11 @@ _ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
 _WHITE = 255.0
 
 
-def write_evd(path: Path, table: ScanTable) -> None:
-    """One block of all returns: 11 columns, colour (0..255, white here), object (0: none)."""
+def write_evd(path: Path, table: Table) -> None:
+    """Write one block of all returns: 11 columns, colour (0..255, white here), object (0: none).
+
+    `table` needs the columns of BlenSor's file (`_NUMBERS`) and `object_id`.
+    """
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

@@ -26,6 +26,7 @@ from puckbench.figures.registry import EXAMPLES, FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.scaling import GRID
 from puckbench.lidar.errors import module_of_model, open_error_model
+from puckbench.lidar.residual_table import REAL
 from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.sweep import open_sweep
 from puckbench.planning.config import checked, read_schema
@@ -35,7 +36,6 @@ from puckbench.planning.report_contents import planned_contents
 from puckbench.report.assets import assets_version
 from puckbench.report.contents import Contents
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN, codec_roles, verdict_options
-from puckbench.thesis.figures.model_styles import REAL
 from puckbench.thesis.tables import REGISTRY as STUDY_TABLES
 from puckbench.thesis.tables import RESULTS as RESULT_TABLES
 from puckbench.thesis.tables import VERDICTS, table_entry

@@ -1,1 +1,1 @@
-"""Recordings of sensors as files hold them: packet captures and ROS bags, as payloads."""
+"""Files that record what a device sent: packet captures and ROS bags, read as payloads."""

@@ -1,92 +1,111 @@
-"""ROS 2 bags (.db3) of velodyne_msgs/VelodyneScan messages, read without ROS.
-
-A bag is an SQLite data base of serialised messages. The serialisation is CDR (OMG CDR, as DDS uses
-it): a four-byte header that tells the byte order, then the members, each aligned to its size.
-"""
+"""ROS bags (ROS 1 .bag, ROS 2 .db3 and .mcap, and bag folders) as messages, read without ROS."""
 
 from __future__ import annotations
 
-import sqlite3
 import struct
-from contextlib import closing
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
-from urllib.parse import quote
-
-import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.packet_log import PacketLog
-from puckbench.lidar.recordings.packets import PACKET_BYTES
 
-SQLITE = b"SQLite format 3\x00"
-_MESSAGE = "velodyne_msgs/msg/VelodyneScan"
-_TOPICS = "SELECT id, name FROM topics WHERE type = ? ORDER BY name"
-_SCANS = "SELECT data FROM messages WHERE topic_id = ? ORDER BY timestamp, id"
-# Time stamp (s, ns), payload, and two bytes up to the alignment of the next stamp.
-_STRIDE = 8 + PACKET_BYTES + 2
+_STARTS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
+"""First bytes of each kind of bag, and its usual suffix."""
 
 
-def read_ros2bag(path: Path) -> PacketLog:
-    """Data packets of the bag's VelodyneScan messages, in the order of the messages.
+@dataclass(frozen=True)
+class Messages:
+    """The messages of one topic, in the order in which they were recorded; `format` of the bag."""
 
-    Raises InputError when the file is no bag, is damaged, or has no or several such topics.
+    topic: str
+    messages: list[Any]
+    format: str
+
+
+def bag_format(start: bytes) -> str | None:
+    """The usual suffix of the kind of bag that begins with these bytes, or None for no bag."""
+    return next((suffix for magic, suffix in _STARTS.items() if start.startswith(magic)), None)
+
+
+def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
+    """Read the messages of the only topic of one type.
+
+    Parameters
+    ----------
+    path
+        A bag, known by its first bytes, or the folder of one.
+    kind
+        Type of the messages, such as ``velodyne_msgs/msg/VelodyneScan``.
+    definitions
+        Definitions, in ROS's own notation, of this type and of what it is made of but the standard
+        types. Those in the bag are not used: they would be compiled.
+
+    Raises
+    ------
+    InputError
+        It is no bag, is damaged, or has no or several topics of the type.
     """
-    try:
-        with closing(sqlite3.connect(f"file:{quote(str(path))}?immutable=1", uri=True)) as bag:
-            topics = bag.execute(_TOPICS, (_MESSAGE,)).fetchall()
-            scans = [_scan(row[0]) for row in bag.execute(_SCANS, _only_topic(topics))]
-    except (sqlite3.Error, UnicodeError) as error:
-        raise InputError(f"not a readable ROS 2 bag ({error})") from error
-    if not scans:
-        raise InputError("the ROS 2 bag has no message of a VLP-16")
-    packets = np.concatenate(scans)
-    received = packets["seconds"] + packets["nanoseconds"] * 1e-9
-    about = {"format": "ros2bag", "topic": str(topics[0][1]), "messages": len(scans)}
-    return PacketLog(packets["payload"], received, about)
+    import apsw
+    from rosbags.rosbag1 import ReaderError as Error1
+    from rosbags.rosbag2 import ReaderError as Error2
+    from rosbags.serde import SerdeError
+
+    damage = (
+        *(Error1, Error2, SerdeError, apsw.Error, struct.error, OSError, EOFError, MemoryError),
+        *(ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError),
+        RuntimeError,
+    )
+    bag = _bag_in(path) if path.is_dir() else path
+    with TemporaryDirectory() as folder:
+        try:
+            return _read(_linked(bag, Path(folder)), kind, definitions)
+        except damage as error:
+            fault = " ".join(str(error).replace(folder, "").split())[:120]
+            raise InputError(f"not a readable ROS bag ({type(error).__name__}: {fault})") from error
 
 
-def packets_of_scan(message: bytes) -> NDArray[Any]:
-    """Packets of one serialised VelodyneScan: seconds, nanoseconds, payload (1206) of each.
+def _read(bag: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    Raises InputError when the message is cut short or no CDR.
+    is_ros1 = bag.suffix == ".bag"
+    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    for name, text in definitions.items():
+        types.register(get_types_from_msg(text, name))
+    decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+    reader: Any = Reader1(bag) if is_ros1 else Reader2(bag)
+    with reader:
+        chosen = [one for one in reader.connections if one.msgtype == kind]
+        topics = sorted({one.topic for one in chosen})
+        if len(topics) != 1:
+            names = ", ".join(topics) or "none"
+            raise InputError(f"the ROS bag must have one topic of {kind} (found: {names})")
+        found = [decode(data, kind) for _, _, data in reader.messages(connections=chosen)]
+    return Messages(topics[0], found, "rosbag" if is_ros1 else "ros2bag")
+
+
+def _linked(bag: Path, folder: Path) -> Path:
+    """A link to the bag under the suffix of its kind, by which the library knows it.
+
+    Nor does the library open SQLite files whose path has a ``#`` or a ``?``.
     """
-    if len(message) < 20 or message[:2] not in (b"\x00\x00", b"\x00\x01"):
-        raise InputError("a VelodyneScan message is not plain CDR")
-    order = "<" if message[1] else ">"
-    # Offsets count from the end of the CDR header: stamp, frame_id, then the packets' count.
-    body = message[4:]
-    length: int = struct.unpack_from(order + "I", body, 8)[0]
-    at = _aligned(12 + length)
-    if at + 4 > len(body):
-        raise InputError("a VelodyneScan message is cut short")
-    count: int = struct.unpack_from(order + "I", body, at)[0]
-    # The last packet may lack the bytes of alignment.
-    padded = body[at + 4 :] + b"\x00\x00"
-    if count * _STRIDE > len(padded):
-        raise InputError(f"a VelodyneScan message of {count} packets is cut short")
-    kind = [
-        ("seconds", order + "i4"),
-        ("nanoseconds", order + "u4"),
-        ("payload", "u1", PACKET_BYTES),
-        ("gap", "u1", 2),
-    ]
-    return np.frombuffer(padded, dtype=np.dtype(kind), count=count)
+    suffix = ""
+    if not bag.is_dir():
+        with bag.open("rb") as stream:
+            suffix = bag_format(stream.read(16)) or ".bag"
+    link = folder / f"bag{suffix}"
+    link.symlink_to(bag.resolve())
+    return link
 
 
-def _scan(data: object) -> NDArray[Any]:
-    if not isinstance(data, bytes):
-        raise InputError("a message of the ROS 2 bag is no byte string")
-    return packets_of_scan(data)
-
-
-def _only_topic(topics: list[Any]) -> tuple[int]:
-    if len(topics) != 1:
-        names = ", ".join(str(name) for _, name in topics) or "none"
-        raise InputError(f"the ROS 2 bag must have one topic of {_MESSAGE} (found: {names})")
-    return (topics[0][0],)
-
-
-def _aligned(at: int) -> int:
-    return -(-at // 4) * 4
+def _bag_in(folder: Path) -> Path:
+    """The bag of a folder: itself where its metadata are there, else the only file of a bag."""
+    if (folder / "metadata.yaml").is_file():
+        return folder
+    bags = sorted(path for path in folder.iterdir() if path.suffix in _STARTS.values())
+    if len(bags) != 1:
+        raise InputError(f"{folder}: {len(bags)} ROS bags (.bag, .db3, .mcap), not one")
+    return bags[0]

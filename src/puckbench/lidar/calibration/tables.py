@@ -10,8 +10,7 @@ import pandas as pd
 from puckbench.core.errors import InputError
 from puckbench.lidar.calibration.calibrating import FRAME, SPOT, Settings
 from puckbench.lidar.calibration.likelihood import NAMES
-from puckbench.thesis.figures.model_styles import REAL
-from puckbench.thesis.residuals.virtual import read_residuals
+from puckbench.lidar.residual_table import REAL, read_residuals
 
 # The VLP-16 tells ranges in steps of 2 mm (User Manual 63-9243 Rev. E, section 9.3).
 _CAPTURE_QUANTUM_M = 0.002

@@ -9,8 +9,8 @@ from typing import Any
 from puckbench.core.errors import InputError
 from puckbench.io.evd import write_evd
 from puckbench.io.las import write_las, write_laz
-from puckbench.io.point_formats import write_csv, write_pcd, write_ply
-from puckbench.lidar.export.rows import Rows, capture_rows, scan_rows
+from puckbench.io.point_formats import Rows, write_csv, write_pcd, write_ply
+from puckbench.lidar.export.rows import capture_rows, scan_rows
 from puckbench.lidar.recordings.capture_table import CaptureTable, read_capture_table
 from puckbench.lidar.recordings.writing import write_pcap
 from puckbench.lidar.scan_table import ScanTable, read_scan

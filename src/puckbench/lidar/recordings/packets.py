@@ -17,7 +17,6 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings.capture_table import BOTH, LAST, STRONGEST, CaptureTable
 from puckbench.lidar.sensor import Sensor, load_sensor
 
-PACKET_BYTES = 1206
 BLOCKS = 12
 LASERS = 16
 FLAG = 0xEEFF

@@ -1,4 +1,4 @@
-"""A capture of a real VLP-16 by its file, whatever the format: its returns as a table."""
+"""The recording of a real VLP-16, whatever its file's format, as a table of returns."""
 
 from __future__ import annotations
 
@@ -8,13 +8,20 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.io.recordings.packet_log import PacketLog
-from puckbench.io.recordings.pcap import read_pcap
-from puckbench.io.recordings.ros_bags import SQLITE, read_ros2bag
+from puckbench.io.recordings.pcap import read_datagrams
+from puckbench.io.recordings.ros_bags import bag_format, read_messages
 from puckbench.lidar.recordings.capture_table import CaptureTable, read_capture_table
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
+from puckbench.lidar.recordings.packet_log import PACKET_BYTES, PacketLog, joined
 from puckbench.lidar.recordings.packets import decode_packets
 from puckbench.lidar.sensor import Sensor
+
+SCAN = "velodyne_msgs/msg/VelodyneScan"
+MESSAGES = {
+    "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data",
+    SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
+}
+"""Messages of the ROS driver velodyne_msgs, in ROS's notation."""
 
 
 def read_capture(
@@ -23,14 +30,28 @@ def read_capture(
     start_s: float = 0.0,
     end_s: float = math.inf,
 ) -> CaptureTable:
-    """Returns of a packet capture (.pcap), a ROS 2 bag (.db3, or its folder), a cloud or a table.
+    """Read the returns of a packet capture, a ROS bag, a decoded cloud or a table of returns.
 
-    A cloud (.csv, .ply, .pcd) must tell each point's laser: see `pointfiles.read_points`. A table
-    (.parquet) is one that `write_capture_table` wrote; it has its sensor.
-    start_s, end_s: the interval to read, in seconds after the first packet (or point). `about`
-    tells the format and what was left aside: `other_packets`, `bytes_cut_off` of a truncated file.
+    Parameters
+    ----------
+    path
+        A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
+        that tells each point's laser (.csv, .ply, .pcd; see `decoded_clouds.read_points`), or a
+        table that `write_capture_table` wrote (.parquet).
+    sensor
+        None for the one that the packets name; a table has its own.
+    start_s, end_s
+        The interval to read, in seconds after the first packet (or point).
 
-    Raises InputError, one line that names the file, when it holds no readable VLP-16 data.
+    Returns
+    -------
+    CaptureTable
+        `about` has the format and what was left aside: `other_packets`, `bytes_cut_off`.
+
+    Raises
+    ------
+    InputError
+        One line that names the file, when it holds no readable data of a VLP-16.
     """
     try:
         if path.suffix.lower() == ".parquet":
@@ -49,23 +70,47 @@ def read_capture(
 
 
 def read_packets(path: Path) -> PacketLog:
-    """Data packets of a capture file; the format is told by its first bytes, not its name."""
+    """Data packets of a recording; the format is told by its first bytes, not its name."""
     if path.is_dir():
-        path = _bag_in(path)
+        return _packets_of_bag(path)
     data = read_bytes(path)
-    if data.startswith(SQLITE):
-        return read_ros2bag(path)
-    return read_pcap(data)
+    return _packets_of_bag(path) if bag_format(data) else packets_of_capture(data)
+
+
+def packets_of_capture(data: bytes) -> PacketLog:
+    """Data packets of a packet capture's bytes.
+
+    Packets of other sizes (the sensor's position packets among them) are counted in `about` as
+    `other_packets`, bytes of a last packet that is not whole as `bytes_cut_off`.
+
+    Raises
+    ------
+    InputError
+        For another format, or data packets from several senders.
+    """
+    capture = read_datagrams(data)
+    packets = [one for one in capture.datagrams if len(one.payload) == PACKET_BYTES]
+    senders = sorted({one.sender for one in packets})
+    if len(senders) > 1:
+        names = ", ".join(senders[:4])
+        raise InputError(f"data packets of {len(senders)} senders ({names}): keep one of them")
+    others = capture.others + len(capture.datagrams) - len(packets)
+    about = {"format": "pcap", "other_packets": others, "bytes_cut_off": capture.bytes_cut_off}
+    return joined([one.payload for one in packets], [one.received for one in packets], about)
+
+
+def _packets_of_bag(path: Path) -> PacketLog:
+    """Data packets of a bag's VelodyneScan messages, in the order of the messages."""
+    bag = read_messages(path, SCAN, MESSAGES)
+    packets = [packet for message in bag.messages for packet in message.packets]
+    if not packets:
+        raise InputError("the ROS bag has no message of a VLP-16")
+    received = [one.stamp.sec + one.stamp.nanosec * 1e-9 for one in packets]
+    about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
+    return joined([one.data.tobytes() for one in packets], received, about)
 
 
 def _between(table: CaptureTable, start_s: float, end_s: float) -> CaptureTable:
     """Rows from `start_s` to before `end_s` seconds after the first one."""
     since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
     return table.select((since >= start_s) & (since < end_s))
-
-
-def _bag_in(folder: Path) -> Path:
-    bags = sorted(folder.glob("*.db3"))
-    if len(bags) != 1:
-        raise InputError(f"{folder}: {len(bags)} .db3 files, where one is expected")
-    return bags[0]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Floats
-from puckbench.io.recordings.packet_log import PacketLog
+from puckbench.lidar.recordings.packet_log import PACKET_BYTES, PacketLog
 from puckbench.lidar.recordings.packets import (
     BLOCKS,
     CENTIDEGREES,
@@ -22,7 +22,6 @@ from puckbench.lidar.recordings.packets import (
     LASERS,
     MODES,
     PACKET,
-    PACKET_BYTES,
     RETURN,
     VLP16,
 )

@@ -20,8 +20,8 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane, robust_plane, robust_std
 from puckbench.lidar.options import check_above_zero, check_at_least
 from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.residual_table import plane_coordinates
 from puckbench.lidar.walls.range_image import CellImage, Mask, largest_patch, widened, without_ends
-from puckbench.thesis.residuals.virtual import plane_coordinates
 
 WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
 

@@ -21,6 +21,7 @@ from puckbench.geometry.ransac import ransac_plane
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import CaptureTable, read_capture
 from puckbench.lidar.recordings.capture_table import BOTH
+from puckbench.lidar.residual_table import COLUMNS, REAL, SURFACES, about_plane
 from puckbench.lidar.walls.detection import (
     PlaneSearch,
     Rejected,
@@ -33,8 +34,6 @@ from puckbench.lidar.walls.detection import (
 from puckbench.lidar.walls.options import CaptureOptions, Crop
 from puckbench.lidar.walls.ray_statistics import range_deviation
 from puckbench.lidar.walls.stillness import Still, still_rows
-from puckbench.thesis.figures.model_styles import REAL
-from puckbench.thesis.residuals.virtual import COLUMNS, SURFACES, about_plane
 
 # Of a plane chosen by hand; one that is found has the limits of `PlaneSearch`.
 _LEAST_RETURNS = 50

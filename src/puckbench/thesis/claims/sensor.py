@@ -7,9 +7,9 @@ from statistics import median
 
 import pandas as pd
 
+from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import Part, needs
-from puckbench.thesis.figures.model_styles import REAL
 from puckbench.thesis.numbers import MOVED
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, PRINTED_STD_M, REAL_STD_M
 from puckbench.thesis.residuals.statistics import ALL

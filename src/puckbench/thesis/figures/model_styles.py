@@ -7,9 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from puckbench.figures.style import FigureStyle
-
-REAL = "real"
-"""The name under which residuals of captures stand in a table, beside the error models'."""
+from puckbench.lidar.residual_table import REAL
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import model_look, ordered_models
 from puckbench.thesis.figures.violins import violin_shape
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import numpy as np
 from puckbench.figures.panels import panel_grid
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import model_look, ordered_models
 from puckbench.thesis.figures.residual_legend import add_model_legend, source_title
 from puckbench.thesis.figures.residual_table import (
     binned_moments,

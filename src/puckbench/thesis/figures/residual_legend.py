@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from puckbench.figures.style import FigureStyle
-from puckbench.thesis.figures.model_styles import REAL, model_look
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import model_look
 from puckbench.thesis.published import PRINTED_STD_M
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.figures.checks import require_rows
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.figures.model_styles import REAL, ordered_models
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import ordered_models
 from puckbench.thesis.published import FAR_M
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from puckbench.core.errors import InputError
 from puckbench.figures.panels import wrapped
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.figures.model_styles import REAL, model_look, ordered_models
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import model_look, ordered_models
 from puckbench.thesis.figures.residual_legend import add_model_legend
 from puckbench.thesis.figures.residual_table import (
     check_residuals,

@@ -22,7 +22,8 @@ from puckbench.lidar.calibration import Settings, calibrate, model_file
 from puckbench.lidar.calibration.observations import PLACE
 from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.calibrated import Calibrated
-from puckbench.thesis.figures.model_styles import REAL, ordered_models
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.figures.model_styles import ordered_models
 
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
 """The models that the verdict is about, the thesis's choice (section 5.5.3) among them."""

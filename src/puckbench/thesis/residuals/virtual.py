@@ -4,45 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from pandas.api.types import union_categoricals
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import written_whole
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.ransac import THRESHOLD_M, Plane, ransac_plane
 from puckbench.lidar import ScanTable, Sensor, Sweep, load_sensor, open_error_model, scan
+from puckbench.lidar.residual_table import COLUMNS, SURFACES, about_plane, joined
 from puckbench.scenes.calibration import facing_the_wall
-
-SURFACES = ("wall", "floor")
-COLUMNS = (
-    "model",
-    "surface",
-    "distance_m",
-    "run",
-    "laser_id",
-    "elevation_deg",
-    "residual_m",
-    "incidence_rad",
-    "range_m",
-    "frame",
-    "plane_u_m",
-    "plane_v_m",
-)
-"""Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
-
-`range_m` is the distance from the sensor to the measured point, `frame` the frame of the scan (the
-turn of a capture); `plane_u_m`, `plane_v_m` are those of `plane_coordinates`. These four came
-later: an older table, which figures still take, has none.
-"""
-_LATER = ("range_m", "frame", "plane_u_m", "plane_v_m")
-
 
 SWEEP = Sweep(frames_skipped=1)
 """The 4 s sweep of the thesis's error scans; its last frame is keyed but not scanned."""
@@ -102,66 +76,6 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
         parts.append(_frame(rows, about, sensor, (procedure.model, surface, distance, run)))
     table = joined(parts)
     return _kept(table, procedure.keep, generator(seed, *names, "keep"))
-
-
-def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Residual tables one after the other, models and surfaces still categories."""
-    whole = pd.concat(tables, ignore_index=True)
-    for name in ("model", "surface"):
-        whole[name] = union_categoricals([table[name] for table in tables])
-    return whole
-
-
-def write_residuals(path: Path, table: pd.DataFrame) -> None:
-    """Write a residual table as Parquet."""
-    with written_whole(path) as temporary:
-        table.to_parquet(temporary, compression="zstd", index=False)
-
-
-def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a residual table; InputError when it is missing or another file.
-
-    The columns of a table written before `range_m` and those after it were there are fewer.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        table = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not a Parquet table ({error})") from error
-    missing = [name for name in COLUMNS if name not in table]
-    if needed := [name for name in missing if name not in _LATER]:
-        raise InputError(f"{path}: not a residual table, without {', '.join(needed)}")
-    return table[[name for name in COLUMNS if name not in missing]]
-
-
-def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """What a residual table tells of points (n, 3), m, and a plane fitted to them, by column.
-
-    origin: (3,), where the sensor stands, on the side that the plane's normal points to.
-    """
-    u, v = plane_coordinates(points, plane, origin).T
-    values = {
-        "residual_m": plane.distances(points),
-        "range_m": np.linalg.norm(points - origin, axis=1),
-        "plane_u_m": u,
-        "plane_v_m": v,
-    }
-    return {name: column.astype(np.float32) for name, column in values.items()}
-
-
-def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Where points (n, 3) are in a plane, m, (n, 2): from the foot of the sensor's perpendicular.
-
-    The first axis is level, the second goes up the plane's slope. Another plane near this one is at
-    a distance of ``a + b u + c v`` from it: that is how a calibration takes the fit back.
-    """
-    level = np.cross([0.0, 0.0, 1.0], plane.normal)
-    # Any axis will do on a level plane.
-    level = np.array([1.0, 0.0, 0.0]) if np.linalg.norm(level) < 1e-3 else level
-    first = level - (level @ plane.normal) * plane.normal
-    first /= np.linalg.norm(first)
-    return (points - origin) @ np.column_stack([first, np.cross(plane.normal, first)])
 
 
 def _of_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:

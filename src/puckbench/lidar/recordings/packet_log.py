@@ -1,7 +1,8 @@
-"""Data packets as they were recorded: payloads, times of reception, and what was left aside."""
+"""Data packets of a sensor as they were recorded: payloads, and times of reception."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings.packets import PACKET_BYTES
+
+PACKET_BYTES = 1206
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,9 @@ class PacketLog:
         return PacketLog(self.payloads[rows], self.received[rows], self.about)
 
 
-def joined(payloads: list[bytes], received: list[float], about: dict[str, Any]) -> PacketLog:
+def joined(
+    payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
+) -> PacketLog:
     """A log of payloads of 1,206 bytes each."""
     data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, PACKET_BYTES)
     return PacketLog(data, np.asarray(received, dtype=np.float64), about)
