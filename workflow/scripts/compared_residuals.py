@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.io.tables import write_table
+from puckbench.lidar.residual_table import read_residuals
 from puckbench.thesis.residuals.joining import thinned
 from puckbench.thesis.residuals.model_comparison import (
     compared_residuals,
     default_models,
     real_walls,
 )
-from puckbench.thesis.residuals.virtual import read_residuals
 
 if TYPE_CHECKING:
     snakemake: Any = None
