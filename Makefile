@@ -44,7 +44,7 @@ lint: setup-test
 
 SECONDS ?= 300
 fuzz: setup-test
-	$(IN_VENV) python benchmarks/fuzz.py --seconds $(SECONDS) --keep fuzz
+	$(IN_VENV) python -m benchmarks.checks.fuzz --seconds $(SECONDS) --keep fuzz
 
 data: setup
 	$(IN_VENV) python -m puckbench data

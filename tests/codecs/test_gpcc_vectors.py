@@ -1,4 +1,4 @@
-"""Streams that the reference software made of our own scenes (benchmarks/gpcc_vectors.py)."""
+"""Streams of our scenes by the reference software (benchmarks/checks/gpcc_vectors.py)."""
 
 import hashlib
 from dataclasses import replace
@@ -80,7 +80,7 @@ def test_codec_and_reference_agree_on_the_whole_way_from_real_coordinates() -> N
 
 
 def test_damaged_streams_end_in_points_or_one_clean_error() -> None:
-    """400 of the streams of benchmarks/fuzz.py, which takes thousands under limits."""
+    """400 of the streams of benchmarks/checks/fuzz.py, which takes thousands under limits."""
     streams = [(FOLDER / f"{name}.bin").read_bytes() for name in sorted(MANIFEST)]
     outcomes = [_outcome(damaged(streams, number)) for number in range(400)]
     assert not any("\n" in outcome for outcome in outcomes)

@@ -116,7 +116,7 @@ def test_hidden_parameters_are_inside_their_intervals_as_often_as_promised() -> 
         for name, one in calibrate([table_of(EVERY_KIND, seed, frames=4)]).sigmas.items():
             inside[name] += one.low <= getattr(EVERY_KIND, name) <= one.high
     # Of intervals that hold the truth 95 times in 100 fewer than 7 of 10 do once in 1000 times.
-    # The whole count is that of benchmarks/calibration_recovery.py.
+    # The whole count is that of benchmarks/checks/calibration_recovery.py.
     assert set(inside) == set(vars(EVERY_KIND))
     assert min(inside.values()) > 6
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from benchmarks.same_results import after_a_kill, differences
 
 from puckbench.figures.registry import FIGURES
+from puckbench.planning.same_results import after_a_kill, differences
 from puckbench.thesis.tables import REGISTRY as STUDY_TABLES
 from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
 
@@ -253,7 +253,7 @@ def test_the_linter_is_content(fresh: Bench) -> None:
 def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
     fresh: Bench, finished: Bench
 ) -> None:
-    """benchmarks/killed_runs.py does so at many points; the finished run had two cores."""
+    """benchmarks/checks/killed_runs.py does so at many points; the finished run had two cores."""
     tables = [f"results/tables/{name}.csv" for name in ("metrics", "bd_rate", "scan_errors")]
     process = subprocess.Popen(
         fresh.command(*tables, "--cores", "1"),

@@ -33,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="RUN",
         help="core-hours of the whole configuration, from the jobs of the run made in this folder, "
-        "or from a file of benchmarks/job_costs.py",
+        "or from a file of benchmarks/performance/job_costs.py",
     )
 
 

@@ -1,8 +1,9 @@
 """How long the jobs of a finished run took, and how long those of another would take.
 
 Snakemake keeps a record of each file that it made, with when its job began and ended: the life of
-whole processes, imports included, on the machine of that run. `benchmarks/job_costs.py --out`
-writes their processor time instead, which other work on the machine does not lengthen.
+whole processes, imports included, on the machine of that run.
+`benchmarks/performance/job_costs.py --out` writes their processor time instead, which other work on
+the machine does not lengthen.
 """
 
 from __future__ import annotations

@@ -1,0 +1,307 @@
+"""Fuzzing of every decoder with damaged streams: each must decode or end in one clean error.
+
+    python -m benchmarks.checks.fuzz [--seconds 300] [--streams N] [--codecs NAME ...] [--first 0]
+                              [--keep FOLDER]
+
+All decoders share the seconds; with --streams each gets that many streams instead. What they get is
+small clouds coded at several rates, for `gpcc` the conformance vectors too, damaged by
+tests/support/stream_damage.py, half of them with check sums that fit again; number N is the same in
+every run. Each decoder has a process of its own. A fault is whatever ends that process, an
+exception other than InputError or of several lines, coordinates that are not finite, and what takes
+more of the processor (SECONDS) or of memory (MIB, above what was there before) than any stream
+should: its number is printed and its stream kept in FOLDER. Prints counts, the slowest and the
+largest; exit status 1 after a fault. Codecs whose programs are not installed are left out, and
+named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from tests.support.stream_damage import damaged
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import entries, entry, has_weights, open_codec
+from puckbench.core.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+SECONDS, MIB = 5, 1024
+LEARNED_SECONDS = 60
+"""A network at work on as many voxels as a stream of some hundred bytes may promise."""
+DRACO_MIB = 4096
+"""Draco may promise 8192 points a byte, as rooms of ten million points at its lowest rate need."""
+ADDRESS_SPACE = 2**32
+"""Bytes that a decoder may ask for beyond what it had: what is refused must end cleanly, too."""
+AWAKE = 20
+"""Wall clock to processor time, at most, before a decoder counts as hanging."""
+
+
+class Line(NamedTuple):
+    """What became of a stream: its number, processor seconds, MiB, and ``points`` or the error."""
+
+    number: int
+    seconds: float
+    mib: float
+    found: str
+
+    @property
+    def is_fault(self) -> bool:
+        return self.found not in {"points", "error"}
+
+
+@dataclass
+class Tally:
+    """Counts of one decoder."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    slowest: tuple[float, int] = (0.0, -1)
+    largest: tuple[float, int] = (0.0, -1)
+
+    def add(self, line: Line) -> None:
+        self.counts["fault" if line.is_fault else line.found] += 1
+        self.slowest = max(self.slowest, (line.seconds, line.number))
+        self.largest = max(self.largest, (line.mib, line.number))
+
+    def __str__(self) -> str:
+        counts = [self.counts.total(), *(self.counts[k] for k in ("error", "points", "fault"))]
+        slowest, largest = self.slowest, self.largest
+        numbers = "".join(f"{count:9}" for count in counts)
+        return f"{numbers}  {slowest[0]:7.2f} (#{slowest[1]})  {largest[0]:7.0f} (#{largest[1]})"
+
+
+def decoders() -> dict[str, str]:
+    """Every decoder that can run here, or why not: codecs of one class have one decoder."""
+    found: dict[str, str] = {}
+    classes = set()
+    for name, shipped in entries().items():
+        if shipped["class"] in classes:
+            continue
+        classes.add(shipped["class"])
+        here = open_codec(name).available()
+        found[name] = "" if here.ok or _is_tiny(name) else here.why
+        if shipped.get("surfaces"):
+            found[f"{name} (mesh)"] = found[name]
+        if name == "gpcc":
+            found["gpcc (framed)"] = found[name]
+    return found
+
+
+def _is_tiny(name: str) -> bool:
+    """Whether a codec has no weights here and gets random ones; PyTorch must be there."""
+    from importlib.util import find_spec
+
+    return has_weights(name) and not entry(name)["options"].get("weights") and _has(find_spec)
+
+
+def _has(find_spec: Any) -> bool:
+    return find_spec("torch") is not None and find_spec("constriction") is not None
+
+
+def opened(decoder: str) -> Codec:
+    """The codec of a decoder, ready to run."""
+    name = decoder.partition(" ")[0]
+    changes: dict[str, Any] = {}
+    if _is_tiny(name):
+        from tests.support.learned_codecs import changes as with_weights
+        from tests.support.learned_codecs import save_tiny
+
+        weights = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}.pcgw"
+        save_tiny(name, weights)
+        changes = with_weights(name, weights)
+    if decoder.endswith("(framed)"):
+        changes = {"options": {"unit": 0.3}}
+    codec = open_codec(name, changes)
+    codec.load()
+    return codec
+
+
+def streams(decoder: str, codec: Codec) -> list[bytes]:
+    """What is damaged: the same in every run."""
+    if decoder == "gpcc":
+        files = sorted((ROOT / "tests" / "data" / "gpcc").glob("*.bin"))
+        return [file.read_bytes() for file in files]
+    rates = list(codec.rates)[:: max(1, len(codec.rates) // 3)]
+    coded = [(cloud, rate) for cloud in clouds() for rate in rates]
+    found = [codec.encode(cloud, rate) for cloud, rate in coded]
+    if decoder.startswith("primitives"):  # about as many with primitives as without
+        found += [codec.encode(shapes(), rate) for rate in ("r1", "r3", "r5", "r7")] * 5
+    if decoder.endswith("(mesh)"):
+        return [stream for stream in found if outcome(decoder, codec, stream) == "points"]
+    return found
+
+
+def clouds() -> list[np.ndarray]:
+    """A ball of voxels, a noisy corner of a room, a cylinder, a line, few points, one far away."""
+    random = np.random.default_rng(0)
+    ball = random.normal(size=(900, 3))
+    ball = np.unique(
+        np.rint(30 + ball * (12 / np.linalg.norm(ball, axis=1, keepdims=True))), axis=0
+    )
+    walls = [random.random((500, 3)) * [1, 1, 0], random.random((500, 3)) * [1, 0, 1]]
+    corner = np.concatenate(walls) * 600 + random.normal(size=(1000, 3))
+    angle = random.random(800) * 2 * np.pi
+    column = np.stack([40 * np.cos(angle), 40 * np.sin(angle), random.random(800) * 300], axis=1)
+    line = np.column_stack([np.arange(60.0), np.zeros(60), np.zeros(60)])
+    return [ball, corner, column + 500, line, random.random((5, 3)) * 1000, np.full((1, 3), -1e5)]
+
+
+def shapes() -> np.ndarray:
+    """A corner of a room with a column, a ball and a cone: enough points for primitives to pay.
+
+    Few points are cheaper as voxels at every rate, and of these `clouds` are full.
+    """
+    random = np.random.default_rng(1)
+    square = random.random((3, 8000, 2)) * 900
+    walls = [np.insert(part, axis, 0, axis=1) for axis, part in enumerate(square)]
+    angle, up = random.random((2, 6000)) * [[2 * np.pi], [1]]
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6000)])
+    column = ring * 90 + [300, 300, 0] + up[:, None] * [0, 0, 700]
+    cone = ring * (150 * (1 - up))[:, None] + [650, 250, 0] + up[:, None] * [0, 0, 400]
+    ball = random.normal(size=(6000, 3))
+    ball = ball * (150 / np.linalg.norm(ball, axis=1, keepdims=True)) + [600, 650, 400]
+    together = np.concatenate([*walls, column, cone, ball])
+    return together + random.normal(size=together.shape)
+
+
+def work(decoder: str, first: int, end: int) -> None:
+    """Decode the streams from `first` on, a line for each; what kills us is seen from outside."""
+    codec = opened(decoder)
+    whole = streams(decoder, codec)
+    for stream in whole:
+        outcome(decoder, codec, stream)
+    limit = seconds_of(decoder)
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + ADDRESS_SPACE, size + ADDRESS_SPACE))
+    print("ready", flush=True)
+    for number in range(first, end):
+        stream = damaged(whole, number, decoder.partition(" ")[0])
+        signal.setitimer(signal.ITIMER_PROF, limit)  # ends the process: no handler is heard
+        signal.alarm(limit * AWAKE)
+        before, start = _peak_mib(reset=True), time.process_time()
+        found = outcome(decoder, codec, stream)
+        seconds, mib = time.process_time() - start, _peak_mib() - before
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        if mib > (DRACO_MIB if decoder == "draco" else MIB):
+            found = f"{mib:.0f} MiB for {len(stream)} bytes"
+        print(number, f"{seconds:.4f}", f"{mib:.1f}", found, flush=True)
+
+
+def seconds_of(decoder: str) -> int:
+    """The processor's seconds that a stream may take."""
+    return LEARNED_SECONDS if has_weights(decoder.partition(" ")[0]) else SECONDS
+
+
+def _peak_mib(reset: bool = False) -> float:
+    if reset:
+        Path("/proc/self/clear_refs").write_text("5")
+    status = Path("/proc/self/status").read_text()
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1024
+
+
+def outcome(decoder: str, codec: Codec, stream: bytes) -> str:
+    """What decoding ends in: ``points``, ``error``, or what is wrong."""
+    try:
+        if decoder.endswith("(mesh)"):
+            points = codec.decode_mesh(stream).vertices
+        else:
+            points = codec.decode(stream)
+    except InputError as error:
+        return "error" if "\n" not in str(error) else "an error of several lines"
+    except Exception as error:  # noqa: BLE001 (whatever it is, it is a finding)
+        return f"{type(error).__name__}: {error}".replace("\n", " ")
+    return "points" if np.isfinite(points).all() else "coordinates that are not finite"
+
+
+def results(decoder: str, first: int, end: int, seconds: float) -> Iterator[Line]:
+    """What became of each stream, over as many processes as that needs, in the seconds given.
+
+    The first process gets ready before the clock starts.
+    """
+    deadline = 0.0
+    while first < end:
+        module = "benchmarks.checks.fuzz"
+        words = [sys.executable, "-m", module, "--worker", decoder, str(first), str(end)]
+        with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as worker:
+            assert worker.stdout is not None
+            if worker.stdout.readline() != "ready\n":
+                raise SystemExit(f"{decoder}: does not decode what is not damaged")
+            deadline = deadline or time.monotonic() + seconds
+            for text in worker.stdout:
+                number, seconds, mib, found = text.rstrip("\n").split(" ", 3)
+                yield Line(int(number), float(seconds), float(mib), found)
+                first = int(number) + 1
+                if time.monotonic() > deadline:
+                    worker.kill()
+                    return
+        if worker.returncode:
+            limit = float(seconds_of(decoder))
+            yield Line(first, limit, 0.0, f"process ended with {worker.returncode}")
+            first += 1
+
+
+def campaign(decoder: str, options: argparse.Namespace, seconds: float) -> Tally:
+    """All streams of one decoder."""
+    tally = Tally()
+    for line in results(decoder, options.first, options.first + options.streams, seconds):
+        tally.add(line)
+        if line.is_fault:
+            print(f"{decoder} #{line.number}: {line.found[:160]}", flush=True)
+            keep(decoder, line.number, options.keep)
+    return tally
+
+
+def keep(decoder: str, number: int, folder: Path | None) -> None:
+    """Write the stream of a fault, if there is a folder for it."""
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        name = decoder.partition(" ")[0]
+        stream = damaged(streams(decoder, opened(decoder)), number, name)
+        (folder / f"{name}_{number}.bin").write_bytes(stream)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=300)
+    parser.add_argument("--streams", type=int, help="of each decoder, however long they take")
+    parser.add_argument("--codecs", nargs="+", help="names of decoders; all that run here")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="folder for the streams of faults")
+    parser.add_argument("--worker", nargs=3, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        decoder, first, end = options.worker
+        work(decoder, int(first), int(end))
+        return
+    known = decoders()
+    chosen = options.codecs or [name for name, why in known.items() if not why]
+    seconds = float("inf") if options.streams else options.seconds / len(chosen)
+    options.streams = options.streams or sys.maxsize // 2
+    faults = 0
+    print(
+        f"{'decoder':20}{'streams':>9}{'errors':>9}{'decoded':>9}{'faults':>9}  slowest s  most MiB"
+    )
+    for decoder in chosen:
+        tally = campaign(decoder, options, seconds)
+        faults += tally.counts["fault"]
+        print(f"{decoder:20}{tally}", flush=True)
+    for name, why in known.items():
+        if why and not options.codecs:
+            print(f"{name}: left out ({why})")
+    sys.exit(bool(faults))
+
+
+if __name__ == "__main__":
+    main()

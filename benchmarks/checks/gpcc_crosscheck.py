@@ -1,0 +1,114 @@
+"""Our G-PCC coder against the reference software, both ways, over clouds, profiles and scales.
+
+    python -m benchmarks.checks.gpcc_crosscheck TMC3 [--full] [--clouds NAME ...]
+        [--profiles NAME ...]
+
+For each case: what TMC3 decodes from our stream must be the grid points that were coded, what we
+decode from TMC3's stream must be what TMC3 decodes from it, and our stream may be at most 0.5 %
+larger. --full adds rooms of 1,152,000 points. Exit status 1 if any case fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from benchmarks.clouds import grown, sampled_object, scanned_room
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import open_codec
+from puckbench.geometry.cloud import Floats
+
+SCALES = {"e3": 0.125, "e4": 1 / 6, "e5": 0.375, "e6": 0.5, "e7": 0.9, "e8": 1.0}
+RATES = {name: {"scale": scale} for name, scale in SCALES.items()}
+
+
+class Checked(NamedTuple):
+    """One case: bytes of both, and what is wrong."""
+
+    ours: int
+    reference: int
+    same: bool
+    fault: str
+
+
+def ordered(points: Floats) -> Floats:
+    return points[np.lexsort(points.T)]
+
+
+def equal(a: Floats, b: Floats) -> bool:
+    return np.array_equal(ordered(a), ordered(b))
+
+
+def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked:
+    """Code with both, decode each stream with both."""
+    mine, theirs = ours.encode(points, rate), reference.encode(points, rate)
+    decoded = reference.decode(theirs)
+    faults = {
+        "TMC3 decodes ours otherwise": equal(reference.decode(mine), decoded),
+        "we decode TMC3's otherwise": equal(ours.decode(theirs), decoded),
+        "we decode ours otherwise": equal(ours.decode(mine), decoded),
+        "ours is larger": len(mine) <= 1.005 * len(theirs) + 2,
+    }
+    fault = "; ".join(name for name, fine in faults.items() if not fine)
+    return Checked(len(mine), len(theirs), mine == theirs, fault)
+
+
+def clouds(full: bool) -> Iterator[tuple[str, Floats]]:
+    """Name and points of each cloud."""
+    noisy, thing = scanned_room("vlp16_divergence", 1.0), sampled_object(50_000)
+    yield "noisy room", noisy
+    yield "clean room", scanned_room("none", 1.0)
+    yield "object", thing
+    yield "sparse", noisy[::37]
+    yield "16 bits", grown(noisy[::3], 16)
+    yield "20 bits", grown(noisy[::7], 20)
+    yield "negative", thing - 700
+    yield "plane", thing * [1, 1, 0]
+    yield "line", thing[:500] * [0, 1, 0]
+    yield "one point", thing[:1]
+    yield "many of few", np.repeat(thing[:50], 40, axis=0)
+    yield "filled", np.stack(np.meshgrid(*[np.arange(24.0)] * 3), axis=-1).reshape(-1, 3)
+    if full:
+        for errors in ("none", "vlp16_divergence"):
+            yield f"whole room, {errors}", scanned_room(errors)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tmc3")
+    parser.add_argument("--full", action="store_true")
+    parser.add_argument("--clouds", nargs="+", help="these alone, by name")
+    parser.add_argument("--profiles", nargs="+", default=["minimal", "ctc", "defaults"])
+    options = parser.parse_args()
+    cases = failed = identical = 0
+    for name, points in clouds(options.full):
+        if options.clouds and name not in options.clouds:
+            continue
+        choices = itertools.product(
+            options.profiles, ("merged", "kept"), ("nearest", "truncate"), RATES
+        )
+        for profile, duplicates, rounding, rate in choices:
+            common = {"profile": profile, "duplicates": duplicates, "rounding": rounding}
+            reference = {"options": {**common, "program": options.tmc3}, "rates": RATES}
+            found = checked(
+                open_codec("gpcc", {"options": common, "rates": RATES}),
+                open_codec("tmc13", reference),
+                points,
+                rate,
+            )
+            cases, failed = cases + 1, failed + bool(found.fault)
+            identical += found.same
+            where = f"{name}, {profile}, {duplicates}, {rounding}, scale {SCALES[rate]:g}"
+            said = found.fault or ("identical" if found.same else "other bytes")
+            print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
+    print(f"{cases} cases, {identical} byte-identical, {failed} failed")
+    sys.exit(failed > 0)
+
+
+if __name__ == "__main__":
+    main()

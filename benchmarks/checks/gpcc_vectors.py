@@ -1,0 +1,161 @@
+"""Conformance vectors for G-PCC: streams that the reference software made of generated scenes.
+
+    python -m benchmarks.checks.gpcc_vectors TMC3 [tests/data/gpcc]
+
+TMC3 is the reference encoder, release-v14.0. For each row of the table below, writes NAME.bin, and
+into manifest.json the options, the point counts and the SHA-256 of what TMC3 decodes from it: the
+points as little-endian float64, sorted by x, then y, then z.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.clouds import grown, sampled_object, scanned_room
+
+from puckbench.codecs.external.program import write_points
+from puckbench.codecs.external.tmc13 import PROFILES
+from puckbench.core.files import write_json
+from puckbench.geometry.cloud import Floats
+from puckbench.io.clouds import read_cloud
+
+IN_LOOP = ("--positionQuantisationEnabled=1", "--positionBaseQp=8")
+LASER = ("--lasersTheta=0", "--lasersZ=0", "--lasersNumPhiPerTurn=800")
+KEPT = "--mergeDuplicatedPoints=0"
+SLICED = ("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500")
+
+# name: cloud, profile, scale, further options
+VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
+    "clean_minimal_0125": ("clean", "minimal", 0.125, ()),
+    "clean_minimal_1": ("clean", "minimal", 1, ()),
+    "clean_ctc_05": ("clean", "ctc", 0.5, ()),
+    "clean_defaults_05": ("clean", "defaults", 0.5, ()),
+    "noisy_minimal_0375": ("noisy", "minimal", 0.375, ()),
+    "noisy_minimal_1": ("noisy", "minimal", 1, ()),
+    "noisy_minimal_third": ("noisy", "minimal", 1 / 3, ()),
+    "noisy_ctc_0125": ("noisy", "ctc", 0.125, ()),
+    "noisy_ctc_1": ("noisy", "ctc", 1, ()),
+    "noisy_arena_0125": ("noisy", "defaults", 0.125, ()),
+    "noisy_arena_0875": ("noisy", "defaults", 0.875, ()),
+    "noisy_arena_1": ("noisy", "defaults", 1, ()),
+    "object_ctc_0625": ("object", "ctc", 0.625, ()),
+    "object_arena_025": ("object", "defaults", 0.25, ()),
+    "object_minimal_kept": ("object", "minimal", 0.0625, (KEPT,)),
+    "object_ctc_kept": ("object", "ctc", 0.0625, (KEPT,)),
+    "object_defaults_kept": ("object", "defaults", 0.125, (KEPT,)),
+    "deep16_minimal": ("deep16", "minimal", 1, ()),
+    "deep18_ctc": ("deep18", "ctc", 1, ()),
+    "deep21_minimal": ("deep21", "minimal", 1, ()),
+    "deep21_defaults": ("deep21", "defaults", 1, ()),
+    "away_minimal": ("away", "minimal", 0.5, ()),
+    "away_ctc": ("away", "ctc", 1, ()),
+    "flat_minimal": ("flat", "minimal", 1, ()),
+    "flat_ctc": ("flat", "ctc", 1, ()),
+    "line_minimal": ("line", "minimal", 1, ()),
+    "line_defaults": ("line", "defaults", 1, ()),
+    "one_minimal": ("one", "minimal", 1, ()),
+    "one_ctc": ("one", "ctc", 1, ()),
+    "one_defaults": ("one", "defaults", 1, ()),
+    "two_minimal": ("two", "minimal", 1, ()),
+    "two_ctc": ("two", "ctc", 1, ()),
+    "same_minimal_kept": ("same", "minimal", 1, (KEPT,)),
+    "same_ctc_kept": ("same", "ctc", 1, (KEPT,)),
+    "full_minimal": ("full", "minimal", 1, ()),
+    "full_ctc": ("full", "ctc", 1, ()),
+    "sliced_minimal": ("object", "minimal", 0.5, SLICED),
+    "sliced_ctc": ("object", "ctc", 0.5, SLICED),
+    "tiled_defaults": ("object", "defaults", 0.5, ("--tileSize=256", *SLICED)),
+    "neighbours4_minimal": ("noisy", "minimal", 0.25, ("--neighbourAvailBoundaryLog2=4",)),
+    "siblings_minimal": ("noisy", "minimal", 0.25, ("--neighbourAvailBoundaryLog2=0",)),
+    "no_adjacent_minimal": ("noisy", "minimal", 0.25, ("--adjacentChildContextualization=0",)),
+    "idcm2_defaults": ("noisy", "defaults", 0.5, ("--inferredDirectCodingMode=2",)),
+    "idcm3_defaults": ("deep16", "defaults", 1, ("--inferredDirectCodingMode=3",)),
+    "one_point_idcm_defaults": ("deep16", "defaults", 1, ("--jointTwoPointIdcm=0",)),
+    "planar_idcm_ctc": ("deep16", "ctc", 1, ("--planarModeIdcmUse=32",)),
+    "zyx_ctc": ("away", "ctc", 1, ("--geometry_axis_order=0",)),
+    "bypass_defaults": ("away", "defaults", 1, ("--cabac_bypass_stream_enabled_flag=1",)),
+    "streams_defaults": ("away", "defaults", 1, ("--numOctreeEntropyStreams=3",)),
+    "bytewise_minimal": ("few", "minimal", 1, ("--bitwiseOccupancyCoding=0",)),
+    "predictive": ("few", "defaults", 1, ("--geomTreeType=1",)),
+    "trisoup": ("few", "defaults", 1, ("--trisoupNodeSizeLog2=3",)),
+    "quantised_in_loop": ("few", "defaults", 1, (*IN_LOOP, "--positionQuantisationMethod=0")),
+    "angular": ("few", "defaults", 1, ("--angularEnabled=1", "--numLasers=1", *LASER)),
+}
+
+
+@cache
+def cloud(name: str) -> Floats:
+    """The cloud of a name in the table; the same in every run."""
+    line = np.arange(40.0)[:, None]
+    shapes = {
+        "flat": lambda: np.floor(sampled_object(3000)) * [1, 1, 0] + [0, 0, 7],
+        "line": lambda: line * [7, 0, 0] + [3, 5, 9],
+        "few": lambda: np.floor(sampled_object(300)),
+        "one": lambda: np.array([[5.0, 6.0, 7.0]]),
+        "two": lambda: np.array([[0.0, 0.0, 0.0], [1000.0, 1.0, 2.0]]),
+        "same": lambda: np.repeat([[5.0, 6.0, 7.0], [5.0, 6.0, 9.0]], [20, 3], axis=0),
+        "full": lambda: np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3),
+        "clean": lambda: scanned_room("none", 2.0)[::8],
+        "noisy": lambda: scanned_room("vlp16_divergence", 2.0)[::8],
+        "object": lambda: sampled_object(6000),
+        "away": lambda: np.floor(sampled_object(3000)) - [900, 50, 123456],
+        "deep16": lambda: grown(cloud("noisy")[::2], 16),
+        "deep18": lambda: grown(cloud("noisy")[::3], 18),
+        "deep21": lambda: grown(cloud("noisy")[::3], 21),
+    }
+    return shapes[name]()
+
+
+def made(tmc3: str, folder: Path, name: str) -> dict[str, Any]:
+    """Write one stream; its line in the manifest."""
+    source, profile, scale, more = VECTORS[name]
+    points, stream = cloud(source), folder / f"{name}.bin"
+    options = [*PROFILES[profile], *more]
+    with tempfile.TemporaryDirectory() as at:
+        write_points(Path(at) / "in.ply", points, "float64")
+        run = [tmc3, "--mode=0", "--disableAttributeCoding=1", *options]
+        run += [f"--positionQuantizationScale={scale!r}", f"--compressedStreamPath={stream}"]
+        silent(*run, f"--uncompressedDataPath={at}/in.ply")
+        run = [tmc3, "--mode=1", f"--compressedStreamPath={stream}"]
+        silent(*run, f"--reconstructedDataPath={at}/o.ply")
+        decoded = read_cloud(Path(at) / "o.ply").xyz
+    return {
+        "profile": profile,
+        "scale": scale,
+        "options": options,
+        "points_in": len(points),
+        "points_out": len(decoded),
+        "bytes": stream.stat().st_size,
+        "sha256_sorted_float64": hashlib.sha256(ordered(decoded).tobytes()).hexdigest(),
+    }
+
+
+def silent(*command: str) -> None:
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def ordered(points: Floats) -> Floats:
+    """Points sorted by x, y, z, little-endian."""
+    return points[np.lexsort(points.T[::-1])].astype("<f8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tmc3")
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("tests/data/gpcc"))
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    lines = {name: made(options.tmc3, options.folder, name) for name in VECTORS}
+    write_json(options.folder / "manifest.json", lines)
+    print(f"{len(lines)} streams, {sum(line['bytes'] for line in lines.values()):,} bytes")
+
+
+if __name__ == "__main__":
+    main()

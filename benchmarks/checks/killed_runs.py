@@ -1,0 +1,139 @@
+"""Runs killed at random points and resumed: are their results those of an undisturbed run?
+
+    python -m benchmarks.checks.killed_runs [--kills 20] [--seed 1] [--only-snakemake] [CONFIG]
+
+Runs the tables of CONFIG (benchmarks/small.yaml) once from nothing. Then again in another folder,
+where every run is killed (SIGKILL to the whole process group; with --only-snakemake its jobs are
+left alone and go on) after a random share of the undisturbed run's time, and started again by the
+same command; when one comes to its end, the next begins from nothing, until there were that many
+kills. After each kill every file under its final name must be whole, that is, the undisturbed
+run's; at each end all files must be, times aside. Exit status 1 where they are not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from puckbench.core.seeding import generator
+from puckbench.planning.same_results import after_a_kill, differences
+
+ROOT = Path(__file__).parents[2]
+SNAKEFILE = ROOT / "workflow" / "Snakefile"
+SMALL = ROOT / "benchmarks" / "small.yaml"
+LONGEST_SHARE = 0.5
+"""Of the undisturbed run's time, at most, before a kill: some kills fall into each run."""
+
+
+@dataclass
+class Folder:
+    """A folder in which the workflow runs."""
+
+    path: Path
+    config: Path
+
+    @property
+    def results(self) -> Path:
+        return self.path / "results"
+
+    def start(self) -> subprocess.Popen[bytes]:
+        """A run in a process group of its own."""
+        self.path.mkdir(exist_ok=True)
+        program = [
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            ROOT / "workflow" / "Snakefile",
+        ]
+        words = ["--configfile", self.config, "--config", "results=results", "--cores", "2"]
+        with (self.path / "run.log").open("ab") as log:
+            return subprocess.Popen(
+                [*program, "tables", "--quiet", "rules", "host", "reason", *words],
+                cwd=self.path,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def half_written(self) -> int:
+        """Temporary files that are there now."""
+        return sum(".tmp" in path.name for path in self.results.rglob(".*"))
+
+
+def undisturbed(folder: Folder) -> float:
+    """Seconds of a run from nothing to its end."""
+    start = time.perf_counter()
+    if folder.start().wait():
+        raise SystemExit((folder.path / "run.log").read_text()[-2000:])
+    return time.perf_counter() - start
+
+
+def killed(folder: Folder, seconds: float, group: bool) -> bool:
+    """Start a run and kill it after some seconds; False when it came to its end before."""
+    run = folder.start()
+    try:
+        status = run.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return True
+    finally:
+        if run.poll() is None:
+            (os.killpg if group else os.kill)(run.pid, signal.SIGKILL)
+            run.wait()
+    if status:
+        raise SystemExit((folder.path / "run.log").read_text()[-2000:])
+    return False
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("config", type=Path, nargs="?", default=SMALL)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only-snakemake", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        sys.exit(campaign(Path(name), options))
+
+
+def campaign(place: Path, options: argparse.Namespace) -> int:
+    """All kills; the number of findings."""
+    reference = Folder(place / "undisturbed", options.config.resolve())
+    whole = undisturbed(reference)
+    print(f"undisturbed: {whole:.0f} s", flush=True)
+    random = generator(options.seed, "killed runs")
+    folder = Folder(place / "killed", options.config.resolve())
+    kills = ends = findings = 0
+    while kills < options.kills or folder.path.exists():
+        last = kills == options.kills
+        wait = whole * 100 if last else random.uniform(0, LONGEST_SHARE) * whole
+        if killed(folder, wait, not options.only_snakemake):
+            kills += 1
+            findings += report(f"kill {kills} after {wait:.1f} s", folder, reference, False)
+            continue
+        ends += 1
+        findings += report(f"end {ends}", folder, reference, True)
+        shutil.rmtree(folder.path)
+    print(f"{kills} kills, {ends} runs to their end, {findings} files not as they should be")
+    return int(findings > 0)
+
+
+def report(what: str, folder: Folder, reference: Folder, finished: bool) -> int:
+    """Print what is there and what is not as it should be; how many files are not."""
+    found = (differences if finished else after_a_kill)(folder.results, reference.results)
+    files = sum(path.is_file() for path in folder.results.rglob("*"))
+    print(f"{what}: {files} files, {folder.half_written()} half written", *found, sep="\n  ")
+    sys.stdout.flush()
+    return len(found)
+
+
+if __name__ == "__main__":
+    main()

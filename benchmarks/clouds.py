@@ -1,0 +1,34 @@
+"""Clouds that several benchmarks of G-PCC code: a scanned room and a sampled object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.sampling import sample_surface
+from puckbench.geometry.scaling import to_cube
+from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
+from puckbench.scenes.objects import make_object
+from puckbench.scenes.rooms import make_room
+
+
+def scanned_room(errors: str, azimuth_step_deg: float = 0.1, name: str = "office_1") -> Floats:
+    """A room's returns in [0, 1023]; a step of 0.1 degrees is the thesis's 1,152,000 rays."""
+    mesh = make_room(name, seed=1)
+    sweep = open_sweep({"azimuth_step_deg": azimuth_step_deg})
+    model = open_error_model(errors, None)
+    random = generator(1, "gpcc benchmark", errors)
+    table = scan(mesh, load_sensor("vlp16"), sweep, model, free_origin(mesh), random)
+    return to_cube(table.xyz_noisy).apply(table.xyz_noisy)
+
+
+def sampled_object(points: int, name: str = "chair_01") -> Floats:
+    """Random points on an object's surface, in [0, 1023]."""
+    cloud = sample_surface(make_object(name, seed=1), points, generator(1, "gpcc benchmark"))
+    return to_cube(cloud.xyz).apply(cloud.xyz)
+
+
+def grown(points: Floats, bits: int) -> Floats:
+    """The same cloud scaled and rounded to a grid of 2^bits cells a side."""
+    return np.rint(points * (2**bits - 1) / 1023)

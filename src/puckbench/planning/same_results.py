@@ -1,0 +1,90 @@
+"""Whether two results folders hold the same bytes, times aside.
+
+Every file but logs and the report page is compared: tables and rows without their columns of time
+and memory, everything else byte by byte.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+_TIMES = re.compile(r"^(en|de)code_(s|peak_mib)(_\w+)?$")
+"""Columns that no two runs have alike."""
+_CLAIM_ABOUT_TIMES = "Times grow with the rate"
+"""Words of the one claim of `claims.csv` that is about them."""
+_LEFT_OUT = re.compile(r"^(logs/.*|report\.html|\.lock)$")
+
+
+def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
+    """The files in which two results folders differ, a line each.
+
+    Parameters
+    ----------
+    folder, reference
+        The folders.
+    finished
+        Whether files that the folder lacks count as differences.
+    """
+    here, there = set(compared(folder)), set(compared(reference))
+    found = [f"{name}: only in {folder}" for name in sorted(here - there)]
+    if finished:
+        found += [f"{name}: only in {reference}" for name in sorted(there - here)]
+    both = sorted(here & there)
+    return found + [
+        f"{name}: differs" for name in both if not same(folder / name, reference / name)
+    ]
+
+
+def after_a_kill(folder: Path, reference: Path) -> list[str]:
+    """The differences of an unfinished folder; temporary files are left to the next run."""
+    found = differences(folder, reference, finished=False)
+    return [line for line in found if ".tmp" not in line]
+
+
+def compared(folder: Path) -> Iterator[str]:
+    """Names of the files of a results folder that are compared."""
+    for path in folder.rglob("*"):
+        name = path.relative_to(folder).as_posix()
+        if path.is_file() and not _LEFT_OUT.match(name):
+            yield name
+
+
+def same(first: Path, second: Path) -> bool:
+    """Whether two files are alike; InputError or ValueError for one that cannot be read."""
+    return bool(_content(first) == _content(second))
+
+
+def _content(path: Path) -> Any:
+    if path.suffix in {".csv", ".parquet"} and "tables" in path.parts:
+        return _without_times(_table(path))
+    if path.suffix == ".json":
+        return _timeless(json.loads(path.read_text(encoding="utf-8")))
+    return path.read_bytes()
+
+
+def _table(path: Path) -> list[list[str]]:
+    """The names of the columns and the cells of every row, as text, in which nan equals nan."""
+    if path.suffix == ".csv":
+        with path.open(newline="", encoding="utf-8") as stream:
+            return list(csv.reader(stream))
+    import pandas as pd
+
+    table = pd.read_parquet(path)
+    return [[*map(str, table)], *([repr(cell) for cell in row] for row in table.to_numpy(object))]
+
+
+def _without_times(rows: list[list[str]]) -> list[list[str]]:
+    kept = [at for at, name in enumerate(rows[0]) if not _TIMES.match(name)]
+    kept_rows = [row for row in rows if not any(_CLAIM_ABOUT_TIMES in cell for cell in row)]
+    return [[row[at] for at in kept] for row in kept_rows]
+
+
+def _timeless(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _timeless(item) for key, item in value.items() if not _TIMES.match(key)}
+    return value
