@@ -11,8 +11,8 @@ import pytest
 from puckbench.core.environment import (
     THREAD_VARIABLES,
     allowed_threads,
-    circumstances,
     libraries,
+    run_environment,
     thread_environment,
 )
 from puckbench.jobs.machines import machines
@@ -37,7 +37,7 @@ def test_without_a_number_the_threads_are_the_cores(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_row_names_processor_and_versions() -> None:
-    found = circumstances(alone=True)
+    found = run_environment(alone=True)
     assert found["cpu"]
     assert found["timed_alone"] is True
     assert f"numpy {__import__('numpy').__version__}" in libraries()

@@ -85,6 +85,12 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    """Loops are compiled, and cached on disk, while there is room."""
+    _scan()
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_writer_names_the_file_and_leaves_what_was_there(name: str, tmp_path: Path) -> None:
     path = tmp_path / name

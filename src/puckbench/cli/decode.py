@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from puckbench.cli.codec_options import chosen_codec, codec_arguments
 from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import codec_of
-from puckbench.core.environment import circumstances
+from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 from puckbench.geometry.cloud import Floats, PointCloud
@@ -73,6 +73,6 @@ def decode_file(path: Path, options: argparse.Namespace) -> Decoded:
         "bytes": len(stream),
         "points_out": len(timed.result),
         **timed.costs("decode"),
-        **circumstances(options.alone),
+        **run_environment(options.alone),
     }
     return Decoded(timed.result, record)

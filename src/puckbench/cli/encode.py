@@ -8,7 +8,7 @@ from typing import Any
 
 from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_options
 from puckbench.codecs.measurement import measured
-from puckbench.core.environment import circumstances, cpu_model
+from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.files import write_json, written_whole
 from puckbench.io.clouds import read_cloud
 
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         "bpp": 8 * len(coded.result) / len(points),
         "repeats": options.repeats,
         **coded.costs("encode"),
-        **circumstances(options.alone),
+        **run_environment(options.alone),
         "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
     }
     with written_whole(options.out) as temporary:

@@ -39,18 +39,18 @@ _config: Any = numba.config  # its entries come from the environment
 
 
 def _start_without_blas() -> None:
-    """Load numba's library without its look for SciPy's BLAS: a sixth of a second of every process.
+    """Import numba without its search for SciPy's BLAS, a sixth of a second of every process.
 
-    It looks again when it compiles a function that calls BLAS.
+    Numba searches again when it compiles a function that calls BLAS.
     """
     from numba.np import linalg
 
-    look: Any = linalg.ensure_blas
+    search: Any = linalg.ensure_blas
     linalg.ensure_blas = lambda: None
     try:
         importlib.import_module("numba.np.arraymath")
     finally:
-        linalg.ensure_blas = look
+        linalg.ensure_blas = search
 
 
 _start_without_blas()

@@ -1,4 +1,4 @@
-"""Under what circumstances a call is timed: processor, threads, versions of the libraries."""
+"""The run environment of a timed call: processor, threads, versions of the libraries."""
 
 from __future__ import annotations
 
@@ -17,21 +17,24 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""What tells OpenMP (PyTorch, pykdtree), the linear algebra of numpy, and numba their threads."""
+"""Environment variables by which OpenMP (PyTorch, pykdtree), BLAS and numba limit their threads."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pykdtree")
 """Packages that codecs and metrics run in; those that are not installed are left out."""
 
 
 def thread_environment(threads: int) -> str:
-    """The words of a shell command that give the program after them so many threads."""
+    """The beginning of a shell command whose program may use `threads` threads."""
     return " ".join(["env", *(f"{name}={threads}" for name in THREAD_VARIABLES)])
 
 
-def circumstances(alone: bool) -> dict[str, Any]:
+def run_environment(alone: bool) -> dict[str, Any]:
     """Columns of a result row: ``cpu``, ``threads``, ``timed_alone`` and ``libraries``.
 
-    alone: whether no other job of the run ran meanwhile, which only the caller knows.
+    Parameters
+    ----------
+    alone
+        Whether no other job of the run ran meanwhile, which only the caller knows.
     """
     return {
         "cpu": cpu_model(),
@@ -42,9 +45,9 @@ def circumstances(alone: bool) -> dict[str, Any]:
 
 
 def allowed_threads() -> int:
-    """Threads that libraries may use: the environment's number, else the cores of the process."""
-    said = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
-    return int(said) if said.isdigit() else _cores()
+    """Threads that libraries may use: ``OMP_NUM_THREADS``, else the cores of the process."""
+    limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return int(limit) if limit.isdigit() else _cores()
 
 
 def _cores() -> int:
@@ -55,7 +58,7 @@ def _cores() -> int:
 
 @cache
 def cpu_model() -> str:
-    """The processor's own name for itself, or the architecture where it tells none."""
+    """The processor's name, or its architecture where the system gives no name."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -24,9 +24,14 @@ _DAY = 24 * 3600.0
 def written_whole(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`, renamed to it when the block ends without error.
 
-    A reader never sees a half-written file, whatever kills the writer, and writers of one path, on
-    whatever machines, do not disturb each other: the last one to end wins. The temporary name keeps
-    the suffix, for writers that choose a format by it. InputError when the system refuses to write.
+    A reader never sees a half-written file, whatever kills the writer. Several writers of one path,
+    on one machine or on several, do not disturb each other: the last one to end wins. The temporary
+    name keeps the suffix, for writers that choose a format by it.
+
+    Raises
+    ------
+    InputError
+        The system refuses to write (no permission, disk full).
     """
     temporary = _temporary(path)
     try:
@@ -64,9 +69,14 @@ def _is_of(error: OSError, *paths: Path) -> bool:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove temporary files that killed writers left in a folder or below it; how many.
+    """Remove temporary files that killed writers left in a folder or below it.
 
-    Those of other machines, of whose processes nothing is known, are left for a day.
+    Files of other machines, whose processes cannot be seen from here, are kept for a day.
+
+    Returns
+    -------
+    int
+        Number of files removed.
     """
     hidden = [
         Path(place, name)
@@ -120,14 +130,14 @@ def read_bytes(path: Path) -> bytes:
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
-    """The error of a path that the system refuses, in the system's own words where it has any."""
+    """The error of a path that cannot be read, with the system's reason where it gives one."""
     return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """The error of a path that cannot be written, in the system's own words where it has any.
+    """The error of a path that cannot be written, with the system's reason where it gives one.
 
-    Some writers only tell that fewer bytes were written than asked for, which is a full disk.
+    Some writers report only that fewer bytes were written than asked for, which is a full disk.
     """
     why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
     return InputError(f"{path}: {why.lower()}")

@@ -5,23 +5,23 @@ from __future__ import annotations
 import sys
 import time
 
-# Into a file or a pipe goes a line every so many seconds, and none of what is done sooner.
+# Into a file or a pipe a line is written at this interval, and none for shorter work.
 _SECONDS_BETWEEN_LINES = 10.0
 
 
 class Progress:
-    """Tells how many of something are done, and when the rest will be."""
+    """Prints how many of a number of steps are done, and the time that the others will take."""
 
     def __init__(self, what: str) -> None:
         self._what = what
-        self._started = self._told = time.monotonic()
+        self._started = self._printed = time.monotonic()
 
     def __call__(self, done: int, of: int) -> None:
-        """Tell that `done` of `of` are done, if it is time to."""
+        """Print that `done` of `of` steps are done, unless a line was printed a moment ago."""
         now, at_terminal = time.monotonic(), sys.stderr.isatty()
-        if not at_terminal and now - self._told < _SECONDS_BETWEEN_LINES:
+        if not at_terminal and now - self._printed < _SECONDS_BETWEEN_LINES:
             return
-        self._told = now
+        self._printed = now
         left = (now - self._started) * (of - done) / done
         line = f"{self._what} {done:,} of {of:,}, {left:.0f} s left"
         if at_terminal:

@@ -10,8 +10,13 @@ import numpy as np
 def generator(seed: int, *names: str) -> np.random.Generator:
     """Generator for one artefact: the same seed and names give the same numbers everywhere.
 
-    `names` say what is made (for example ``"scan", "office_1", "noise"``), so that artefacts made
-    from one configured seed are independent, and adding one changes no other.
+    Parameters
+    ----------
+    seed
+        The configured seed.
+    *names
+        What is made, for example ``"scan", "office_1", "noise"``: artefacts made from one seed are
+        independent, and adding one changes no other.
     """
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()

@@ -1,4 +1,4 @@
-"""Work that several threads share, with the same result whatever their number."""
+"""Work shared by several threads, with the same result whatever their number."""
 
 from __future__ import annotations
 
@@ -13,9 +13,14 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Results of `function` for each item, in their order, from as many threads as are allowed.
+    """Call `function` for each item in the threads that the process may use.
 
-    What takes long in it has to leave Python's lock, as compiled functions and numpy's do.
+    The function gains only where it releases Python's global lock, as compiled loops and numpy do.
+
+    Returns
+    -------
+    list
+        The results in the order of the items.
     """
     waiting = list(items)
     threads = min(allowed_threads(), len(waiting))

@@ -8,7 +8,7 @@ _CIRCUMSTANCES = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "lib
 
 
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """One row for each set of circumstances under which results were timed, and how many were.
+    """One row for each run environment in which results were timed, with their number.
 
     More than one row says that times were taken on different processors, or with other numbers of
     threads or versions, and are not all to be compared.

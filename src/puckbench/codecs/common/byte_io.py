@@ -1,4 +1,4 @@
-"""Writing and reading the parts of a stream: whole numbers of few bytes, and bytes."""
+"""Parts of a stream: variable-length integers (base 128, as LEB128) and runs of bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _LONGEST_NUMBER = 5
 
 
 def base_128(number: int) -> bytes:
-    """A number of at least 0: seven bits a byte, the lowest first; the top bit says more follow."""
+    """Code a number of at least 0: seven bits a byte, lowest first; the top bit: more follow."""
     groups = [number & 127]
     while number := number >> 7:
         groups.append(number & 127)
@@ -16,18 +16,18 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Any whole number: twice as large, those below zero made odd."""
+    """Code any whole number as `base_128` (zigzag): 2 n, or -2 n - 1 below zero."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 
 class Reader:
-    """Takes a body apart from its beginning."""
+    """Reads the parts of a stream one after the other."""
 
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0
 
     def take(self, size: int) -> bytes:
-        """The next bytes; InputError when there are fewer."""
+        """The next `size` bytes; InputError when there are fewer."""
         self.at += size
         if self.at > len(self.body):
             raise InputError("the stream is truncated")
