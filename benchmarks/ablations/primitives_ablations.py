@@ -24,7 +24,7 @@ from puckbench.codecs.primitives import encoder, smooth, voxels
 from puckbench.codecs.primitives import grid_alignment as grids
 from puckbench.codecs.primitives import mode_decision as rivals
 from puckbench.codecs.primitives.manhattan_frame import rotation
-from puckbench.codecs.registry import entries, open_codec
+from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.geometry.closest import mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
 from puckbench.jobs.preparation import Returns, prepare
@@ -49,7 +49,7 @@ def own_error(found: rd.Room) -> float:
 
 def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
     """Measure the codec with changed parameters of its rates."""
-    shipped = entries()["primitives"]["rates"]
+    shipped = codec_class("primitives").rates
     for rate in rates:
         parameters = {**shipped[rate], **changes}
         if changes.get("largest") == 0:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.codecs.registry import entries, open_codec
+from puckbench.codecs.registry import codecs, open_codec
 from puckbench.core.seeding import generator
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
     parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--rooms", nargs="+", default=ROOMS)
-    parser.add_argument("--codecs", nargs="+", default=list(entries()))
+    parser.add_argument("--codecs", nargs="+", default=list(codecs()))
     parser.add_argument("--rates", nargs="+", default=[])
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.4)

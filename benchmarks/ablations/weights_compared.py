@@ -4,7 +4,7 @@
 
 YAML: names and entries as under `codecs` of a configuration; the first is the anchor:
 
-    {gpcc: {}, pcgcv2: {}, pcgcv2_published: {options: {weights: DIR}}}
+    {gpcc: {}, pcgcv2_plus: {}, pcgcv2: {}}
 
 Clouds are prepared ones, on the 1,024 grid. Every byte counts; D1 is MPEG's PSNR of the larger
 direction's mean squared distance with peak 1023.

@@ -34,7 +34,7 @@ import numpy as np
 from tests.support.stream_damage import damaged
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import entries, entry, has_weights, open_codec
+from puckbench.codecs.registry import codecs, has_weights, open_codec
 from puckbench.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -83,16 +83,16 @@ class Tally:
 
 
 def decoders() -> dict[str, str]:
-    """Every decoder that can run here, or why not: codecs of one class have one decoder."""
+    """Every decoder that can run here, or why not: codecs of derived classes share theirs."""
     found: dict[str, str] = {}
-    classes = set()
-    for name, shipped in entries().items():
-        if shipped["class"] in classes:
+    classes: list[type[Codec]] = []
+    for name, own in codecs().items():
+        if any(issubclass(own, other) or issubclass(other, own) for other in classes):
             continue
-        classes.add(shipped["class"])
+        classes.append(own)
         here = open_codec(name).available()
         found[name] = "" if here.ok or _is_tiny(name) else here.why
-        if shipped.get("surfaces"):
+        if own.surfaces:
             found[f"{name} (mesh)"] = found[name]
         if name == "gpcc":
             found["gpcc (framed)"] = found[name]
@@ -103,7 +103,7 @@ def _is_tiny(name: str) -> bool:
     """Whether a codec has no weights here and gets random ones; PyTorch must be there."""
     from importlib.util import find_spec
 
-    return has_weights(name) and not entry(name)["options"].get("weights") and _has(find_spec)
+    return has_weights(name) and not open_codec(name).available().ok and _has(find_spec)
 
 
 def _has(find_spec: Any) -> bool:

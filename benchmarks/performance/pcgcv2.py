@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--voxels", type=int, nargs="+", default=[10_000, 100_000, 830_000])
     parser.add_argument("--repeats", type=int, default=3)
     options = parser.parse_args()
-    codec = open_codec("pcgcv2", {"options": {"weights": options.weights}})
+    codec = open_codec("pcgcv2_plus", {"options": {"weights": options.weights}})
     codec.load()
     print(f"{torch.get_num_threads()} threads, load {os.getloadavg()[0]:.1f}")
     for voxels in options.voxels:

@@ -91,9 +91,8 @@ def test_a_configuration_tells_what_plays_which_part() -> None:
         "draco": "draco",
         "gpcc": "gpcc",
         "gpcc_as_run": "gpcc_arena",
-        "pcgcv1": "pcgcv1",
-        "pcgcv2": "pcgcv2",
     }
+    assert options["stand_ins"] == {"pcgcv1": "pcgcv1_plus", "pcgcv2": "pcgcv2_plus"}
     scales = json.loads(bench.table_options("gpcc_scales"))["scales"]
     assert scales["gpcc_arena"]["r3"] == 0.375
     assert set(scales) == {"gpcc", "gpcc_arena"}

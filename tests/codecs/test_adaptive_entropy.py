@@ -116,11 +116,12 @@ def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes
         _decoded(damage(data), _plane(16), 2)
 
 
-@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
 def test_a_stream_says_whether_it_was_coded_in_contexts(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     with_them, without = (
-        open_codec(name, changes(name, tmp_path, contexts=contexts)) for contexts in (True, False)
+        open_codec(name, changes(name, tmp_path, context_mixing=contexts))
+        for contexts in (True, False)
     )
     streams = with_them.encode(shell(), "r2"), without.encode(shell(), "r2")
     assert streams[0] != streams[1]
@@ -129,8 +130,8 @@ def test_a_stream_says_whether_it_was_coded_in_contexts(name: str, tmp_path: Pat
 
 
 def test_cubes_too_far_apart_for_contexts_are_coded_without(tmp_path: Path) -> None:
-    save_tiny("pcgcv1", tmp_path / "tiny.pcgw")
-    codec = open_codec("pcgcv1", changes("pcgcv1", tmp_path))
+    save_tiny("pcgcv1_plus", tmp_path / "tiny.pcgw")
+    codec = open_codec("pcgcv1_plus", changes("pcgcv1_plus", tmp_path))
     far = np.array([2.0**24, 0, 0])
     decoded = codec.decode(codec.encode(np.vstack([shell(), shell() + far]), "r2"))
     near, beyond = np.split(decoded, 2)

@@ -14,14 +14,14 @@ from hypothesis.extra.numpy import arrays
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.external.program import ExternalCodec
-from puckbench.codecs.learned.codec import LearnedByAlpha
-from puckbench.codecs.registry import codec_of, entries, open_codec
+from puckbench.codecs.learned.codec import LearnedByLambda
+from puckbench.codecs.registry import codec_of, codecs, open_codec
 from puckbench.core.errors import InputError
 
-NAMES = [name for name in entries() if open_codec(name).available().ok]
+NAMES = [name for name in codecs() if open_codec(name).available().ok]
 OWN = [name for name in NAMES if not isinstance(open_codec(name), ExternalCodec)]
 # A network draws surfaces like those that it has seen, and promises no distance of any other.
-FAITHFUL = [name for name in NAMES if not isinstance(open_codec(name), LearnedByAlpha)]
+FAITHFUL = [name for name in NAMES if not isinstance(open_codec(name), LearnedByLambda)]
 
 
 @pytest.fixture(params=NAMES, scope="module")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.gpcc.container import MAGIC
-from puckbench.codecs.registry import entries, open_codec
+from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 
 SCALES = {"r": {"scale": 1.0}, "half": {"scale": 0.5}, "odd": {"scale": 0.7}, "fine": {"scale": 4}}
@@ -32,7 +32,7 @@ def _bag(points: np.ndarray) -> Counter[tuple[float, ...]]:
 
 @pytest.mark.parametrize("name", ["gpcc", "gpcc_arena"])
 def test_pcc_arenas_scales(name: str) -> None:
-    scales = [rate["scale"] for rate in entries()[name]["rates"].values()]
+    scales = [rate["scale"] for rate in codec_class(name).rates.values()]
     assert scales == [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1]
 
 

@@ -1,10 +1,12 @@
 """How often a thin cloud's grid is halved, on planes whose density is known."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.grid_level import (
     halvings,
     halvings_of,
@@ -13,7 +15,7 @@ from puckbench.codecs.learned.grid_level import (
     side_of,
 )
 from puckbench.codecs.learned.sparse.voxels import distinct, morton_keys
-from puckbench.codecs.registry import open_codec
+from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import RATES, changes, save_tiny
 
@@ -68,31 +70,40 @@ def test_networks_learn_from_each_grid_that_is_asked_for_once() -> None:
     assert [len(grid) for grid in grids] == [len(kept), len(np.unique(np.rint(kept / 2), axis=0))]
 
 
-@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+def _published(name: str, weights: Path, rates: dict[str, Any] | None = None) -> Codec:
+    """The codec that a changed one is based on, with the same weights."""
+    base = codec_class(name).based_on
+    entry = changes(base, weights)
+    return open_codec(base, entry if rates is None else {**entry, "rates": rates})
+
+
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
 def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
     name: str, tmp_path: Path
 ) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     rates = {rate: {**values, "mean_occupied_children": 4} for rate, values in RATES[name].items()}
-    entry = {**changes(name, tmp_path, fill=False), "rates": rates}
+    entry = {**changes(name, tmp_path, point_reconstruction=False), "rates": rates}
     codec, points = open_codec(name, entry), _plane(2)
     decoded = codec.decode(codec.encode(points, "r2"))
     assert np.array_equal(np.unique(decoded % 2), [0])
     assert len(decoded) == len(points)
-    published = open_codec(name, {**entry, "options": {**entry["options"], "as_published": True}})
+    published = _published(name, tmp_path, rates)
     stream = published.encode(points, "r2")
     assert set(np.unique(published.decode(stream) % 2)) == {0, 1}
     assert np.array_equal(codec.decode(stream), published.decode(stream))  # the stream says how
 
 
-@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
 @pytest.mark.parametrize(
     ("offset", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20), (2000, 2**20)]
 )
 def test_grids_lie_between_halvings(name: str, offset: float, side: float, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     rate = {**RATES[name]["r2"], "mean_occupied_children": 2, "grid_level_offset": offset}
-    codec = open_codec(name, {**changes(name, tmp_path, fill=False), "rates": {"r2": rate}})
+    codec = open_codec(
+        name, {**changes(name, tmp_path, point_reconstruction=False), "rates": {"r2": rate}}
+    )
     decoded = codec.decode(codec.encode(_plane() + 1000, "r2"))
     voxels = decoded / side
     assert np.abs(voxels - np.rint(voxels)).max() < 1e-9
@@ -100,20 +111,20 @@ def test_grids_lie_between_halvings(name: str, offset: float, side: float, tmp_p
     assert np.abs(decoded - [1063, 1063, 1000]).max() < 64 + 64 * side
 
 
-@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
 def test_coordinates_are_truncated_as_published(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     points = _plane(2) + np.arange(3)
     rounded = open_codec(name, changes(name, tmp_path))
-    published = open_codec(name, changes(name, tmp_path, as_published=True))
+    published = _published(name, tmp_path)
     assert published.encode(points + 0.9, "r2") == published.encode(points, "r2")
     assert rounded.encode(points + 0.9, "r2") != rounded.encode(points, "r2")
 
 
 def test_a_stream_says_whether_families_are_kept(tmp_path: Path) -> None:
-    save_tiny("pcgcv2", tmp_path / "tiny.pcgw")
-    codec = open_codec("pcgcv2", changes("pcgcv2", tmp_path))
-    published = open_codec("pcgcv2", changes("pcgcv2", tmp_path, as_published=True))
+    save_tiny("pcgcv2_plus", tmp_path / "tiny.pcgw")
+    codec = open_codec("pcgcv2_plus", changes("pcgcv2_plus", tmp_path))
+    published = _published("pcgcv2_plus", tmp_path)
     points = _plane(4)
     families, losing = (codec.decode(each.encode(points, "r2")) for each in (codec, published))
     coarse = [len(np.unique(found // 4, axis=0)) for found in (families, losing)]

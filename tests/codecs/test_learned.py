@@ -10,7 +10,7 @@ import pytest
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import catalogue
-from puckbench.codecs.registry import entries, has_weights, open_codec
+from puckbench.codecs.registry import codecs, entry, has_weights, open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256
 from puckbench.geometry.cloud import PointCloud
@@ -86,7 +86,7 @@ def test_damaged_weights_are_refused(name: str, cut: int, together: Path, tmp_pa
 def test_headers_of_another_kind_are_refused(header: bytes, tmp_path: Path) -> None:
     start = catalogue.START.pack(catalogue.MAGIC, catalogue.VERSION, len(header))
     (tmp_path / "a.pcgw").write_bytes(start + header)
-    assert "damaged weights" in _codec("pcgcv2", tmp_path).available().why
+    assert "damaged weights" in _codec("pcgcv2_plus", tmp_path).available().why
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -97,8 +97,7 @@ def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
 
 
 def test_shipped_sets_have_what_their_codecs_ask_for() -> None:
-    names = {name: entry["options"].get("weights") for name, entry in entries().items()
-             if has_weights(name)}  # fmt: skip
+    names = {name: entry(name)["options"]["weights"] for name in codecs() if has_weights(name)}
     assert set(catalogue.shipped()) <= set(names.values())
     for name, weights in names.items():
         assert (weights in catalogue.shipped()) == open_codec(name).available().ok
@@ -120,14 +119,14 @@ def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> Non
 
 
 def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_path: Path) -> None:
-    codec = {"options": {"weights": str(tmp_path)}, "rates": RATES["pcgcv2"]}
+    codec = {"options": {"weights": str(tmp_path)}, "rates": RATES["pcgcv2_plus"]}
     config = {
         "scenes": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
         "datasets": {"d": {"scenes": "a", "make": "sample"}},
-        "codecs": {"pcgcv2": codec, "draco": {}},
+        "codecs": {"pcgcv2_plus": codec, "draco": {}},
     }
     codes = []
-    for name in ("pcgcv1", "pcgcv2"):
+    for name in ("pcgcv1_plus", "pcgcv2_plus"):
         (tmp_path / "a.pcgw").write_bytes((together / f"{name}.pcgw").read_bytes())
         plan = Workflow(config, SCHEMA)
         codes.append([plan.codec_code("puckbench.cli.encode", c) for c in config["codecs"]])

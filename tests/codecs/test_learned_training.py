@@ -26,13 +26,13 @@ from puckbench.io.clouds import write_cloud
 from tests.support.learned_codecs import ALPHAS, TINY2
 
 SMALL: dict[str, dict[str, Any]] = {
-    "pcgcv1": {"side": 32, "cubes": 1, "widths": [4, 8, 8], "alphas": [10, 2]},
-    "pcgcv2": {"side": 32, "cubes": 1, "widths": [4, 8, 8, 8], "alphas": [4, 1]},
+    "pcgcv1_plus": {"side": 32, "cubes": 1, "widths": [4, 8, 8], "alphas": [10, 2]},
+    "pcgcv2_plus": {"side": 32, "cubes": 1, "widths": [4, 8, 8, 8], "alphas": [4, 1]},
     "sparse_octree_net": {"side": 32, "cubes": 1, "width": 8},
 }
 TRAINED = {
-    "pcgcv1": [f"r{number}" for number in range(1, 7)],
-    "pcgcv2": ["r1", "r2", "r3", "r4", "r6"],
+    "pcgcv1_plus": [f"r{number}" for number in range(1, 7)],
+    "pcgcv2_plus": ["r1", "r2", "r3", "r4", "r6"],
     "sparse_octree_net": [f"r{number}" for number in range(1, 9)],
 }
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -71,21 +71,21 @@ def test_a_set_is_trained_resumed_exported_and_measured(codec: str, cloud: Path)
 def test_an_ended_training_is_exported_again_as_it_was(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _train(cloud, "pcgcv2", 3) == 0
+    assert _train(cloud, "pcgcv2_plus", 3) == 0
     assert "going on" not in capsys.readouterr().err
     first = cloud.with_name("set.pcgw").read_bytes()
     assert load_weights(cloud.with_name("set.pcgw")).alphas == ALPHAS
-    assert _train(cloud, "pcgcv2", 3) == 0
+    assert _train(cloud, "pcgcv2_plus", 3) == 0
     assert "set.pt: going on after step 3\n" in capsys.readouterr().err
     assert cloud.with_name("set.pcgw").read_bytes() == first
 
 
 def test_other_data_are_another_training_that_a_run_with_its_code_begins_anew(cloud: Path) -> None:
-    assert _train(cloud, "pcgcv2", 2, "--code", "a") == 0
+    assert _train(cloud, "pcgcv2_plus", 2, "--code", "a") == 0
     first = cloud.with_name("set.pcgw").read_bytes()
     write_cloud(cloud, PointCloud(_plane()[:3000]))
-    assert _train(cloud, "pcgcv2", 2) == 2
-    assert _train(cloud, "pcgcv2", 2, "--code", "a") == 0
+    assert _train(cloud, "pcgcv2_plus", 2) == 2
+    assert _train(cloud, "pcgcv2_plus", 2, "--code", "a") == 0
     assert cloud.with_name("set.pcgw").read_bytes() != first
     rows = cloud.with_name("set.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["step", "1", "2"]
@@ -110,10 +110,10 @@ def test_a_training_may_start_from_a_set(codec: str, cloud: Path) -> None:
 def test_measuring_on_the_way_changes_nothing(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _train(cloud, "pcgcv2", 2) == 0
+    assert _train(cloud, "pcgcv2_plus", 2) == 0
     state = load_weights(cloud.with_name("set.pcgw")).model.state_dict()
     cloud.with_name("set.pt").unlink()
-    assert _train(cloud, "pcgcv2", 2, "--validate", str(cloud), "--validate-every", "1") == 0
+    assert _train(cloud, "pcgcv2_plus", 2, "--validate", str(cloud), "--validate-every", "1") == 0
     assert "step 1, r4: bpp" in capsys.readouterr().err
     again = load_weights(cloud.with_name("set.pcgw")).model.state_dict()
     assert all(torch.equal(again[name], value) for name, value in state.items())
@@ -137,12 +137,12 @@ def test_rates_that_are_not_monotone_are_named() -> None:
     ("codec", "settings", "fault"),
     [
         ("draco", {}, "codec draco: there is nothing to train"),
-        ("pcgcv2", {"step": 5}, "unexpected keyword argument 'step'"),
-        ("pcgcv2", {"steps": 0}, "steps cannot be 0"),
-        ("pcgcv2", {"widths": [4, 8]}, r"widths cannot be \(4, 8\)"),
-        ("pcgcv2", {"widths": [4, 8, 8, 6]}, "not multiples of four"),
-        ("pcgcv2", {"alphas": []}, "alphas cannot be"),
-        ("pcgcv1", {"side": 20}, "side 20 is no multiple of 8"),
+        ("pcgcv2_plus", {"step": 5}, "unexpected keyword argument 'step'"),
+        ("pcgcv2_plus", {"steps": 0}, "steps cannot be 0"),
+        ("pcgcv2_plus", {"widths": [4, 8]}, r"widths cannot be \(4, 8\)"),
+        ("pcgcv2_plus", {"widths": [4, 8, 8, 6]}, "not multiples of four"),
+        ("pcgcv2_plus", {"alphas": []}, "alphas cannot be"),
+        ("pcgcv1_plus", {"side": 20}, "side 20 is no multiple of 8"),
         ("sparse_octree_net", {"scales": [0.5, float("inf")]}, "scales cannot be"),
     ],
 )
@@ -154,7 +154,7 @@ def test_settings_that_cannot_be_are_refused(codec: str, settings: dict, fault: 
 @pytest.mark.parametrize("content", [b"", b"no checkpoint"])
 def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
     cloud.with_name("set.pt").write_bytes(content)
-    assert _train(cloud, "pcgcv2", 2) == 2
+    assert _train(cloud, "pcgcv2_plus", 2) == 2
 
 
 def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from puckbench.codecs.learned.pcgcv1.model import Down, HyperDecoder, Shape, Up
 from puckbench.codecs.learned.pcgcv1.published_weights import load_original
 from puckbench.codecs.learned.pcgcv1.stream import BLOCK, Block, Coded, read_stream, write_stream
 from puckbench.codecs.learned.pcgcv1.weights import WeightSet, load_weights
-from puckbench.codecs.registry import codec_of, entries, open_codec
+from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import TINY1, changes, endure_damage, network1, save_tiny, shell
 
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv1", path / "tiny.pcgw")
+    save_tiny("pcgcv1_plus", path / "tiny.pcgw")
     return path
 
 
@@ -42,7 +42,7 @@ def weights(folder: Path) -> WeightSet:
 
 @pytest.fixture
 def codec(folder: Path) -> Codec:
-    return open_codec("pcgcv1", changes("pcgcv1", folder))
+    return open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder))
 
 
 def _tensorflow_same(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -308,11 +308,11 @@ def test_counts_come_back_in_few_bytes() -> None:
 
 
 def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
-    codec = open_codec("pcgcv1", changes("pcgcv1", folder, fill=False))
+    codec = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, point_reconstruction=False))
     points = shell() + np.array([1000, -500, 0])
     stream = codec.encode(points, "r2")
     decoded = codec.decode(stream)
-    assert codec_of(stream) == "pcgcv1"
+    assert codec_of(stream) == "pcgcv1_plus"
     assert len(np.unique(decoded, axis=0)) == len(decoded) == len(points)
     cubes, counts = np.unique(points // 16, axis=0, return_counts=True)
     found, kept = np.unique(decoded // 16, axis=0, return_counts=True)
@@ -321,7 +321,10 @@ def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
 
 
 def test_a_rate_may_be_coarser_and_keep_more(folder: Path) -> None:
-    codec, points = open_codec("pcgcv1", changes("pcgcv1", folder, fill=False)), shell()
+    codec, points = (
+        open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, point_reconstruction=False)),
+        shell(),
+    )
     decoded = codec.decode(codec.encode(points, "r1"))
     voxels = np.unique(np.rint(points / 2), axis=0)
     _, counts = np.unique(voxels // 16, axis=0, return_counts=True)
@@ -333,10 +336,10 @@ def test_a_rate_may_be_coarser_and_keep_more(folder: Path) -> None:
 def test_points_of_sparse_cubes_are_coded_or_dropped(folder: Path) -> None:
     few = np.array([[100.0, 100, 100], [101, 102, 103]])
     points = np.vstack([shell(), few])
-    kept = open_codec("pcgcv1", changes("pcgcv1", folder))
+    kept = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder))
     decoded = {tuple(row) for row in kept.decode(kept.encode(points, "r2"))}
     assert {tuple(row) for row in few} <= decoded
-    original = open_codec("pcgcv1", changes("pcgcv1", folder, sparse_cubes=False))
+    original = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, sparse_cubes=False))
     left = {tuple(row // 16) for row in original.decode(original.encode(points, "r2"))}
     assert not {tuple(row // 16) for row in few} & left
     with pytest.raises(InputError, match="sparse ones are dropped"):
@@ -358,7 +361,7 @@ def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: WeightSet) -> N
     """The number of cubes coded together changes no cube's points."""
     alone = cubes_of(np.random.default_rng(3).integers(0, 16, (300, 3)), 16).voxels()
     crowd = np.vstack([alone, *(alone // 2 + [16 * k, 0, 0] for k in range(1, 6))])
-    coder, decoder = Coder(weights, rate=1, fill=False), Decoder(weights)
+    coder, decoder = Coder(weights, rate=1, point_reconstruction=False), Decoder(weights)
     one = decoder.decode(coder.encode(alone.astype(float)))
     many = decoder.decode(coder.encode(crowd.astype(float)))
     assert np.array_equal(one, many[many[:, 0] < 16])
@@ -372,7 +375,7 @@ def test_another_machines_tables_end_in_an_error(weights: WeightSet) -> None:
 
 
 def test_pcc_arenas_rates() -> None:
-    rates = entries()["pcgcv1_published"]["rates"].values()
+    rates = codec_class("pcgcv1").rates.values()
     assert [(r["lmbda"], r["scale"], r["rho"]) for r in rates] == [
         (0.75, 0.625, 1.15), (0.75, 1, 1.15), (2, 1, 1), (3.5, 1, 1), (6, 1, 1), (10, 1, 1),
     ]  # fmt: skip
@@ -382,11 +385,11 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
     for alpha in ("0.75", "2", "6", "10"):
         (tmp_path / f"a{alpha}b3.npz").touch()
     options = {"options": {"weights": str(tmp_path)}}
-    ok, why = open_codec("pcgcv1_published", options).available()
+    ok, why = open_codec("pcgcv1", options).available()
     assert not ok
     assert "no weights for r4 (rates it has: r1, r2, r3, r5, r6)" in why
     rest = {**options, "rates": ["r1", "r2", "r3", "r5", "r6"]}
-    assert open_codec("pcgcv1_published", rest).available().ok
+    assert open_codec("pcgcv1", rest).available().ok
 
 
 def _coded() -> Coded:

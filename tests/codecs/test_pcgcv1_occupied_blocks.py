@@ -36,8 +36,8 @@ def weights(path: Path) -> WeightSet:
 @pytest.fixture
 def codec(path: Path, weights: WeightSet) -> Codec:
     rates = {"r1": {"lmbda": float(ALPHAS[0])}, "r2": {"lmbda": float(ALPHAS[1])}}
-    options = {"weights": str(path), "fill": False}
-    return open_codec("pcgcv1", {"options": options, "rates": rates})
+    options = {"weights": str(path), "point_reconstruction": False}
+    return open_codec("pcgcv1_plus", {"options": options, "rates": rates})
 
 
 def _voxels(count: int = 300) -> np.ndarray:

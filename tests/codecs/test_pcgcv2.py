@@ -53,13 +53,13 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> WeightSet:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv2", path / "tiny.pcgw")
+    save_tiny("pcgcv2_plus", path / "tiny.pcgw")
     return path
 
 
 @pytest.fixture
 def codec(folder: Path) -> Codec:
-    return open_codec("pcgcv2", changes("pcgcv2", folder))
+    return open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder))
 
 
 def test_joined_layers_give_what_the_modules_give() -> None:
@@ -184,12 +184,12 @@ def test_a_checkpoint_that_lacks_a_layer_is_refused(tmp_path: Path) -> None:
 
 
 def test_as_many_voxels_come_back_as_went_in_and_near_them(folder: Path) -> None:
-    codec = open_codec("pcgcv2", changes("pcgcv2", folder, fill=False))
+    codec = open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder, point_reconstruction=False))
     points = _shell() + 1000
     for rate in codec.rates:
         stream = codec.encode(points, rate)
         decoded = codec.decode(stream)
-        assert codec_of(stream) == "pcgcv2"
+        assert codec_of(stream) == "pcgcv2_plus"
         assert decoded.shape == points.shape
         assert len(np.unique(decoded, axis=0)) == len(points)
         coarse = np.unique(points // 8, axis=0)
@@ -245,7 +245,7 @@ def test_clouds_that_span_too_much_are_refused(codec: Codec) -> None:
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
-        ({"options": {"weights": None}}, "no weights given"),
+        ({"options": {"weights": None}}, "'weights' is None"),
         ({"options": {"weights": "nowhere"}}, "no such folder"),
         ({"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
     ],
@@ -254,7 +254,7 @@ def test_what_is_lacking_is_said(
     changes: dict, fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    ok, why = open_codec("pcgcv2", changes).available()
+    ok, why = open_codec("pcgcv2_plus", changes).available()
     assert not ok
     assert fault in why
 
@@ -306,7 +306,7 @@ def test_streams_decode_in_a_fresh_process(codec: Codec, folder: Path, tmp_path:
     (tmp_path / "a.bin").write_bytes(stream)
     command = [sys.executable, "-m", "puckbench", "decode", tmp_path / "a.bin", tmp_path / "a.ply"]
     subprocess.run(
-        [*command, "--weights", folder, "--entry", json.dumps({"rates": RATES["pcgcv2"]})],
+        [*command, "--weights", folder, "--entry", json.dumps({"rates": RATES["pcgcv2_plus"]})],
         check=True,
     )
     from puckbench.io.clouds import read_cloud

@@ -197,14 +197,16 @@ def test_the_number_of_points_is_told_in_parts_and_bounded() -> None:
             check_filling(parts, voxels)
 
 
-@pytest.mark.parametrize("name", ["pcgcv1", "pcgcv2"])
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
 def test_a_cloud_decodes_into_as_many_points_nearer_to_it(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.pcgw")
     rates = {rate: {**values, "mean_occupied_children": 2} for rate, values in RATES[name].items()}
     points = _tilted(1.0)[0][:30_000]
     decoded = []
-    for fill in (True, False):
-        codec = open_codec(name, {**changes(name, tmp_path, fill=fill), "rates": rates})
+    for reconstructed in (True, False):
+        codec = open_codec(
+            name, {**changes(name, tmp_path, point_reconstruction=reconstructed), "rates": rates}
+        )
         stream = codec.encode(points, "r2")
         decoded.append(codec.decode(stream))
     assert len(decoded[1]) < len(points) / 3

@@ -1,9 +1,19 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from puckbench.codecs.registry import codec_of, entries, entry, installed, open_codec
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import (
+    codec_class,
+    codec_of,
+    codecs,
+    entry,
+    memory_mb,
+    open_codec,
+)
 from puckbench.core.errors import InputError
 from puckbench.core.plugins import load_class
 
@@ -40,21 +50,6 @@ def test_a_class_of_ones_own_names_its_rates(tmp_path: Path) -> None:
         open_codec("raw", {"class": f"{tmp_path}/bare.py:Raw"})
 
 
-def test_an_installed_package_brings_a_codec(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    about = tmp_path / "raw-1.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: raw\nVersion: 1\n")
-    (about / "entry_points.txt").write_text("[puckbench.codecs]\nraw = raw_points:Raw\n")
-    (tmp_path / "raw_points.py").write_text(OWN + '    rates = {"r1": {"kind": "<f4"}}')
-    monkeypatch.syspath_prepend(tmp_path)
-    assert installed() == {"raw": "raw_points:Raw"}
-    assert entry("raw")["rates"] == {"r1": {"kind": "<f4"}}
-    with pytest.raises(InputError, match=r"unknown codec 'rar'.*, raw\)"):
-        entry("rar")
-
-
 def test_a_data_class_in_a_file_may_postpone_its_annotations(tmp_path: Path) -> None:
     (tmp_path / "one.py").write_text(
         "from __future__ import annotations\n"
@@ -73,17 +68,25 @@ def test_rates_are_chosen_in_the_tables_order() -> None:
 
 
 def test_pcc_arenas_draco_rates() -> None:
-    bits = [rate["quantization_bits"] for rate in entries()["draco"]["rates"].values()]
+    bits = [rate["quantization_bits"] for rate in codec_class("draco").rates.values()]
     assert bits == [4, 5, 6, 7, 8, 9, 10, 11]
-    assert entries()["draco"]["options"] == {"compression_level": 10}
+    assert entry("draco")["options"] == {"compression_level": 10}
 
 
 @pytest.mark.parametrize(
     ("name", "changes", "fault"),
     [
-        ("drako", {}, "unknown codec 'drako' \\(known: draco"),
+        ("drako", {}, "unknown codec 'drako' \\(known: draco.*; did you mean 'draco'"),
         ("draco", {"rates": ["r9"]}, "unknown rate 'r9'"),
-        ("draco", {"options": {"speed": 1}}, "speed"),
+        (
+            "draco",
+            {"options": {"speed": 1}},
+            r"unknown option 'speed' \(known: compression_",
+        ),
+        ("draco", {"options": {"compresion_level": 1}}, "did you mean 'compression_level'"),
+        ("draco", {"options": {"compression_level": 11}}, "'compression_level' is 11"),
+        ("gpcc", {"options": {"profile": "fast"}}, "'profile' is 'fast' .*'ctc'"),
+        ("mine", {"class": "pathlib:Path"}, "not a class derived from Codec"),
         ("mine", {"class": "nothing"}, "not of the form"),
         ("mine", {"class": "no.such.module:Thing"}, "cannot load"),
         ("mine", {"class": "puckbench.codecs.draco:Dracco"}, "cannot load"),
@@ -96,5 +99,42 @@ def test_faults_are_one_line(name: str, changes: dict[str, object], fault: str) 
 
 
 def test_a_foreign_stream_has_no_codec() -> None:
-    with pytest.raises(InputError, match="no shipped codec"):
+    with pytest.raises(InputError, match="no known codec"):
         codec_of(b"\x89PNG")
+
+
+def test_every_codec_says_how_it_is_shown_and_recognised() -> None:
+    for name, own in codecs().items():
+        assert own.title, name
+        assert own.colour, name
+        assert own.marker, name
+        assert own.magic, name
+        assert own.rates, name
+        assert own.rank < Codec.rank, name
+
+
+def test_a_changed_codec_has_another_name_and_no_part_in_the_thesis() -> None:
+    changed = {name: own.based_on for name, own in codecs().items() if own.based_on}
+    bases = {"pcgcv1_plus": "pcgcv1", "pcgcv2_plus": "pcgcv2", "pcgcv2_plus_rooms": "pcgcv2"}
+    assert changed == bases
+    for name, base in bases.items():
+        assert open_codec(name).thesis_role == ""
+        assert open_codec(base).thesis_role == base
+        assert codec_class(name).title.startswith(f"{codec_class(base).title}+")
+
+
+def test_codecs_are_listed_and_opened_without_heavy_packages() -> None:
+    program = (
+        "import sys; from puckbench.codecs.registry import codecs, entry;"
+        "[entry(name) for name in codecs()]; print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    heavy = {"torch", "numba", "scipy", "DracoPy", "pandas", "matplotlib", "constriction"}
+    assert heavy & set(done.stdout.split()) == set()
+
+
+def test_the_memory_estimate_grows_with_the_points() -> None:
+    for name in codecs():
+        assert memory_mb(name, 2_000_000) > memory_mb(name, 0) >= 400

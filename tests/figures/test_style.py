@@ -7,8 +7,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from puckbench.codecs.registry import codecs
 from puckbench.core.errors import InputError
-from puckbench.figures.plot_styles import CODEC_LOOKS, codec_look
+from puckbench.figures.plot_styles import codec_look
 from puckbench.figures.registry import FIGURES, figure_entry
 from puckbench.figures.style import FigureStyle
 
@@ -28,14 +29,16 @@ def _lab(colour: str, vision: list[list[float]]) -> np.ndarray:
 
 @pytest.mark.parametrize("vision", [np.eye(3).tolist(), _PROTANOPIA, _DEUTERANOPIA])
 def test_the_thesis_codecs_are_told_apart_by_everyone(vision: list[list[float]]) -> None:
-    for a, b in combinations(("draco", "gpcc", "pcgcv1", "pcgcv2"), 2):
-        looks = CODEC_LOOKS[a], CODEC_LOOKS[b]
+    default = ("draco", "gpcc", "pcgcv1_plus", "pcgcv2_plus")
+    thesis = ("draco", "gpcc", "pcgcv1", "pcgcv2")
+    for a, b in (*combinations(default, 2), *combinations(thesis, 2)):
+        looks = codec_look(a), codec_look(b)
         distance = np.linalg.norm(np.subtract(*(_lab(k.colour, vision) for k in looks)))
         assert distance > 15, (a, b)
 
 
 def test_every_known_codec_has_its_own_colour_and_marker() -> None:
-    looks = CODEC_LOOKS.values()
+    looks = [codec_look(name) for name in codecs()]
     assert len({k.colour for k in looks}) == len({k.marker for k in looks}) == len(looks)
 
 

@@ -53,21 +53,20 @@ def test_the_thesis_is_planned_in_full(data: Path) -> None:
 
 
 def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None:
-    weights = data / "weights" / "pcgcv1"
+    weights = data / "elsewhere"
     weights.mkdir(parents=True)
     (weights / "a0.75b3.npz").write_bytes(b"")
     config = read("thesis.yaml")
     config["codecs"]["pcgcv1"] = {"options": {"weights": str(weights)}}
     plan = Workflow(config, SCHEMA).plan
-    assert {"pcgcv1", "pcgcv2"} < set(plan.codecs)
+    assert {"pcgcv1", "pcgcv1_plus", "pcgcv2_plus"} < set(plan.codecs)
     assert [path.name for path in plan.weights["pcgcv1"]] == ["a0.75b3.npz"]
-    assert [path.name for path in plan.weights["pcgcv2"]] == ["pcgcv2_objects.pcgw"]
+    assert [path.name for path in plan.weights["pcgcv2_plus"]] == ["pcgcv2_objects.pcgw"]
 
 
 def test_a_learned_codec_without_weights_is_named_before_anything_runs(data: Path) -> None:
-    nothing = {"pcgcv1": {"options": {"weights": None}}}
-    with pytest.raises(InputError, match=r"codecs.pcgcv1: no weights are shipped for it"):
-        Workflow({**read("thesis.yaml"), "codecs": nothing}, SCHEMA)
+    with pytest.raises(InputError, match=r"codecs.pcgcv1: no weights in data/pcgc_weights: fetch"):
+        Workflow({**read("thesis.yaml"), "codecs": {"pcgcv1": {}}}, SCHEMA)
 
 
 def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
@@ -103,18 +102,17 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     for k, name in enumerate(chosen):
         file = data / "CAPOD" / f"class{k + 1}" / f"m{name[1:].lstrip('0')}.obj"
         lookalike.write(file, "v 0 0 0\n")
-    weights = data / "weights"
-    for alpha in ("0.75", "2", "6", "10"):
-        lookalike.write(weights / "pcgcv1" / f"a{alpha}b3.npz", "")
-    for alpha in ("025", "05", "1", "2", "4", "6", "10"):
-        lookalike.write(weights / "pcgcv2" / f"c8_a{alpha}_32000.pth", "")
+    for lmbda in ("0.75", "2", "3.5", "6", "10"):
+        lookalike.write(data / "pcgc_weights" / f"a{lmbda}b3.npz", "")
+    for lmbda in ("025", "05", "1", "2", "4", "6", "10"):
+        lookalike.write(data / "pcgc_weights" / f"c8_a{lmbda}_32000.pth", "")
     config = read("capod.yaml")
     config["scenes"]["objects"] |= more.pop("scenes")["objects"]
     config["codecs"] |= more.pop("codecs")
     plan = Workflow({**config, **more}, SCHEMA).plan
     assert len(plan.clouds) == 15
     assert {name: len(codec["rates"]) for name, codec in plan.codecs.items()} == {
-        "draco": 8, "gpcc": 8, "gpcc_arena": 8, "pcgcv1_published": 5, "pcgcv2_published": 7
+        "draco": 8, "gpcc": 8, "gpcc_arena": 8, "pcgcv1": 6, "pcgcv2": 7
     }  # fmt: skip
 
 

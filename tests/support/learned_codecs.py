@@ -28,10 +28,11 @@ TINY1 = Shape1(side=16, widths=(4, 8, 16), latent=4, hyper=(16, 8), blocks=1, ra
 TINY2 = Shape2(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
 ALPHAS = (1.0, 4.0)
 RATES: dict[str, dict[str, Any]] = {
-    "pcgcv1": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
-    "pcgcv2": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
+    "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
+    "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
+RATES |= {"pcgcv1": RATES["pcgcv1_plus"], "pcgcv2": RATES["pcgcv2_plus"]}
 
 
 def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
@@ -63,9 +64,9 @@ def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet
 
 def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
     """A set of random weights for a codec."""
-    if codec == "pcgcv1":
+    if codec.startswith("pcgcv1"):
         pcgcv1_weights.save_weights(path, network1(seed=seed), ALPHAS, {"data": "none"})
-    elif codec == "pcgcv2":
+    elif codec.startswith("pcgcv2"):
         pcgcv2_weights.save_weights(path, network2(seed=seed), ALPHAS, {"data": "none"})
     else:
         octree_weights.save_weights(path, octree_network(seed=seed), {"data": "none"})

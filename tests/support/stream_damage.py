@@ -51,8 +51,8 @@ def _sealed_at_the_end(stream: bytes) -> bytes:
 
 
 SEALS: dict[str, Callable[[bytes], bytes]] = {
-    "pcgcv1": _sealed_at(5),
-    "pcgcv2": _sealed_at(6),
+    "pcgcv1_plus": _sealed_at(5),
+    "pcgcv2_plus": _sealed_at(6),
     "sparse_octree_net": _sealed_at(5),
     "primitives": _sealed_at_the_end,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,16 @@ import pytest
 from puckbench.planning.config import checked, read_schema
 from puckbench.planning.plan import Plan
 from puckbench.thesis.claims.evidence import Evidence
-from puckbench.thesis.claims.parts import FAILS, HOLDS, IN_PART, Part, needs, told, verdict
+from puckbench.thesis.claims.parts import (
+    FAILS,
+    HOLDS,
+    IN_PART,
+    Part,
+    needs,
+    told,
+    verdict,
+    wanted,
+)
 from puckbench.thesis.claims.registry import CLAIMS
 from puckbench.thesis.claims.roles import verdict_options
 from puckbench.thesis.claims.table import claims, thesis_evidence
@@ -187,7 +197,32 @@ def test_7_compares_at_equal_bits_not_at_equal_rates() -> None:
 
 def test_7_needs_a_learned_codec() -> None:
     evidence = run({"draco": {"cd_plane": FALLING}})
-    assert result(7, evidence)[0].startswith("not tested: needs the codec pcgcv1 with its weights")
+    assert result(7, evidence)[0].startswith(
+        "not tested: needs the codec pcgcv1 with its authors' weights"
+    )
+
+
+PLUS = {"pcgcv1": "pcgcv1_plus", "pcgcv2": "pcgcv2_plus"}
+
+
+def test_changed_codecs_never_speak_for_the_thesis_s() -> None:
+    """Where they stand in, the verdict says so; where the claim is of one codec, none is given."""
+    columns = {"cd_plane": falling(4), "hausdorff_sq_plane": falling(4)}
+    found = run(dict.fromkeys([*PLUS.values(), "gpcc", "gpcc_as_run", "draco"], columns))
+    classical = {name: name for name in ("gpcc", "gpcc_as_run", "draco")}
+    evidence = replace(found, codecs=classical, stand_ins=PLUS)
+    for number in (7, 8, 11):
+        verdict_, told_of = result(number, evidence)
+        expected = "; tested on PCGCv1+ and PCGCv2+, which are not the thesis's codecs"
+        assert verdict_.endswith(expected)
+        assert "PCGCv1 " not in told_of
+    alone = replace(evidence, codecs={**classical, "pcgcv1": "pcgcv1_plus"}, stand_ins={})
+    alone = replace(alone, stand_ins={"pcgcv2": "pcgcv2_plus"})
+    assert result(7, alone)[0].endswith("; tested on PCGCv2+, which is not the thesis's codec")
+    for number in (6, 10):
+        assert "PCGCv" not in result(number, evidence)[1]
+        needed = wanted(CLAIMS[number - 1].test(evidence))
+        assert needed.count("with its authors' weights") == 2
 
 
 def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from puckbench.codecs.registry import entries, has_weights
+from puckbench.codecs.registry import codecs, has_weights
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 PROFILE = yaml.safe_load((WORKFLOW / "profiles" / "slurm" / "config.yaml").read_text())
@@ -31,7 +31,7 @@ def test_every_group_has_a_size() -> None:
     assert all(int(size) > 1 for size in sizes.values())
 
 
-@pytest.mark.parametrize("codec", entries())
+@pytest.mark.parametrize("codec", codecs())
 @pytest.mark.parametrize("rule", RESOURCES)
 def test_another_attempt_gets_more_and_a_network_gets_most(rule: str, codec: str) -> None:
     def asked(resource: str, attempt: int) -> int:

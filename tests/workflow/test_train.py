@@ -13,14 +13,14 @@ from tests.workflow.conftest import ROOT, Bench
 SETTINGS = {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "side": 1024}
 TRAININGS: dict[str, Any] = {
     "tiny": {
-        "codec": "pcgcv2",
+        "codec": "pcgcv2_plus",
         "datasets": ["objects"],
         "validate": ["raw"],
         "steps": 2,
         "options": SETTINGS,
     },
     "again": {
-        "codec": "pcgcv2",
+        "codec": "pcgcv2_plus",
         "datasets": ["objects", "raw"],
         "steps": 1,
         "start": "tiny",
@@ -52,8 +52,8 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     training.configure({"train": changed, "figures": {}, "sensor_study": None})
     assert training.planned("train") == {"weights": 1, "train": 1}
     codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r2", "r4", "r6"]}
-    training.configure({"codecs": {"pcgcv2": codec}, "figures": {}, "sensor_study": None})
-    row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2" / "r2.json"
+    training.configure({"codecs": {"pcgcv2_plus": codec}, "figures": {}, "sensor_study": None})
+    row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2_plus" / "r2.json"
     training.made(str(row.relative_to(training.folder)))
     assert read_json(row)["weights"].startswith("tiny ")
 
@@ -78,10 +78,10 @@ def test_a_training_that_cannot_be_ends_in_one_line(
 
 
 def test_weights_that_are_not_there_end_in_one_line(fresh: Bench) -> None:
-    fresh.configure({"codecs": {"pcgcv2": {"options": {"weights": "nowhere"}}}})
+    fresh.configure({"codecs": {"pcgcv2_plus": {"options": {"weights": "nowhere"}}}})
     done = fresh.snakemake("--dry-run")
     assert done.returncode == 2
-    assert "codecs.pcgcv2: nowhere: no such folder of weights" in done.stderr
+    assert "codecs.pcgcv2_plus: nowhere: no such folder of weights" in done.stderr
 
 
 def test_the_shipped_weights_are_planned(fresh: Bench) -> None:

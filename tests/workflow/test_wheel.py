@@ -88,9 +88,9 @@ def test_the_installed_wheel_codes_with_its_own_weights(wheel: Path, tmp_path: P
     points = np.random.default_rng(0).integers(0, 64, (300, 3)).astype(np.float64)
     write_cloud(tmp_path / "a.ply", PointCloud(points), describe=False)
     puckbench = [python, "-m", "puckbench"]
-    for codec in ("draco", "pcgcv2"):
+    for codec in ("draco", "pcgcv2_plus"):
         rate = ["--codec", codec, "--rate", "r4", "--json"]
         record = json.loads(done(*puckbench, "encode", "a.ply", "a.bin", *rate, cwd=tmp_path))
-        assert ("weights" in record) == (codec == "pcgcv2")
+        assert ("weights" in record) == (codec == "pcgcv2_plus")
         done(*puckbench, "decode", "a.bin", "b.ply", cwd=tmp_path)
         assert len(read_cloud(tmp_path / "b.ply")) > 0

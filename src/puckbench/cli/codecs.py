@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from puckbench.codecs.registry import entries, installed, open_codec
+from puckbench.codecs.registry import codecs, open_codec
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """One line (or JSON member) for each codec."""
     table = {}
-    for name in dict.fromkeys([*entries(), *installed()]):
+    for name in codecs():
         codec = open_codec(name)
         ok, why = codec.available()
         weights = sorted({codec.weights_of(rate) for rate in codec.rates} - {""}) if ok else []

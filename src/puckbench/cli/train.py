@@ -26,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("clouds", type=Path, nargs="+", help="prepared clouds to learn from (PLY)")
     parser.add_argument("--out", type=Path, required=True, help="set of weights to write (.pcgw)")
-    parser.add_argument("--codec", default="pcgcv2", help="default: %(default)s")
+    parser.add_argument("--codec", default="pcgcv2_plus", help="default: %(default)s")
     parser.add_argument("--start", help="weights to start from: a shipped set's name, or a file")
     parser.add_argument("--steps", type=whole(1), help="of the training; default: the codec's")
     parser.add_argument("--seed", type=whole(0), help="default: 1")

@@ -1,17 +1,39 @@
-"""The codec contract: one class, one self-contained byte string, an ordered table of rates."""
+"""What a codec is: a class with rates, `_encode` and `_decode`, registered under a name.
+
+A codec of one's own is one file::
+
+    from puckbench.codecs.base import Codec
+    from puckbench.codecs.registry import CODECS
+
+    @CODECS.register("raw")
+    class Raw(Codec):
+        title = "Raw floats"
+        rates = {"r1": {"kind": "<f2"}, "r2": {"kind": "<f4"}}
+
+        def _encode(self, points, parameters):
+            return parameters["kind"].encode() + points.astype(parameters["kind"]).tobytes()
+
+        def _decode(self, stream):
+            return np.frombuffer(stream[3:], stream[:3].decode()).reshape(-1, 3).astype(float)
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats, check_points
 from puckbench.geometry.mesh import Mesh
+
+Parameters = Mapping[str, Any]
+Line = Literal["-", "--", "-.", ":"]
 
 
 class Availability(NamedTuple):
@@ -28,34 +50,91 @@ class Cost(NamedTuple):
     peak_mib: float
 
 
+class Memory(NamedTuple):
+    """Estimate of the memory of coding a cloud: MB, and bytes for each point of it."""
+
+    base_mb: float = 400.0
+    bytes_per_point: float = 1000.0
+
+    def of(self, points: int) -> int:
+        """The estimate in MB for a number of points."""
+        return int(self.base_mb) + int(points * self.bytes_per_point) // 1_000_000
+
+
 class Codec(ABC):
-    """A point-cloud geometry codec.
+    """A codec of point-cloud geometry: points to a self-contained byte string, and back.
 
-    A subclass implements `_encode` and `_decode`; the checks common to all codecs are here.
-    Options from the codec's entry (a weights folder, say) are keyword arguments of the subclass.
+    A subclass names its `rates` and implements `_encode` and `_decode`; everything else has a
+    default. Its module should import heavy packages inside of methods, since planning, figures and
+    ``puckbench codecs`` import it.
 
-    name: the entry's name. rates: parameters per rate name, the smallest bitrate (r1) first.
+    Parameters
+    ----------
+    name
+        Under which it runs and appears in tables.
+    rates
+        Parameters by the rate's name, the smallest bitrate first; the class's own by default.
+    options
+        Of the class's `Options`.
+
+    Raises
+    ------
+    InputError
+        An option is unknown, or cannot have its value.
     """
 
+    title: str = ""
+    """In legends; its name by default."""
+    colour: str = ""
+    """Of its curves, ``#rrggbb``; by default one that follows from its name."""
+    marker: str = ""
+    """Matplotlib's sign for its points; by default one that follows from its name."""
+    line: Line = "-"
+    rank: int = 1000
+    """Its place in legends and lists; those of equal rank stand by name."""
+
+    rates: Mapping[str, Parameters] = MappingProxyType({})
+    """Parameters by the rate's name, the smallest bitrate (r1) first."""
+    Options: type[Model] = Model
+    """The model of its options; by default it has none."""
+    options: Any
+    magic: bytes = b""
+    """What its streams begin with, by which they are recognised."""
+    surfaces: bool = False
+    """Whether `decode_mesh` gives surfaces with labelled primitives."""
+    memory: Memory = Memory()
+    training: str = ""
+    """``module:Class`` of the settings of its training, for a codec with weights of its own."""
+    based_on: str = ""
+    """Name of the codec that it changes, for which it does not stand in any claim."""
     grid: float = 0.0
     """Spacing of the grid that coordinates are rounded to at the finest rate, in units of the
     input; 0 for a codec that adapts to the extent of the cloud."""
 
-    rates: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-    """A class of one's own may name its rates here, for where its entry names none."""
-
-    def __init__(self, name: str, rates: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+    def __init__(
+        self, name: str, rates: Mapping[str, Parameters] | None = None, **options: Any
+    ) -> None:
         self.name = name
         self.rates = dict(self.rates if rates is None else rates)
+        self.options = parsed(self.Options, options, f"codec {name}")
 
     @property
     def version(self) -> str:
         """Version of the implementation, for the results table; a class may just assign it."""
         return ""
 
+    @property
+    def thesis_role(self) -> str:
+        """Which of the thesis's codecs it is (see `puckbench.thesis.claims.roles`), if any."""
+        return ""
+
     def weights_of(self, rate: str) -> str:
         """Which trained weights code at a rate, for the results table; most codecs have none."""
         return ""
+
+    def weights_files(self) -> list[Path]:
+        """The files of its weights, whose content a stream depends on; InputError if missing."""
+        return []
 
     def available(self) -> Availability:
         """Whether the codec can run on this machine."""
@@ -69,9 +148,24 @@ class Codec(ABC):
         return None
 
     def encode(self, points: Floats, rate: str) -> bytes:
-        """Code points (n, 3) at a named rate; the bytes are all that the decoder needs.
+        """Code points at a named rate.
 
-        InputError for an unknown rate, an empty cloud or coordinates that are not finite.
+        Parameters
+        ----------
+        points
+            (n, 3) coordinates.
+        rate
+            One of `rates`.
+
+        Returns
+        -------
+        bytes
+            All that the decoder needs.
+
+        Raises
+        ------
+        InputError
+            An unknown rate, an empty cloud, or coordinates that are not finite.
         """
         if rate not in self.rates:
             known = ", ".join(self.rates)
@@ -82,7 +176,10 @@ class Codec(ABC):
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in the coordinates of the input cloud, in any order.
 
-        InputError for a stream that is not this codec's, or damaged.
+        Raises
+        ------
+        InputError
+            The stream is not this codec's, or damaged.
         """
         return self._decode(stream)
 
@@ -93,12 +190,17 @@ class Codec(ABC):
         `puckbench.geometry.mesh`, in those coordinates too) and, as object, which piece of surface
         it belongs to: a wall is one object however many primitives it was coded in.
 
-        InputError as for `decode`, for a codec that has no surfaces, and for a stream without one.
+        Raises
+        ------
+        InputError
+            As for `decode`, for a codec that has no surfaces, and for a stream without one.
         """
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     @abstractmethod
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes: ...
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        """Code points (n, 3), n >= 1 and finite, with a rate's parameters."""
 
     @abstractmethod
-    def _decode(self, stream: bytes) -> Floats: ...
+    def _decode(self, stream: bytes) -> Floats:
+        """Points (m, 3) of a stream; InputError for a damaged or a foreign one."""

@@ -8,19 +8,23 @@ Points whose float32 coordinates are equal are coded once (DracoPy does so; Debi
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
+from pydantic import Field
 
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, Parameters
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
+
+DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
+"""PCC Arena's table, as the thesis ran it."""
 
 
 def _most_points(stream: bytes) -> int:
@@ -28,20 +32,32 @@ def _most_points(stream: bytes) -> int:
     return 65536 + 8192 * len(stream)
 
 
+class DracoOptions(Model):
+    """Options of Draco."""
+
+    compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
+
+
+@CODECS.register("draco")
 class Draco(Codec):
     """Draco (Google), kd-tree method; a rate is a number of position quantisation bits."""
 
+    title = "Draco"
+    colour = "#0072B2"
+    marker = "o"
+    rank = 0
+    rates = DRACO_RATES
+    Options = DracoOptions
+    options: DracoOptions
+    magic = b"DRACO"
+    thesis_role = "draco"
     version = f"DracoPy {version('dracopy')}"
-
-    def __init__(self, *, compression_level: int = 10, **entry: Any) -> None:
-        super().__init__(**entry)
-        self.compression_level = compression_level
 
     def load(self) -> None:
         """Import the library."""
         import DracoPy  # noqa: F401
 
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         import DracoPy
 
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
@@ -49,7 +65,7 @@ class Draco(Codec):
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
             quantization_bits=parameters["quantization_bits"],
-            compression_level=self.compression_level,
+            compression_level=self.options.compression_level,
             preserve_order=False,  # else DracoPy takes the sequential coder, not the kd-tree
         )
         if len(points) > _most_points(stream):

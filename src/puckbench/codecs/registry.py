@@ -1,114 +1,132 @@
-"""The table of codecs (codecs.yaml, installed packages', a user's own) and how to open one."""
+"""The codecs by name: puckbench's own, those of installed packages, and a user's own files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import entry_points
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
-
-import yaml
 
 from puckbench.codecs.base import Codec
 from puckbench.core.errors import InputError
-from puckbench.core.plugins import load_class
+from puckbench.core.registry import Registry, load
 
 Entry = Mapping[str, Any]
-GROUP = "puckbench.codecs"
-"""Entry points of packages that bring codecs: name of the codec to its class."""
+
+CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
+"""Every codec is registered here, above its class: ``@CODECS.register("name")``."""
 
 
-@cache
-def entries() -> dict[str, Entry]:
-    """The shipped codecs: name to entry (class, magic, options, rates)."""
-    text = files("puckbench.codecs").joinpath("codecs.yaml").read_text(encoding="utf-8")
-    table: dict[str, Entry] = yaml.safe_load(text)
-    return table
+def codecs() -> dict[str, type[Codec]]:
+    """The codecs of puckbench and of installed packages by name, in the order of their ranks."""
+    found = {name: CODECS.get(name) for name in CODECS.names()}
+    return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))
 
 
-def installed() -> dict[str, str]:
-    """The codecs that other installed packages bring: name to class."""
-    return {point.name: point.value for point in entry_points(group=GROUP)}
+def codec_class(name: str, changes: Entry | None = None) -> type[Codec]:
+    """The class of a codec; InputError when there is none.
+
+    Parameters
+    ----------
+    name
+        Of a codec, or ``module:Class`` or ``path/to/file.py:Class``.
+    changes
+        A configuration's entry for it, which may name another ``class``.
+    """
+    place = (changes or {}).get("class")
+    found = CODECS.get(name) if place is None else load(place, f"codec {name}")
+    if not (isinstance(found, type) and issubclass(found, Codec)):
+        raise InputError(f"codec {name}: {found!r} is not a class derived from Codec")
+    return found
 
 
 def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
-    """The entry of a codec with a user's changes: options, a choice of rates, or a new codec.
+    """The class, options and rates of a codec, complete and checked.
 
-    `changes` may hold ``options`` (added to the shipped ones), ``rates`` (a list of names to keep,
-    or a table of new ones) and, for a codec of one's own, ``class`` (``module:Class`` or
-    ``path/to/file.py:Class``); `codes_surfaces` reads one more. InputError for an unknown codec or
-    rate, and for a codec without any rate.
+    Parameters
+    ----------
+    name
+        Of the codec.
+    changes
+        What a configuration says of it: ``options``, ``rates`` (names of those to keep, or a table
+        of others) and, for a codec of one's own, ``class`` (``module:Class`` or ``file.py:Class``).
+
+    Raises
+    ------
+    InputError
+        The codec, an option or a rate is unknown, or the codec has no rates.
     """
-    changes = changes or {}
-    base = entries().get(name, {})
-    own_class = changes.get("class") or base.get("class") or installed().get(name)
-    if own_class is None:
-        known = ", ".join([*entries(), *installed()])
-        raise InputError(f"unknown codec '{name}' (known: {known})")
-    return {
-        "class": own_class,
-        "options": {**base.get("options", {}), **changes.get("options", {})},
-        "rates": _rates(name, base.get("rates", own_class), changes.get("rates")),
-    }
+    codec, changes = open_codec(name, changes), changes or {}
+    place = changes.get("class") or f"{CODECS.module_of(name)}:{type(codec).__name__}"
+    options = {**changes.get("options", {}), **codec.options.model_dump()}
+    return {"class": place, "options": options, "rates": dict(codec.rates)}
 
 
-def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec's `decode_mesh` gives labelled primitives: ``surfaces`` in its entry."""
-    shipped = entries().get(name, {}).get("surfaces", False)
-    return bool((changes or {}).get("surfaces", shipped))
-
-
-def _rates(name: str, shipped: Entry | str, wanted: Any) -> dict[str, Any]:
-    """The rates wanted of those shipped, or of those that the class named instead has."""
-    if isinstance(wanted, Mapping):
-        return dict(wanted)
-    known = _rates_of(name, shipped) if isinstance(shipped, str) else shipped
-    if wanted is None:
-        return dict(known)
-    unknown = [rate for rate in wanted if rate not in known]
-    if unknown:
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {', '.join(known)})")
-    return {rate: values for rate, values in known.items() if rate in wanted}
-
-
-def _rates_of(name: str, class_name: str) -> Entry:
-    rates: Entry = load_class(class_name, f"codec {name}").rates
-    if not rates:
-        raise InputError(f"codec {name}: neither its entry nor its class names rates")
-    return rates
+def entries() -> dict[str, dict[str, Any]]:
+    """The entries of the codecs that are known by name."""
+    return {name: entry(name) for name in codecs()}
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
-    """The codec of an entry; InputError when its class or an option is unknown."""
-    found = entry(name, changes)
-    codec_class = load_class(found["class"], f"codec {name}")
+    """The codec of a name with a configuration's changes, as `entry` reads them."""
+    own_class, changes = codec_class(name, changes), changes or {}
+    rates = _rates(name, own_class.rates, changes.get("rates"))
     try:
-        codec: Codec = codec_class(name=name, rates=found["rates"], **found["options"])
+        return own_class(name=name, rates=rates, **changes.get("options", {}))
     except TypeError as error:
         raise InputError(f"codec {name}: {error}") from error
-    return codec
+
+
+def _rates(name: str, known: Entry, wanted: Entry | Sequence[str] | None) -> dict[str, Any]:
+    """The rates wanted of those that the class has, or instead of them."""
+    if isinstance(wanted, Mapping):
+        return dict(wanted)
+    if not known:
+        raise InputError(f"codec {name}: neither its entry nor its class names rates")
+    unknown = [rate for rate in wanted or () if rate not in known]
+    if unknown:
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {', '.join(known)})")
+    return {rate: values for rate, values in known.items() if wanted is None or rate in wanted}
+
+
+def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
+    """Whether a codec's `decode_mesh` gives labelled primitives."""
+    return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
 
 
 def training_class(name: str, changes: Entry | None = None) -> str:
-    """Where the settings of a codec's training are; InputError for a codec that cannot learn."""
-    if not has_weights(name, changes):
-        known = ", ".join(name for name in entries() if has_weights(name))
+    """``module:Class`` of the settings of a codec's training; InputError if it cannot learn."""
+    found = _training(name, changes)
+    if not found:
+        known = ", ".join(other for other in codecs() if has_weights(other))
         raise InputError(f"codec {name}: there is nothing to train (trainable: {known})")
-    return str({**entries().get(name, {}), **(changes or {})}["training"])
+    return found
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:
     """Whether a codec has trained weights, in its option `weights`: then it names its training."""
-    return "training" in {**entries().get(name, {}), **(changes or {})}
+    return bool(_training(name, changes))
+
+
+def _training(name: str, changes: Entry | None) -> str:
+    return str((changes or {}).get("training", codec_class(name, changes).training))
+
+
+def weights_files(name: str, changes: Entry | None = None) -> list[Path]:
+    """The files of a codec's weights, for the fingerprint of its streams; InputError if missing."""
+    return open_codec(name, changes).weights_files()
+
+
+def memory_mb(name: str, points: int, changes: Entry | None = None) -> int:
+    """Estimate of the memory in MB that a codec takes for a number of points."""
+    return codec_class(name, changes).memory.of(points)
 
 
 def codec_of(stream: bytes) -> str:
-    """Name of the first shipped codec whose magic the stream begins with; else InputError."""
-    for name, found in entries().items():
-        if stream.startswith(found["magic"].encode("latin-1")):
+    """Name of the first codec by rank whose magic the stream begins with; else InputError."""
+    for name, found in codecs().items():
+        if found.magic and stream.startswith(found.magic):
             return name
-    raise InputError("no shipped codec recognises the stream")
+    raise InputError("no known codec recognises the stream")
 
 
 def module_of(class_name: str) -> str:

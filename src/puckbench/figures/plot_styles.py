@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Literal
 
-Line = Literal["-", "--", "-.", ":"]
+from puckbench.codecs.base import Codec, Line
+from puckbench.codecs.registry import CODECS
 
 
 @dataclass(frozen=True)
@@ -18,29 +18,6 @@ class Look:
     marker: str
     line: Line = "-"
 
-
-# The thesis's blue, orange, green and red in the colour-blind-safe palette of Okabe and Ito.
-# Relatives of a codec (another configuration, another implementation) get its hue in another
-# lightness and a broken line; every codec has its own pair of colour and marker.
-CODEC_LOOKS: dict[str, Look] = {
-    "draco": Look("Draco", "#0072B2", "o"),
-    "gpcc": Look("G-PCC", "#E69F00", "s"),
-    "pcgcv1": Look("PCGCv1", "#009E73", "^"),
-    "pcgcv2": Look("PCGCv2", "#D55E00", "D"),
-    "primitives": Look("Primitives", "#CC79A7", "P"),
-    "sparse_octree_net": Look("Sparse octree net", "#332288", "v"),
-    "draco_cli": Look("Draco (reference tool)", "#56B4E9", "h", "--"),
-    "gpcc_arena": Look("G-PCC (PCC Arena)", "#8C6000", "X", "--"),
-    "gpcc_dyadic": Look("G-PCC (dyadic scales)", "#F2C766", "p", "-."),
-    "gpcc_lossless": Look("G-PCC (finer scales)", "#C0A030", "8", ":"),
-    "tmc13": Look("TMC13 (reference tool)", "#000000", "x", ":"),
-    "pcgcv1_published": Look("PCGCv1 (as published)", "#66CDAA", "<", "--"),
-    "pcgcv2_published": Look("PCGCv2 (as published)", "#F0A070", "2", "--"),
-    "pcgcv2_rooms": Look("PCGCv2 (rooms)", "#882255", "d", "--"),
-    "geocnnv1": Look("GeoCNNv1", "#999933", ">"),
-    "geocnnv2": Look("GeoCNNv2", "#661100", "*"),
-    "vpcc": Look("V-PCC", "#777777", "H"),
-}
 
 _OTHER_COLOURS = ("#44AA99", "#AA4499", "#DDAA33", "#117733", "#BB5566", "#6699CC", "#5D4037")
 _OTHER_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "d", "<", ">")
@@ -59,12 +36,32 @@ DATASET_TITLES: dict[str, str] = {
 
 
 def codec_look(codec: str) -> Look:
-    """The look of a codec; one not in the table gets one from its name alone.
+    """The look of a codec: what its class says, and for the rest one that follows from its name.
 
     So a codec looks the same in every figure, whichever others are drawn beside it.
     """
-    if codec in CODEC_LOOKS:
-        return CODEC_LOOKS[codec]
+    known, other = _registered(codec), _of_name(codec)
+    if known is None:
+        return other
+    return Look(
+        title=known.title or codec,
+        colour=known.colour or other.colour,
+        marker=known.marker or other.marker,
+        line=known.line if known.colour else other.line,
+    )
+
+
+def codec_rank(codec: str) -> tuple[int, str]:
+    """Sorting key of codecs in legends: by the ranks of their classes, then by name."""
+    known = _registered(codec)
+    return (Codec.rank if known is None else known.rank, codec)
+
+
+def _registered(codec: str) -> type[Codec] | None:
+    return CODECS.get(codec) if codec in CODECS else None
+
+
+def _of_name(codec: str) -> Look:
     digest = hashlib.sha256(codec.encode()).digest()
     return Look(
         title=codec,
@@ -72,12 +69,6 @@ def codec_look(codec: str) -> Look:
         marker=_OTHER_MARKERS[digest[1] % len(_OTHER_MARKERS)],
         line=_OTHER_LINES[digest[2] % len(_OTHER_LINES)],
     )
-
-
-def codec_rank(codec: str) -> tuple[int, str]:
-    """Sorting key of codecs in legends: the table's order, then by name."""
-    names = list(CODEC_LOOKS)
-    return (names.index(codec) if codec in CODEC_LOOKS else len(names), codec)
 
 
 def dataset_title(dataset: str) -> str:

@@ -22,6 +22,8 @@ from typing import Any
 
 _PACKAGE = "puckbench"
 _PRESENTATION = {"title", "colour", "marker", "line", "rank", "category", "thesis"}
+_RECORDED = {"rates", "memory"}
+"""Of a class: what a job's own record has, or what only plans use."""
 _HELP = {"help", "description"}
 _HELPED_CALLS = {"add_argument", "add_parser", "Field"}
 _REGISTRIES = {"REGISTRY", "FIGURES"}
@@ -246,7 +248,7 @@ def _is_plugin(base: ast.expr) -> bool:
 
 
 def _presents(node: ast.stmt) -> bool:
-    return bool(_assigned(node) & _PRESENTATION)
+    return bool(_assigned(node) & (_PRESENTATION | _RECORDED))
 
 
 def _is_registry(node: ast.Assign | ast.AnnAssign) -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs import registry as codecs
-from puckbench.codecs.learned.catalogue import weights_file, weights_files
+from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError
 from puckbench.datasets.registry import open_scene_set
@@ -232,15 +232,8 @@ def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePla
 
 def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
     """Files of a codec's weights; none for a codec without. InputError names those missing."""
-    if not codecs.has_weights(name, changes):
-        return []
-    where = codecs.entry(name, changes)["options"].get("weights")
-    if where is None:
-        raise InputError(
-            f"codecs.{name}: no weights are shipped for it; its options must name some"
-        )
     try:
-        return weights_files(where)
+        return codecs.weights_files(name, changes)
     except InputError as error:
         raise InputError(f"codecs.{name}: {error}") from error
 

@@ -4,31 +4,44 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
+from puckbench.codecs.base import Parameters
+from puckbench.codecs.draco import DRACO_RATES, DracoOptions
 from puckbench.codecs.external.program import ExternalCodec, folder, read_points, write_points
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 from puckbench.geometry.cloud import Floats
 
 
+class DracoToolOptions(DracoOptions):
+    """Where Draco's tools are."""
+
+    encoder: str = "draco_encoder"
+    decoder: str = "draco_decoder"
+
+
+@CODECS.register("draco_cli")
 class DracoCli(ExternalCodec):
     """``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
 
-    def __init__(
-        self,
-        *,
-        encoder: str = "draco_encoder",
-        decoder: str = "draco_decoder",
-        compression_level: int = 10,
-        **entry: Any,
-    ) -> None:
-        super().__init__(**entry)
-        self.programs = (encoder, decoder)
-        self.compression_level = compression_level
+    title = "Draco (reference tool)"
+    colour = "#56B4E9"
+    marker = "h"
+    line = "--"
+    rank = 60
+    rates = DRACO_RATES
+    Options = DracoToolOptions
+    options: DracoToolOptions
+    magic = b"DRACO"
+    thesis_role = "draco"
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Encoder and decoder."""
+        return self.options.encoder, self.options.decoder
 
     @cached_property
     def version(self) -> str:
@@ -37,12 +50,17 @@ class DracoCli(ExternalCodec):
         digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
         return f"draco_encoder {digest}".strip()
 
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         with folder() as at:
             write_points(at / "in.ply", points, "float32")
             command = (
                 *(self.programs[0], "-point_cloud", "-i", at / "in.ply", "-o", at / "out.drc"),
-                *("-qp", str(parameters["quantization_bits"]), "-cl", str(self.compression_level)),
+                *(
+                    "-qp",
+                    str(parameters["quantization_bits"]),
+                    "-cl",
+                    str(self.options.compression_level),
+                ),
             )
             self.run(command, at / "in.ply")
             return read_bytes(at / "out.drc")

@@ -35,9 +35,13 @@ class ExternalCodec(Codec):
     write files, as whoever uses them must, and hold no memory of ours.
     """
 
-    programs: tuple[str, ...] = ()
     said: str = ""
     """What the program that ran last printed."""
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Names or paths of the programs that it needs; a class may just assign them."""
+        return ()
 
     def available(self) -> Availability:
         """Whether the programs are there."""

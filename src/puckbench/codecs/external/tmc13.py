@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import subprocess
 from functools import cached_property
-from typing import Any
 
 from puckbench.codecs.external.program import ExternalCodec, folder, read_points, write_points
-from puckbench.codecs.gpcc.codec import GridCodec
+from puckbench.codecs.gpcc.codec import GridCodec, GridOptions
 from puckbench.codecs.gpcc.grid import Frame, quantised
+from puckbench.codecs.registry import CODECS
 from puckbench.core.files import read_bytes
 from puckbench.geometry.cloud import Floats
 
@@ -35,12 +35,28 @@ PROFILES: dict[str, tuple[str, ...]] = {
 """Options of the program for each set of coding tools; what is not named is its default."""
 
 
+class Tmc13Options(GridOptions):
+    """Options of G-PCC, and where the program is."""
+
+    program: str = "tmc3"
+
+
+@CODECS.register("tmc13")
 class Tmc13(ExternalCodec, GridCodec):
     """The program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
 
-    def __init__(self, *, program: str = "tmc3", **options: Any) -> None:
-        super().__init__(**options)
-        self.programs = (program,)
+    title = "TMC13 (reference tool)"
+    colour = "#000000"
+    marker = "x"
+    line = ":"
+    rank = 100
+    Options = Tmc13Options
+    options: Tmc13Options
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """The one program."""
+        return (self.options.program,)
 
     @cached_property
     def version(self) -> str:
@@ -52,17 +68,17 @@ class Tmc13(ExternalCodec, GridCodec):
 
     def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
         with folder() as at:
-            if self.rounding == "truncate":  # the program does that by itself
+            if self.options.rounding == "truncate":  # the program does that by itself
                 write_points(at / "in.ply", (points - frame.offset) / frame.unit, "float64")
                 scaling = [f"--positionQuantizationScale={scale!r}"]
             else:
-                positions, origin = quantised(points, frame, scale, self.rounding)
+                positions, origin = quantised(points, frame, scale, self.options.rounding)
                 write_points(at / "in.ply", positions + origin, "float64")
                 scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
-            merge = f"--mergeDuplicatedPoints={int(self.duplicates == 'merged')}"
+            merge = f"--mergeDuplicatedPoints={int(self.options.duplicates == 'merged')}"
             command = (
                 *(*self.programs, "--mode=0", "--disableAttributeCoding=1", merge),
-                *(*PROFILES[self.profile], *scaling),
+                *(*PROFILES[self.options.profile], *scaling),
                 f"--uncompressedDataPath={at / 'in.ply'}",
                 f"--compressedStreamPath={at / 'out.bin'}",
             )

@@ -7,67 +7,72 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
+from pydantic import Field
+
 from puckbench import __version__
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.gpcc.container import packed, unpacked
-from puckbench.codecs.gpcc.grid import (
-    ROUNDINGS,
-    Frame,
-    Rounding,
-    frame_of,
-    in_frame,
-    quantised,
-)
+from puckbench.codecs.gpcc.grid import Frame, Rounding, frame_of, in_frame, quantised
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
-Duplicates = Literal["merged", "kept"]
+EIGHTHS: Mapping[str, Parameters] = {
+    f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
+}
+"""PCC Arena's rates, as the thesis ran them: what coordinates are multiplied by."""
+
+
+class GridOptions(Model):
+    """How points come to the grid, and which of G-PCC's coding tools are used."""
+
+    profile: Literal["minimal", "ctc", "defaults"] = Field(
+        "ctc",
+        description="coding tools: the octree alone, the common test conditions', TMC13's defaults",
+    )
+    rounding: Rounding = Field(
+        "nearest", description="of coordinates; `truncate` as TMC13 reads floating-point files"
+    )
+    duplicates: Literal["merged", "kept"] = Field(
+        "merged", description="points of one grid position: one, or all of them"
+    )
+    unit: float = Field(1.0, gt=0, description="step of the input's grid, which scale 1 keeps")
+    raw: bool = Field(False, description="write bare streams, as the reference software does")
 
 
 class GridCodec(Codec):
-    """What our coder and the reference software have in common; a rate is a scale.
+    """What our coder and the reference software have in common.
 
-    profile: set of coding tools, ``minimal``, ``ctc`` or ``defaults``. rounding: see `quantised`.
-    duplicates: points of one grid position are ``merged``, or ``kept`` with their number.
-    unit: step of the input's grid, on which ``scale`` 1 works. raw: write bare streams.
+    A rate is the `scale` that coordinates are multiplied by before they are rounded.
     """
 
-    def __init__(
-        self,
-        *,
-        profile: str = "ctc",
-        rounding: Rounding = "nearest",
-        duplicates: Duplicates = "merged",
-        unit: float = 1.0,
-        raw: bool = False,
-        **entry: Any,
-    ) -> None:
-        super().__init__(**entry)
-        self._one_of("profile", profile, tuple(PROFILES))
-        self._one_of("rounding", rounding, ROUNDINGS)
-        self._one_of("duplicates", duplicates, ("merged", "kept"))
-        if not 0 < unit < float("inf"):
-            raise InputError(f"codec {self.name}: unit must be a positive number, not {unit}")
-        self.profile, self.rounding, self.duplicates = profile, rounding, duplicates
-        self.unit, self.raw = unit, raw
-        self.grid = unit / max((rate["scale"] for rate in self.rates.values()), default=1.0)
+    rates: Mapping[str, Parameters] = EIGHTHS
+    Options: type[GridOptions] = GridOptions
+    options: GridOptions
+    magic = b"PBGP"
 
-    def _one_of(self, option: str, value: str, known: tuple[str, ...]) -> None:
-        if value not in known:
-            names = ", ".join(known)
-            raise InputError(f"codec {self.name}: unknown {option} '{value}' (known: {names})")
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
+        self.grid = self.options.unit / finest
 
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    @property
+    def thesis_role(self) -> str:
+        """G-PCC as the thesis ran it where coordinates are truncated, else G-PCC."""
+        return "gpcc_as_run" if self.options.rounding == "truncate" else "gpcc"
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         scale = float(parameters["scale"])
-        frame = frame_of(points, self.unit, scale)
-        if self.raw and frame != Frame():
+        frame = frame_of(points, self.options.unit, scale)
+        if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         try:
             stream = self._code(points, frame, scale)
         except InputError as error:
             raise InputError(f"codec {self.name}: {error}") from error
-        return stream if self.raw else packed(stream, frame)
+        return stream if self.options.raw else packed(stream, frame)
 
     def _decode(self, stream: bytes) -> Floats:
         try:
@@ -85,9 +90,14 @@ class GridCodec(Codec):
         """Points (m, 3) of a bare stream, in units of the input's grid."""
 
 
+@CODECS.register("gpcc")
 class Gpcc(GridCodec):
-    """Our own coder of G-PCC's octree geometry."""
+    """Our own coder of G-PCC's octree geometry, with the common test conditions' tools."""
 
+    title = "G-PCC"
+    colour = "#E69F00"
+    marker = "s"
+    rank = 10
     version = f"puckbench {__version__}"
 
     def load(self) -> None:
@@ -97,12 +107,14 @@ class Gpcc(GridCodec):
         warm_up(self._options())
 
     def _options(self) -> GpccOptions:
-        return replace(PROFILES[self.profile], merge_duplicates=self.duplicates == "merged")
+        return replace(
+            PROFILES[self.options.profile], merge_duplicates=self.options.duplicates == "merged"
+        )
 
     def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
-        positions, origin = quantised(points, frame, scale, self.rounding)
+        positions, origin = quantised(points, frame, scale, self.options.rounding)
         return encode_geometry(positions, self._options(), scale=scale, origin=origin.tolist())
 
     def _units(self, stream: bytes) -> Floats:

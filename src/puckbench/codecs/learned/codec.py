@@ -6,22 +6,25 @@ PyTorch is loaded only when something is coded.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
-from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
+from pydantic import Field
 
-from puckbench.codecs.base import Availability, Codec
+from puckbench.codecs.base import Availability, Codec, Memory, Parameters
 from puckbench.codecs.learned.catalogue import Network
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _DIGITS = 16
+PUBLISHED_WEIGHTS = "data/pcgc_weights"
+"""Where `puckbench data pcgc_weights` puts the weights of PCGCv1's and PCGCv2's authors."""
 MOST_QUARTERS = 80
 """Of a halving, that a grid is made coarser."""
 
@@ -46,22 +49,27 @@ W = TypeVar("W", bound=Weights)
 R = TypeVar("R", bound=RatedWeights)
 
 
+class LearnedOptions(Model):
+    """Which weights a network has, and how it is run."""
+
+    weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
+    threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
+
+
 class Learned(Codec, Generic[W]):
     """A codec whose network has weights of its own: one set codes at every rate.
 
     A subclass says which `network` it is, how a file of weights is read, and how it codes. Of
-    several sets the first by name codes. weights: name of a shipped set, a file, or a folder.
-    threads: of the network; PyTorch's number by default.
+    several sets the first by name codes.
     """
 
     network: Network
+    Options: type[LearnedOptions] = LearnedOptions
+    options: LearnedOptions
+    memory = Memory(1500, 1500)
 
-    def __init__(
-        self, *, weights: str | None = None, threads: int | None = None, **entry: Any
-    ) -> None:
-        super().__init__(**entry)
-        self.where = weights
-        self.threads = threads
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
         self._sets: dict[Path, W] = {}
 
     def available(self) -> Availability:
@@ -74,7 +82,8 @@ class Learned(Codec, Generic[W]):
         except InputError as error:
             return Availability(False, str(error))
         there = ", ".join(name for name in self.rates if name not in lacking) or "none"
-        why = f"{self.where} has no weights for {', '.join(lacking)} (rates it has: {there})"
+        where, rates = self.options.weights, ", ".join(lacking)
+        why = f"{where} has no weights for {rates} (rates it has: {there})"
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
@@ -82,18 +91,31 @@ class Learned(Codec, Generic[W]):
         path = self._path(self.rates[rate])
         return f"{path.stem} {sha256(path)[:_DIGITS]}" if path else ""
 
+    def weights_files(self) -> list[Path]:
+        """The files with weights of this network; InputError where there is no such place."""
+        return self.network.files(self._where())
+
+    def _where(self) -> str:
+        """Name, file or folder of the weights."""
+        return self.options.weights
+
+    def _known_files(self) -> Iterator[Path]:
+        """Where weights that made a stream may be: those of the options, and the shipped sets."""
+        yield from self.weights_files()
+        yield from self.network.shipped()
+
     def load(self) -> None:
         """Load the weights of all rates, and compile what is compiled on first use."""
         for parameters in self.rates.values():
             self._weights(parameters)
         self._try(list(self.rates.values())[:1])
 
-    def _try(self, rates: Iterable[Mapping[str, Any]]) -> None:
+    def _try(self, rates: Iterable[Parameters]) -> None:
         cube = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
         for parameters in rates:
             self._decode(self._encode(cube, parameters))
 
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         try:
             return self._stream(points, parameters)
         except InputError as error:
@@ -105,75 +127,89 @@ class Learned(Codec, Generic[W]):
         except InputError as error:
             raise InputError(f"codec {self.name}: {error}") from error
 
-    def _where(self) -> str:
-        if self.where is None:
-            raise InputError("no weights given (option weights: a folder, a file or a shipped set)")
-        return self.where
-
-    def _weights(self, parameters: Mapping[str, Any]) -> W:
+    def _weights(self, parameters: Parameters) -> W:
         """The weights that a rate is coded with."""
         path = self._path(parameters)
         if path is None:
             rate = ", ".join(f"{name} {value}" for name, value in parameters.items())
-            raise InputError(f"{self.where} has no weights for {rate}")
+            raise InputError(f"{self.options.weights} has no weights for {rate}")
         return self._set(path)
 
     def _made_with(self, digest: bytes) -> W:
         """The weights that a stream names, given or shipped."""
-        for path in chain(self.network.files(self._where()), self.network.shipped()):
+        for path in self._known_files():
             weights = self._set(path)
             if weights.digest == digest:
                 return weights
-        made = digest.hex()
-        raise InputError(f"the stream was made with other weights ({made}) than {self.where} has")
+        where, made = self.options.weights, digest.hex()
+        raise InputError(f"the stream was made with other weights ({made}) than {where} has")
 
     def _set(self, path: Path) -> W:
         if path not in self._sets:
             self._sets[path] = self._read(path)
         return self._sets[path]
 
-    def _path(self, parameters: Mapping[str, Any]) -> Path | None:
+    def _path(self, parameters: Parameters) -> Path | None:
         """The file with a rate's weights, if there is one; the same for all rates."""
-        return next(iter(self.network.files(self._where())), None)
+        return next(iter(self.weights_files()), None)
 
     @abstractmethod
     def _read(self, path: Path) -> W: ...
 
     @abstractmethod
-    def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes: ...
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes: ...
 
     @abstractmethod
     def _points(self, stream: bytes) -> Floats: ...
 
 
-class LearnedByAlpha(Learned[R]):
-    """A codec whose rate is the alpha that its weights were trained with: some for each alpha.
+class PublishedOptions(LearnedOptions):
+    """Options of a codec that codes as its authors' program does."""
 
-    contexts: code the latent in contexts; otherwise with the weights' tables alone. fill: decode as
-    many points as were coded, where the network expects them; otherwise one for each voxel, in its
-    middle. as_published: as the authors' program, do neither, leave each grid as it is, and cut
-    off what coordinates have behind the point, as their readers of PLY files do.
+    weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
+
+
+class LearnedByLambda(Learned[R]):
+    """A codec as its authors published it, with weights for each Lagrangian weight of a rate.
+
+    A rate's `lmbda` is the weight of the distortion that its weights were trained with. `Improved`
+    has what puckbench changes.
     """
 
-    def __init__(
-        self,
-        *,
-        as_published: bool = False,
-        contexts: bool = True,
-        fill: bool = True,
-        **entry: Any,
-    ) -> None:
-        super().__init__(**entry)
-        self.as_published = as_published
-        self.contexts, self.fill = contexts and not as_published, fill and not as_published
+    Options: type[PublishedOptions] = PublishedOptions
+    options: PublishedOptions
+    context_mixing = False
+    """Whether the latent is coded by context mixing, or by the weights' own tables alone."""
+    point_reconstruction = False
+    """Whether as many points are decoded as were coded, or one in the centre of each voxel."""
 
-    def _encode(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
-        return super()._encode(np.trunc(points) if self.as_published else points, parameters)
+    def _where(self) -> str:
+        where = self.options.weights
+        if where == PUBLISHED_WEIGHTS and not Path(where).is_dir():
+            raise InputError(f"no weights in {where}: fetch them (puckbench data pcgc_weights)")
+        return where
 
-    def _path(self, parameters: Mapping[str, Any]) -> Path | None:
+    def _known_files(self) -> Iterator[Path]:
+        """Those of the options, the shipped sets, and the authors' where they were fetched."""
+        yield from super()._known_files()
+        if Path(PUBLISHED_WEIGHTS).is_dir():
+            yield from self.network.files(PUBLISHED_WEIGHTS)
+
+    def _as_read(self, points: Floats) -> Floats:
+        """Points (n, 3) as the authors' readers of PLY files take them: cut off at the point."""
+        return np.trunc(points)
+
+    def _level(self, points: Floats, parameters: Parameters) -> int:
+        """The level of the grid for points (n, 3), in quarter octaves: that of their own."""
+        return 0
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        return super()._encode(self._as_read(points), parameters)
+
+    def _path(self, parameters: Parameters) -> Path | None:
         return self.network.by_alpha(self._where()).get(float(parameters["lmbda"]))
 
-    def _numbered(self, parameters: Mapping[str, Any]) -> tuple[R, int]:
+    def _numbered(self, parameters: Parameters) -> tuple[R, int]:
         """The weights of a rate, and its number among theirs."""
         weights = self._weights(parameters)
         return weights, weights.alphas.index(float(parameters["lmbda"]))
@@ -186,7 +222,40 @@ class LearnedByAlpha(Learned[R]):
         return weights
 
 
-def dense_quarters(points: Floats, parameters: Mapping[str, Any]) -> int:
+class ImprovedOptions(PublishedOptions):
+    """Which of puckbench's changes to a published codec are in use."""
+
+    context_mixing: bool = Field(
+        True, description="code the latent by context mixing, not by the weights' tables alone"
+    )
+    point_reconstruction: bool = Field(
+        True, description="decode as many points as were coded, not one in each voxel's centre"
+    )
+
+
+class Improved(LearnedByLambda[R]):
+    """A published codec that puckbench changes, with weights of its own.
+
+    The cloud itself chooses the grid (see `grid_level`), the latent is coded by context mixing, and
+    the decoder reconstructs as many points as were coded.
+    """
+
+    options: ImprovedOptions
+    thesis_role = ""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.context_mixing = self.options.context_mixing
+        self.point_reconstruction = self.options.point_reconstruction
+
+    def _as_read(self, points: Floats) -> Floats:
+        return points
+
+    def _level(self, points: Floats, parameters: Parameters) -> int:
+        return grid_level(points, parameters)
+
+
+def grid_level(points: Floats, parameters: Parameters) -> int:
     """The level of the grid that a rate codes points (n, 3) on, in quarter octaves above their own.
 
     The grid is coarsened until a voxel has the rate's `mean_occupied_children`, and then

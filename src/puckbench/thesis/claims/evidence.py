@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from puckbench.figures.binning import ordered_rates
+from puckbench.figures.plot_styles import codec_look
 from puckbench.geometry.cloud import Floats
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
@@ -21,8 +22,16 @@ LEAST_RATES = 3
 class Evidence:
     """Tables of a run, each None where there is none, and what plays which part.
 
-    datasets: data set -> what it is (`roles.DATASETS`); codecs: role -> codec. The tables are
-    those of ``results/tables`` of the same names.
+    The tables are those of ``results/tables`` of the same names.
+
+    Parameters
+    ----------
+    datasets
+        Data set -> what it is (`roles.DATASETS`).
+    codecs
+        Role -> the codec that plays it.
+    stand_ins
+        Role -> a codec that changes the one of this role, and does not play it.
     """
 
     metrics: pd.DataFrame | None = None
@@ -32,6 +41,16 @@ class Evidence:
     incidence_effect: pd.DataFrame | None = None
     datasets: Mapping[str, str] = field(default_factory=dict)
     codecs: Mapping[str, str] = field(default_factory=dict)
+    stand_ins: Mapping[str, str] = field(default_factory=dict)
+
+    def with_stand_ins(self) -> Evidence:
+        """The same, where a changed codec stands in for each of the thesis's that is absent."""
+        return replace(self, codecs={**self.stand_ins, **self.codecs})
+
+    def stand_in(self, role: str) -> str:
+        """Title of the codec that stands in for a role; nothing where the role is played."""
+        codec = self.codecs.get(role)
+        return codec_look(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def named(self, *roles: str) -> list[str]:
         """The data sets with results that are one of these."""

@@ -13,12 +13,22 @@ UNTESTED = "not tested: needs "
 class Part:
     """One statement of a claim, what was measured about it, and whether it holds.
 
-    holds: None where the run cannot tell; `found` then names what that needs.
+    Parameters
+    ----------
+    statement
+        In the present tense.
+    holds
+        None where the run cannot tell; `found` then names what that needs.
+    found
+        What was measured.
+    stand_in
+        Title of the codec that it was measured on where that is not the thesis's own.
     """
 
     statement: str
     holds: bool | None
     found: str
+    stand_in: str = ""
 
 
 def needs(what: str, statement: str = "") -> Part:
@@ -30,14 +40,23 @@ def verdict(parts: Sequence[Part]) -> str:
     """`HOLDS` when every part was tested and holds, `FAILS` when no tested one does.
 
     `IN_PART` when some hold and others do not, or could not be tested; ``not tested: needs ...``
-    when none could.
+    when none could. A verdict that rests on other codecs than the thesis's says so.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + wanted(parts)
     if not any(tested):
-        return FAILS
-    return HOLDS if all(tested) and len(tested) == len(parts) else IN_PART
+        return FAILS + _not_the_thesis_s(parts)
+    whole = all(tested) and len(tested) == len(parts)
+    return (HOLDS if whole else IN_PART) + _not_the_thesis_s(parts)
+
+
+def _not_the_thesis_s(parts: Sequence[Part]) -> str:
+    titles = list(dict.fromkeys(part.stand_in for part in parts if part.stand_in))
+    if not titles:
+        return ""
+    are = "is not the thesis's codec" if len(titles) == 1 else "are not the thesis's codecs"
+    return f"; tested on {' and '.join(titles)}, which {are}"
 
 
 def wanted(parts: Sequence[Part]) -> str:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import open_codec
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
 
@@ -23,14 +25,6 @@ DATASETS = (OBJECTS, ROOMS, SAMPLED, CLEAN, NOISY)
 
 RATES = frozenset(f"r{number}" for number in range(1, 9))
 """Names of the thesis's rates."""
-
-_CLASSES = {
-    "puckbench.codecs.draco:Draco": DRACO,
-    "puckbench.codecs.external.draco_tools:DracoCli": DRACO,
-    "puckbench.codecs.learned.pcgcv1.codec:Pcgcv1": PCGCV1,
-    "puckbench.codecs.learned.pcgcv2.codec:Pcgcv2": PCGCV2,
-}
-_GPCC_CLASSES = ("puckbench.codecs.gpcc.codec:Gpcc", "puckbench.codecs.external.tmc13:Tmc13")
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
@@ -62,15 +56,30 @@ def _dataset_role(settings: Mapping[str, Any], scanned: bool) -> str:
 
 
 def codec_roles(plan: Plan) -> dict[str, str]:
-    """Role -> the first codec that has it, by its class and how it rounds; others have none.
+    """Role -> the first codec that says that it plays it (`Codec.thesis_role`).
 
     G-PCC with truncated coordinates is `GPCC_AS_RUN`, as the thesis ran it; rounded once, `GPCC`.
     """
-    roles: dict[str, str] = {}
-    for name, entry in plan.codecs.items():
-        if role := _codec_role(entry):
-            roles.setdefault(role, name)
-    return roles
+    return _first({name: codec.thesis_role for name, codec in _opened(plan).items()})
+
+
+def stand_in_roles(plan: Plan) -> dict[str, str]:
+    """Role -> the first codec that changes the codec of this role (`Codec.based_on`)."""
+    bases = {name: codec.based_on for name, codec in _opened(plan).items()}
+    return _first({name: open_codec(base).thesis_role for name, base in bases.items() if base})
+
+
+def _opened(plan: Plan) -> dict[str, Codec]:
+    return {name: open_codec(name, entry) for name, entry in plan.codecs.items()}
+
+
+def _first(roles: Mapping[str, str]) -> dict[str, str]:
+    """Role -> the first name that has it; some have none."""
+    found: dict[str, str] = {}
+    for name, role in roles.items():
+        if role:
+            found.setdefault(role, name)
+    return found
 
 
 def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
@@ -80,7 +89,7 @@ def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
     """
     datasets, codecs, scales = dataset_roles(plan), codec_roles(plan), grid_scales(plan)
     played = {"datasets": datasets, "codecs": codecs}
-    options: dict[str, dict[str, Any]] = {"claims": played}
+    options: dict[str, dict[str, Any]] = {"claims": {**played, "stand_ins": stand_in_roles(plan)}}
     if datasets and scales:
         chosen = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
         options["gpcc_scales"] = {"codecs": chosen, "scales": scales}
@@ -92,14 +101,8 @@ def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
     """Codec -> rate -> scale, of the G-PCC codecs."""
     return {
-        name: {rate: float(values["scale"]) for rate, values in entry["rates"].items()}
-        for name, entry in plan.codecs.items()
-        if entry["class"] in _GPCC_CLASSES and all("scale" in v for v in entry["rates"].values())
+        name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
+        for name, codec in _opened(plan).items()
+        if codec.thesis_role in (GPCC, GPCC_AS_RUN)
+        and all("scale" in values for values in codec.rates.values())
     }
-
-
-def _codec_role(entry: Mapping[str, Any]) -> str | None:
-    if entry["class"] in _GPCC_CLASSES:
-        truncated = entry["options"].get("rounding") == "truncate"
-        return GPCC_AS_RUN if truncated else GPCC
-    return _CLASSES.get(entry["class"])

@@ -21,10 +21,12 @@ def claims(
     *,
     datasets: Mapping[str, str],
     codecs: Mapping[str, str],
+    stand_ins: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
     """One row for each claim, tested on those tables of a run that there are.
 
-    datasets: data set -> what it is; codecs: role -> codec, see `roles`. Columns: ``number``,
+    datasets: data set -> what it is; codecs: role -> codec, stand_ins: role -> a codec that changes
+    the one of that role, see `roles`. Columns: ``number``,
     ``section`` and ``claim`` of the thesis, ``verdict`` (see `puckbench.thesis.claims.parts`),
     ``here``: each part tested, whether it holds, and our numbers; ``not_tested``: what the other
     parts need; ``thesis``: its own numbers; ``thesis_verdict``: the verdict of the same rule on
@@ -39,6 +41,7 @@ def claims(
         incidence_effect,
         datasets=datasets,
         codecs=codecs,
+        stand_ins=stand_ins or {},
     )
     own = thesis_evidence()
     rows = [_row(number, claim, found, own) for number, claim in enumerate(CLAIMS, 1)]

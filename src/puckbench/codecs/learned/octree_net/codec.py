@@ -6,66 +6,88 @@ only the bytes differ.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
+from puckbench.codecs.base import Memory, Parameters
+from puckbench.codecs.gpcc.codec import EIGHTHS
 from puckbench.codecs.gpcc.grid import frame_of, in_frame, quantised
-from puckbench.codecs.learned.codec import Learned
+from puckbench.codecs.learned.codec import Learned, LearnedOptions
 from puckbench.codecs.learned.octree_net.catalogue import NETWORK
-from puckbench.codecs.learned.octree_net.stream import Coded, read_stream, write_stream
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
+    from puckbench.codecs.learned.octree_net.stream import Coded
     from puckbench.codecs.learned.octree_net.weights import Weights
 
 
+class OctreeNetOptions(LearnedOptions):
+    """Options of the learned octree coder."""
+
+    weights: str = Field(
+        "sparse_octree_net_rooms", description="a shipped set's name, a file, or a folder"
+    )
+    unit: float = Field(1.0, gt=0, description="step of the input's grid, which scale 1 keeps")
+
+
+@CODECS.register("sparse_octree_net")
 class SparseOctreeNet(Learned["Weights"]):
-    """A learned octree coder, lossless on its grid.
+    """A learned octree coder, lossless on its grid; a rate is the scale, as G-PCC's."""
 
-    unit: step of the input's grid, on which ``scale`` 1 works.
-    """
-
+    title = "Sparse octree net"
+    colour = "#332288"
+    marker = "v"
+    rank = 50
+    rates = EIGHTHS
+    Options: type[OctreeNetOptions] = OctreeNetOptions
+    options: OctreeNetOptions
+    magic = b"PBON"
+    memory = Memory(1500, 3000)
+    training = "puckbench.codecs.learned.octree_net.training_settings:Training"
     version = "sparse_octree_net, stream version 3"
     network = NETWORK
 
-    def __init__(self, *, unit: float = 1.0, **entry: Any) -> None:
-        super().__init__(**entry)
-        if not 0 < unit < float("inf"):
-            raise InputError(f"codec {self.name}: unit must be a positive number, not {unit}")
-        self.unit = unit
-        self.grid = unit / max((rate["scale"] for rate in self.rates.values()), default=1.0)
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
+        self.grid = self.options.unit / finest
 
     def load(self) -> None:
         """Load the weights, and compile what is compiled on first use, at a scale that uses it."""
         self._try([{"scale": 1}])
 
-    def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+        from puckbench.codecs.learned.octree_net.stream import write_stream
+
         return write_stream(self._coded(points, float(parameters["scale"])))
 
     def _coded(self, points: Floats, scale: float) -> Coded:
         from puckbench.codecs.learned.octree_net.coder import Coder, split
+        from puckbench.codecs.learned.octree_net.stream import Coded
         from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, distinct, morton_keys
 
-        frame = frame_of(points, self.unit, scale)
+        frame = frame_of(points, self.options.unit, scale)
         positions, origin = quantised(points, frame, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")
         weights = self._weights({"scale": scale})
-        coder = Coder(weights.model, self.threads)
+        coder = Coder(weights.model, self.options.threads)
         parts = tuple(coder.encode(keys) for keys in split(distinct(morton_keys(positions))))
         x, y, z = origin.tolist()
         return Coded(weights.digest, scale, (x, y, z), frame, parts)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.learned.octree_net.coder import Coder
+        from puckbench.codecs.learned.octree_net.stream import read_stream
         from puckbench.codecs.learned.sparse.voxels import morton_voxels
 
         coded = read_stream(stream)
-        coder = Coder(self._made_with(coded.digest).model, self.threads)
+        coder = Coder(self._made_with(coded.digest).model, self.options.threads)
         keys = np.concatenate([coder.decode(part) for part in coded.parts])
         units = (morton_voxels(keys) + np.array(coded.origin)) / coded.scale
         return in_frame(units, coded.frame)

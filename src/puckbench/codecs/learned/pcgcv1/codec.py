@@ -1,11 +1,11 @@
-"""The codec PCGCv1: points on the integer grid, coded cube by cube with trained weights.
+"""The codecs PCGCv1, as its authors published it, and PCGCv1+, which is puckbench's.
 
-A rate is the alpha of its weights, the number of voxels per unit (`scale`) and of voxels kept for
-each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it. It may also say how
-many occupied `children` a voxel shall have in the mean: the grid of a thin cloud is halved until it
-has, since the network is made for dense surfaces. Cubes with fewer than
-`min_points` points are no food for the network: their voxels are coded without loss, by the octree
-coder of `gpcc` (`sparse_cubes`); the original drops them.
+A rate has the Lagrangian weight of its weights (`lmbda`), the number of voxels per unit (`scale`)
+and of voxels kept for each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it.
+The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until voxels
+have the rate's `mean_occupied_children`; and where a cube has fewer than `min_points` points, too
+few for the network, it codes their voxels without loss by the octree coder of `gpcc`
+(`sparse_cubes`), where the original drops them.
 """
 
 from __future__ import annotations
@@ -15,10 +15,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
-from puckbench.codecs.learned.codec import LearnedByAlpha, dense_quarters
+from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.learned.codec import (
+    Improved,
+    ImprovedOptions,
+    LearnedByLambda,
+    PublishedOptions,
+)
 from puckbench.codecs.learned.pcgcv1.catalogue import NETWORK
 from puckbench.codecs.learned.pcgcv1.stream import Coded, read_stream, write_stream
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -27,31 +35,53 @@ if TYPE_CHECKING:
     from puckbench.codecs.learned.pcgcv1.weights import WeightSet
 
 
-class Pcgcv1(LearnedByAlpha["WeightSet"]):
-    """PCGCv1 with its hyper-prior (Wang et al. 2021).
+class Pcgcv1Options(PublishedOptions):
+    """Options of PCGCv1."""
 
-    min_points: of a cube for the network. sparse_cubes: code smaller ones too.
-    """
+    min_points: int = Field(20, ge=1, description="of a cube that the network codes")
+    sparse_cubes: bool = Field(False, description="code cubes with fewer points too, without loss")
 
+
+@CODECS.register("pcgcv1")
+class Pcgcv1(LearnedByLambda["WeightSet"]):
+    """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
+
+    title = "PCGCv1"
+    colour = "#66CDAA"
+    marker = "<"
+    line: Line = "--"
+    rank = 110
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 0.75, "scale": 0.625, "rho": 1.15},
+        "r2": {"lmbda": 0.75, "scale": 1, "rho": 1.15},
+        "r3": {"lmbda": 2, "scale": 1, "rho": 1},
+        "r4": {"lmbda": 3.5, "scale": 1, "rho": 1},
+        "r5": {"lmbda": 6, "scale": 1, "rho": 1},
+        "r6": {"lmbda": 10, "scale": 1, "rho": 1},
+    }
+    Options: type[Pcgcv1Options] = Pcgcv1Options
+    options: Pcgcv1Options
+    magic = b"PCG1"
+    training = "puckbench.codecs.learned.pcgcv1.training_settings:Training"
+    thesis_role = "pcgcv1"
     version = "PCGCv1, stream version 4"
     network = NETWORK
 
-    def __init__(self, *, min_points: int = 20, sparse_cubes: bool = True, **entry: Any) -> None:
-        super().__init__(**entry)
-        self.min_points, self.sparse_cubes = min_points, sparse_cubes
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
-    def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
             raise InputError("coordinates exceed 30-bit integers")
-        scaled = points * float(parameters.get("scale", 1))
-        quarters = 0 if self.as_published else dense_quarters(scaled, parameters)
-        return self._written(self._coder(parameters, quarters).encode(points))
+        level = self._level(points * float(parameters.get("scale", 1)), parameters)
+        return self._written(self._coder(parameters, level).encode(points))
 
     def _written(self, coded: Coded) -> bytes:
         if not coded.cubes and not coded.sparse:
+            least = self.options.min_points
             raise InputError(
-                f"no cube has {self.min_points} points, and sparse ones are dropped (sparse_cubes)"
+                f"no cube has {least} points, and sparse ones are dropped (sparse_cubes)"
             )
         return write_stream(coded)
 
@@ -59,9 +89,9 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         from puckbench.codecs.learned.pcgcv1.coder import Decoder
 
         coded = read_stream(stream)
-        return Decoder(self._of_rate(coded.digest, coded.rate), self.threads).decode(coded)
+        return Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(coded)
 
-    def _coder(self, parameters: Mapping[str, Any], quarters: int) -> Coder:
+    def _coder(self, parameters: Parameters, level: int) -> Coder:
         from puckbench.codecs.learned.grid_level import side_of
         from puckbench.codecs.learned.pcgcv1.coder import Coder
 
@@ -69,16 +99,46 @@ class Pcgcv1(LearnedByAlpha["WeightSet"]):
         return Coder(
             weights,
             rate,
-            scale=float(parameters.get("scale", 1)) / side_of(quarters),
+            scale=float(parameters.get("scale", 1)) / side_of(level),
             rho=float(parameters.get("rho", 1)),
-            min_points=self.min_points,
-            sparse_cubes=self.sparse_cubes,
-            threads=self.threads,
-            contexts=self.contexts,
-            fill=self.fill,
+            min_points=self.options.min_points,
+            sparse_cubes=self.options.sparse_cubes,
+            threads=self.options.threads,
+            contexts=self.context_mixing,
+            fill=self.point_reconstruction,
         )
 
     def _read(self, path: Path) -> WeightSet:
         from puckbench.codecs.learned.pcgcv1.weights import load_weights
 
         return load_weights(path)
+
+
+class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
+    """Options of PCGCv1+."""
+
+    weights: str = Field("pcgcv1_mixed", description="a shipped set's name, a file, or a folder")
+    sparse_cubes: bool = Field(True, description="code cubes with fewer points too, without loss")
+
+
+@CODECS.register("pcgcv1_plus")
+class Pcgcv1Plus(Improved["WeightSet"], Pcgcv1):
+    """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
+
+    title = "PCGCv1+"
+    colour = "#009E73"
+    marker = "^"
+    line = "-"
+    rank = 20
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2.5},
+        "r2": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2},
+        "r3": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 1.5},
+        "r4": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 1},
+        "r5": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 0.5},
+        "r6": {"lmbda": 10, "mean_occupied_children": 2.5},
+    }
+    Options = Pcgcv1PlusOptions
+    options: Pcgcv1PlusOptions
+    based_on = "pcgcv1"
+    version = "PCGCv1+, stream version 4"

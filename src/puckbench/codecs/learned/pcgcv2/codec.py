@@ -1,22 +1,25 @@
-"""The codec PCGCv2: points on the integer grid, coded with trained weights.
+"""The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
 
-Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces: a rate
-may say the `mean_occupied_children` of a voxel, and the grid of a sparse cloud is coarsened until
-voxels have as many; without it voxels have size one, as the thesis ran the codec on clouds scaled
-to [0, 1023].
+Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces. PCGCv2
+codes a cloud on the grid that it came on, as the thesis ran it on clouds scaled to [0, 1023];
+PCGCv2+ coarsens the grid of a sparse cloud until voxels have the rate's `mean_occupied_children`.
+A rate's `lmbda` is the Lagrangian weight of its weights, `rho` the share of voxels that are kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import Field
 
-from puckbench.codecs.learned.codec import LearnedByAlpha, dense_quarters
+from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.learned.codec import Improved, ImprovedOptions, LearnedByLambda
 from puckbench.codecs.learned.pcgcv2.catalogue import NETWORK
 from puckbench.codecs.learned.pcgcv2.stream import Coded, Rules, read_stream, write_coded, write_few
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -28,38 +31,61 @@ _FEW = 64
 """Up to so many points are kept as they are: a network can say nothing about them."""
 
 
-class Pcgcv2(LearnedByAlpha["WeightSet"]):
-    """PCGCv2 (Wang et al. 2021); a rate may have a `rho`, the share of voxels that are kept.
+@CODECS.register("pcgcv2")
+class Pcgcv2(LearnedByLambda["WeightSet"]):
+    """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
-    As published the likeliest voxels are kept wherever they are: those of thin parts then vanish.
+    The likeliest voxels are kept wherever they are: those of sparse parts may vanish.
     """
 
+    title = "PCGCv2"
+    colour = "#F0A070"
+    marker = "2"
+    line: Line = "--"
+    rank = 120
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 0.25},
+        "r2": {"lmbda": 0.5},
+        "r3": {"lmbda": 1},
+        "r4": {"lmbda": 2},
+        "r5": {"lmbda": 4},
+        "r6": {"lmbda": 6},
+        "r7": {"lmbda": 10},
+    }
+    magic = b"PCG2"
+    training = "puckbench.codecs.learned.pcgcv2.training_settings:Training"
+    thesis_role = "pcgcv2"
     version = "PCGCv2, stream version 6"
     network = NETWORK
     grid = 1.0
 
-    def __init__(self, **entry: Any) -> None:
-        super().__init__(**entry)
-        families = Rules(0) if self.as_published else Rules.FAMILIES
-        self.rules = families | (Rules.CONTEXTS if self.contexts else Rules(0))
+    def _rules(self) -> Rules:
+        """Where the streams differ from those of the authors' program."""
+        return Rules(0)
 
-    def _stream(self, points: Floats, parameters: Mapping[str, Any]) -> bytes:
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.codecs.learned.grid_level import on_grid
 
         if len(points) <= _FEW:
             return write_few(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
-        quarters = 0 if self.as_published else dense_quarters(points, parameters)
-        voxels = on_grid(points, quarters)
-        return write_coded(self._coder(parameters).encode(voxels, quarters))
+        level = self._level(points, parameters)
+        return write_coded(self._coder(parameters).encode(on_grid(points, level), level))
 
-    def _coder(self, parameters: Mapping[str, Any]) -> Coder:
+    def _coder(self, parameters: Parameters) -> Coder:
         from puckbench.codecs.learned.pcgcv2.coder import Coder
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        return Coder(weights, rate, rho, threads=self.threads, rules=self.rules, fill=self.fill)
+        return Coder(
+            weights,
+            rate,
+            rho,
+            threads=self.options.threads,
+            rules=self._rules(),
+            fill=self.point_reconstruction,
+        )
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.codecs.learned.pcgcv2.coder import Coder
@@ -68,9 +94,64 @@ class Pcgcv2(LearnedByAlpha["WeightSet"]):
         if not isinstance(coded, Coded):
             return coded
         weights = self._of_rate(coded.digest, coded.rate)
-        return Coder(weights, coded.rate, threads=self.threads).decode(coded)
+        return Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
 
     def _read(self, path: Path) -> WeightSet:
         from puckbench.codecs.learned.pcgcv2.weights import load_weights
 
         return load_weights(path)
+
+
+class Pcgcv2PlusOptions(ImprovedOptions):
+    """Options of PCGCv2+."""
+
+    weights: str = Field("pcgcv2_objects", description="a shipped set's name, a file, or a folder")
+
+
+@CODECS.register("pcgcv2_plus")
+class Pcgcv2Plus(Improved["WeightSet"], Pcgcv2):
+    """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
+
+    Each voxel keeps its likeliest child, so that no part of a cloud vanishes.
+    """
+
+    title = "PCGCv2+"
+    colour = "#D55E00"
+    marker = "D"
+    line: Line = "-"
+    rank = 30
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1.5},
+        "r2": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1},
+        "r3": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 0.5},
+        "r4": {"lmbda": 1, "mean_occupied_children": 2.5},
+        "r5": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": -0.25},
+        "r6": {"lmbda": 4, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
+        "r7": {"lmbda": 10, "mean_occupied_children": 2.5, "grid_level_offset": -0.9},
+    }
+    Options: type[Pcgcv2PlusOptions] = Pcgcv2PlusOptions
+    options: Pcgcv2PlusOptions
+    based_on = "pcgcv2"
+    version = "PCGCv2+, stream version 6"
+
+    def _rules(self) -> Rules:
+        return Rules.FAMILIES | (Rules.CONTEXTS if self.context_mixing else Rules(0))
+
+
+class Pcgcv2PlusRoomsOptions(Pcgcv2PlusOptions):
+    """Options of PCGCv2+ for scans of rooms."""
+
+    weights: str = Field("pcgcv2_rooms", description="a shipped set's name, a file, or a folder")
+
+
+@CODECS.register("pcgcv2_plus_rooms")
+class Pcgcv2PlusRooms(Pcgcv2Plus):
+    """PCGCv2+ with weights that were trained on noisy scans of rooms."""
+
+    title = "PCGCv2+ (rooms)"
+    colour = "#882255"
+    marker = "d"
+    line: Line = "--"
+    rank = 130
+    Options = Pcgcv2PlusRoomsOptions
+    options: Pcgcv2PlusRoomsOptions
