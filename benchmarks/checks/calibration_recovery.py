@@ -15,7 +15,7 @@ import argparse
 import json
 import time
 from collections import Counter
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,7 @@ def repeated(hidden: str, repetition: int, step_deg: float) -> tuple[Calibration
     truth = dict(HIDDEN[hidden])
     # Given as numbers, so that what is hidden is known.
     truth["bias_m"] = (rng.standard_normal(LASERS) * truth["laser_sigma_m"]).tolist()
-    procedure = Procedure("calibrated", truth, sweep=replace(SWEEP, azimuth_step_deg=step_deg))
+    procedure = Procedure("calibrated", truth, sweep=SWEEP.replaced(azimuth_step_deg=step_deg))
     table = residual_table(procedure, DISTANCES, 1, seed=repetition)
     return calibrate([table], Settings()), truth
 

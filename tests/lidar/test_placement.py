@@ -101,7 +101,7 @@ def test_a_way_that_touches_is_always_refused_as_far_as_the_sweep_goes() -> None
     touching = way([0, 0, 0], [1, 0, 0], [4, 0, 0])
     with pytest.raises(InputError, match=r"the sensor at \[6\.0, 2\.0, 1\.0\] touches the mesh"):
         scanned(room(), [2, 2, 1], touching, anywhere=True)
-    assert len(scanned(room(), [2, 2, 1], replace(touching, duration_s=0.15))) > 0
+    assert len(scanned(room(), [2, 2, 1], touching.replaced(duration_s=0.15))) > 0
 
 
 def test_a_fixed_pose_stands_at_its_place_not_at_the_origin() -> None:

@@ -156,13 +156,13 @@ def test_truth_is_exact_far_from_the_worlds_origin() -> None:
 
 
 def test_only_hits_in_range_return() -> None:
-    lasers = replace(VLP16, min_range_m=2.0, max_range_m=3.0)
+    lasers = VLP16.replaced(min_range_m=2.0, max_range_m=3.0)
     table = scanned(room(), sensor=lasers)
     everything = scanned(room())
     inside = (everything["distance"] >= 2) & (everything["distance"] <= 3)
     assert np.array_equal(table["distance"], everything["distance"][inside])
     assert np.array_equal(table["yaw"], everything["yaw"][inside])
-    nearer = scanned(room(), sweep=replace(SMALL, max_range_m=2.0))
+    nearer = scanned(room(), sweep=SMALL.replaced(max_range_m=2.0))
     assert nearer["distance"].max() <= 2
 
 
@@ -229,7 +229,7 @@ def angles_between(table: ScanTable) -> Floats:
 
 
 def test_divergence_turns_rays_uniformly_within_the_beam() -> None:
-    level = replace(SMALL, pitch_start_deg=0.0, pitch_end_deg=0.0)
+    level = SMALL.replaced(pitch_start_deg=0.0, pitch_end_deg=0.0)
     table = scanned(room(), "vlp16_divergence", sweep=level, options=NO_NOISE)
     angles = angles_between(table)
     assert np.abs(angles).max(axis=0) == pytest.approx([0.09, 0.045], rel=1e-3)

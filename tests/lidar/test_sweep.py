@@ -1,4 +1,3 @@
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,7 +90,7 @@ def test_smaller_sweeps_by_configuration() -> None:
     [
         ("fast", "unknown sweep 'fast' (known: thesis, thesis_room, spin)"),
         ({"fps": 3}, "sweep thesis: unknown option 'fps'"),
-        ({"duration_s": "4 s"}, "duration_s is '4 s', but must be a finite number"),
+        ({"duration_s": "4 s"}, "duration_s is '4 s', but must be a valid number"),
         ({"frames_skipped": True}, "frames_skipped is True"),
         ({"duration_s": 0.001}, "the sweep has no frame"),
         ({"timing": "exact"}, "timing is 'exact', but must be 'step' or 'firing'"),
@@ -99,7 +98,7 @@ def test_smaller_sweeps_by_configuration() -> None:
             {"timing": "firing", "azimuth_step_deg": 0.2},
             "azimuth_step_deg is given, but timing 'firing' sets the step",
         ),
-        ({"rotation_hz": -5}, "rotation_hz is -5.0, but must be greater than 0"),
+        ({"rotation_hz": -5}, "rotation_hz is -5, but must be greater than 0"),
     ],
 )
 def test_a_wrong_sweep_is_named_in_one_line(settings: Any, fault: str) -> None:
@@ -153,8 +152,8 @@ def test_lasers_of_both_blocks_of_the_hdl64e_fire_in_unison() -> None:
 
 def test_firing_needs_a_sensor_that_states_its_times() -> None:
     sweep = open_sweep({"preset": "spin", "timing": "firing"})
-    silent = replace(VLP16, firing_interval_us=None)
+    silent = VLP16.replaced(firing_interval_us=None)
     with pytest.raises(InputError, match="VLP-16 does not state when its lasers fire"):
         sweep.rays(silent, range(1))
     with pytest.raises(InputError, match="VLP-16 does not state its firing_sequence_us"):
-        sweep.rays(replace(silent, firing_sequence_us=None), range(1))
+        sweep.rays(silent.replaced(firing_sequence_us=None), range(1))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import parsed
 from puckbench.geometry.mesh import Mesh
 from puckbench.lidar.recordings import CaptureTable
 from puckbench.lidar.walls.detection import (
@@ -163,11 +164,11 @@ def test_kinds_of_planes(normal: tuple[float, ...], kind: str) -> None:
 @pytest.mark.parametrize(
     ("values", "fault"),
     [
-        ({"threshold_m": 0.0}, "threshold_m is 0.0, but must be greater than 0"),
+        ({"threshold_m": 0.0}, "search: threshold_m is 0.0, but must be greater than 0"),
         ({"most_planes": 0}, "most_planes is 0"),
         ({"up": (0.0, 0.0, 0.0)}, "up must be a direction"),
     ],
 )
 def test_limits_that_make_no_sense_are_refused(values: dict[str, float], fault: str) -> None:
     with pytest.raises(InputError, match=fault):
-        PlaneSearch(**values)  # type: ignore[arg-type]
+        parsed(PlaneSearch, values, "search")

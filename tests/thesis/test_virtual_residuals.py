@@ -21,7 +21,7 @@ from puckbench.thesis.residuals.virtual import (
     scan_residuals,
 )
 
-COARSE = replace(SWEEP, azimuth_step_deg=0.5)
+COARSE = SWEEP.replaced(azimuth_step_deg=0.5)
 RAY_NOISE = {"bias_sigma_m": 0.0, "ray_sigma_m": 0.01}
 
 

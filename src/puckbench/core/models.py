@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, TypeVar, get_args
+from typing import Any, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -20,6 +20,10 @@ class Model(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True
     )
+
+    def replaced(self, **changes: Any) -> Self:
+        """The record with some of its values replaced, and all checked again."""
+        return type(self).model_validate({**dict(self), **changes})
 
 
 def parsed(model: type[M], values: Any, what: str) -> M:
@@ -45,6 +49,8 @@ def parsed(model: type[M], values: Any, what: str) -> M:
         return model.model_validate(_immutable(values))
     except ValidationError as error:
         raise InputError(f"{what}: {_Fault.of(error, values, model).line('option')}") from error
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
 
 
 def checked_model(model: type[M], values: Mapping[str, Any]) -> M:

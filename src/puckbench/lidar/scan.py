@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.io.columns import empty_columns
-from puckbench.lidar.errors import described
-from puckbench.lidar.errors.model import Draws, ErrorModel, lifted, merged
+from puckbench.lidar.errors.model import Draws, ErrorModel, described
 from puckbench.lidar.errors.receiver import mirrors_of
 from puckbench.lidar.mirrors import follow_mirrors
 from puckbench.lidar.placement import check_free, check_untouched
@@ -165,9 +164,9 @@ class _Scanner:
         measured = truth if fired is nominal else self._cast(fired, frames)
         if self.mirrors is not None:
             measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
-        hits = merged(self.model, measured.hits, self.sensor)
+        hits = self.model.merge_hits(measured.hits, self.sensor)
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
-        lift = lifted(self.model, hits, self.sensor, self.draws)
+        lift = self.model.lift_points(hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
         placed = measured if fired.placed_as_fired else truth
         noisy = (distance, placed.directions)
@@ -245,8 +244,8 @@ def _portions(frames: range, at_a_time: int) -> list[range]:
 
 def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
     about = {
-        "sensor": asdict(sensor),
-        "sweep": asdict(sweep),
+        "sensor": sensor.model_dump(),
+        "sweep": sweep.model_dump(),
         "errors": described(model),
         "origin": origin.tolist(),
     }

@@ -1,24 +1,24 @@
-"""Rotating LiDAR sensors as data: one cited YAML file each, read into a frozen dataclass."""
+"""Rotating LiDAR sensors as data: one cited YAML file each, read into a frozen model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import yaml
+from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.lidar.options import check_above_zero, check_at_least, from_options
+from puckbench.core.models import Model, parsed
 
 _SENSORS = Path(__file__).parent / "sensors"
 # Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
 _STEP_TOLERANCE = 0.05
 
 
-@dataclass(frozen=True)
-class Sensor:
+class Sensor(Model):
     """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
 
     `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
@@ -29,23 +29,24 @@ class Sensor:
 
     name: str
     laser_elevation_deg: tuple[float, ...]
-    rotation_hz: float
-    azimuth_step_deg: float
-    max_range_m: float
-    min_range_m: float = 0.0
-    divergence_horizontal_deg: float = 0.0
-    divergence_vertical_deg: float = 0.0
+    rotation_hz: PositiveFloat
+    azimuth_step_deg: PositiveFloat
+    max_range_m: PositiveFloat
+    min_range_m: NonNegativeFloat = 0.0
+    divergence_horizontal_deg: NonNegativeFloat = 0.0
+    divergence_vertical_deg: NonNegativeFloat = 0.0
     vertical_correction_mm: tuple[float, ...] | None = None
-    range_quantum_mm: float | None = None
-    firing_sequence_us: float | None = None
-    firing_interval_us: float | None = None
+    range_quantum_mm: PositiveFloat | None = None
+    firing_sequence_us: PositiveFloat | None = None
+    firing_interval_us: PositiveFloat | None = None
     firing_offsets_us: tuple[float, ...] | None = None
-    wavelength_nm: float | None = None
-    pulse_ns: float | None = None
-    accuracy_m: float | None = None
+    wavelength_nm: PositiveFloat | None = None
+    pulse_ns: PositiveFloat | None = None
+    accuracy_m: PositiveFloat | None = None
     manufacturer: str | None = None
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
         if not self.laser_elevation_deg:
             raise InputError("laser_elevation_deg is empty")
         if len(set(self.laser_elevation_deg)) < self.lasers:
@@ -55,16 +56,15 @@ class Sensor:
         corrections = self.vertical_correction_mm
         if corrections is not None and len(corrections) != self.lasers:
             raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
-        check_above_zero(self, "rotation_hz", "azimuth_step_deg", "max_range_m")
-        check_above_zero(self, "range_quantum_mm", "firing_sequence_us", "firing_interval_us")
-        check_above_zero(self, "wavelength_nm", "pulse_ns", "accuracy_m")
-        check_at_least(self, 0, "min_range_m", "divergence_horizontal_deg")
-        check_at_least(self, 0, "divergence_vertical_deg")
         if self.min_range_m >= self.max_range_m:
             raise InputError(
                 f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"
             )
         self._check_firing()
+        return self
+
+    def __str__(self) -> str:
+        return repr(self)
 
     def _check_firing(self) -> None:
         """InputError when firing times and azimuth step contradict each other."""
@@ -133,4 +133,4 @@ def load_sensor(name_or_path: str | Path) -> Sensor:
         raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
     if not isinstance(options, Mapping):
         raise InputError(f"{path}: expected names and values of a sensor")
-    return from_options(Sensor, options, str(path))
+    return parsed(Sensor, options, str(path))

@@ -13,13 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.options import check_above_zero, check_at_least, from_options
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
 
@@ -43,8 +44,7 @@ class Rays:
     placed_as_fired: bool = True
 
 
-@dataclass(frozen=True)
-class Sweep:
+class Sweep(Model):
     """A sweep as the thesis ran it (section 5.2): 4 s at 120 frames per second, pitch -60..60 deg.
 
     None means the sensor's own value. `frames_skipped` frames at the end are keyed but not
@@ -60,30 +60,27 @@ class Sweep:
     step has its own pose (rolling shutter). One row alone is a fixed pose.
     """
 
-    frames_per_second: float = 120.0
-    duration_s: float = 4.0
+    frames_per_second: PositiveFloat = 120.0
+    duration_s: PositiveFloat = 4.0
     pitch_start_deg: float = -60.0
     pitch_end_deg: float = 60.0
-    rotation_hz: float | None = None
-    azimuth_step_deg: float | None = None
-    max_range_m: float | None = None
-    frames_skipped: int = 0
-    timing: str = "step"
+    rotation_hz: PositiveFloat | None = None
+    azimuth_step_deg: PositiveFloat | None = None
+    max_range_m: PositiveFloat | None = None
+    frames_skipped: NonNegativeInt = 0
+    timing: Literal["step", "firing"] = "step"
     trajectory: tuple[tuple[float, ...], ...] | None = None
 
-    def __post_init__(self) -> None:
-        check_above_zero(self, "frames_per_second", "duration_s", "rotation_hz")
-        check_above_zero(self, "azimuth_step_deg", "max_range_m")
-        check_at_least(self, 0, "frames_skipped")
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
         if self.frames < 1:
             raise InputError(
                 f"the sweep has no frame ({self.duration_s} s, {self.frames_per_second}/s)"
             )
-        if self.timing not in {"step", "firing"}:
-            raise InputError(f"timing is {self.timing!r}, but must be 'step' or 'firing'")
         if self.timing == "firing" and self.azimuth_step_deg is not None:
             raise InputError("azimuth_step_deg is given, but timing 'firing' sets the step")
         self._check_trajectory()
+        return self
 
     def _check_trajectory(self) -> None:
         """InputError for a trajectory that is none, or that ends before the sweep does."""
@@ -253,7 +250,7 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
         options["trajectory"] = read_rows(Path(options["trajectory"]))
     if "duration_s" not in options:
         options |= _duration(options.get("trajectory"))
-    return from_options(Sweep, {**SWEEPS[name], **options}, f"sweep {name}")
+    return parsed(Sweep, {**SWEEPS[name], **options}, f"sweep {name}")
 
 
 def _duration(rows: Any) -> dict[str, float]:

@@ -28,7 +28,7 @@ class Poses:
     positions: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Poses at rising times: times (n,) s, positions (n, 3) m, unit quaternions (n, 4) wxyz.
 

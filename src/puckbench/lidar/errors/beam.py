@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from pydantic import NonNegativeFloat
 
+from puckbench.lidar.errors.vlp16 import Vlp16
 from puckbench.lidar.sensor import Sensor
 
 
-class BeamParameters(Protocol):
-    """Full widths of the beam, degrees; None stands for the sensor's divergence."""
+class BeamOfWidth(Vlp16):
+    """As `Vlp16`, of a beam of these full widths; None stands for the sensor's divergence."""
 
-    @property
-    def yaw_width_deg(self) -> float | None: ...  # noqa: D102
+    yaw_width_deg: NonNegativeFloat | None = None
+    pitch_width_deg: NonNegativeFloat | None = None
 
-    @property
-    def pitch_width_deg(self) -> float | None: ...  # noqa: D102
-
-
-def beam_widths_deg(parameters: BeamParameters, sensor: Sensor) -> tuple[float, float]:
-    """Full widths of the beam in yaw and pitch, degrees."""
-    yaw, pitch = parameters.yaw_width_deg, parameters.pitch_width_deg
-    return (
-        sensor.divergence_horizontal_deg if yaw is None else yaw,
-        sensor.divergence_vertical_deg if pitch is None else pitch,
-    )
+    def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
+        """Full widths of the beam in yaw and pitch, degrees."""
+        yaw, pitch = self.yaw_width_deg, self.pitch_width_deg
+        return (
+            sensor.divergence_horizontal_deg if yaw is None else yaw,
+            sensor.divergence_vertical_deg if pitch is None else pitch,
+        )

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import NonNegativeFloat, PositiveInt
 
-from puckbench.core.errors import InputError
-from puckbench.lidar.errors.beam import beam_widths_deg
+from puckbench.lidar.errors.beam import BeamOfWidth
 from puckbench.lidar.errors.model import Draws, Hits
-from puckbench.lidar.errors.vlp16 import Vlp16
-from puckbench.lidar.options import check_at_least
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
 
@@ -20,11 +18,11 @@ T = TypeVar("T", bound=np.generic)
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 # In the order that the compiled loop numbers them.
-_RETURNS = ("first", "strongest", "last", "mean")
+_Return = Literal["first", "strongest", "last", "mean"]
 
 
-@dataclass(frozen=True)
-class BeamFootprint(Vlp16):
+@ERROR_MODELS.register("beam_footprint")
+class BeamFootprint(BeamOfWidth):
     """As `Vlp16`, for the return of a beam that is an ellipse of the sensor's divergence.
 
     `sub_rays` rays of equal energy lie over the ellipse in a sunflower pattern, turned at random
@@ -35,18 +33,11 @@ class BeamFootprint(Vlp16):
     placed along the nominal ray.
     """
 
-    sub_rays: int = 9
-    returns: str = "strongest"
-    merged_within_m: float = 0.9
-    yaw_width_deg: float | None = None
-    pitch_width_deg: float | None = None
+    title, colour = "Beam footprint", "#999933"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 0, "merged_within_m", "yaw_width_deg", "pitch_width_deg")
-        check_at_least(self, 1, "sub_rays")
-        if self.returns not in _RETURNS:
-            raise InputError(f"returns is {self.returns!r}, but must be one of {_RETURNS}")
+    sub_rays: PositiveInt = 9
+    returns: _Return = "strongest"
+    merged_within_m: NonNegativeFloat = 0.9
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """The rays of each beam, one beam's after another's: (frames, steps, lasers * sub_rays)."""
@@ -54,7 +45,7 @@ class BeamFootprint(Vlp16):
         order = np.arange(self.sub_rays)
         radius = np.sqrt((order + 0.5) / self.sub_rays)
         angle = turn + order * _GOLDEN_ANGLE
-        yaw_half, pitch_half = np.radians(beam_widths_deg(self, sensor)) / 2
+        yaw_half, pitch_half = np.radians(self.beam_widths_deg(sensor)) / 2
         yaw = rays.yaw[..., None] + yaw_half * radius * np.cos(angle)
         pitch = rays.pitch[..., None] + pitch_half * radius * np.sin(angle)
         shape = (*rays.yaw.shape[:2], -1)
@@ -67,7 +58,9 @@ class BeamFootprint(Vlp16):
         shape = (*hits.distance.shape[:2], sensor.lasers)
         apart = hits.distance.reshape(-1, self.sub_rays)
         distance, middle = np.empty(len(apart)), np.empty(len(apart), dtype=np.int64)
-        fill_echoes(apart, self.merged_within_m, _RETURNS.index(self.returns), distance, middle)
+        fill_echoes(
+            apart, self.merged_within_m, get_args(_Return).index(self.returns), distance, middle
+        )
         return Hits(
             distance.reshape(shape),
             _taken(hits.triangle, middle).reshape(shape),

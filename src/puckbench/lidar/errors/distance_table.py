@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from pydantic import model_validator
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.model import Draws, Hits
-from puckbench.lidar.errors.noise import check_distributions, standard_noise
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
+from puckbench.lidar.errors.noise import Distribution, standard_noise
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.sweep import Rays
 
 
-@dataclass(frozen=True)
-class DistanceTable:
+@ERROR_MODELS.register("distance_table")
+class DistanceTable(ErrorModel):
     """``d + N(mu(d), sigma(d))``, both interpolated linearly from a table over the true distance.
 
     table: rows of distance, mu and sigma, m, in the order of the distance; before the first and
     after the last row their values hold.
     """
 
-    table: tuple[tuple[float, ...], ...]
-    distribution: str = "gaussian"
+    title, colour = "Distance table", "#661100"
 
-    def __post_init__(self) -> None:
-        check_distributions(self, "distribution")
+    table: tuple[tuple[float, ...], ...]
+    distribution: Distribution = "gaussian"
+
+    @model_validator(mode="after")
+    def _of_rising_distances(self) -> Self:
         if not self.table:
             raise InputError("table is empty")
         if any(len(row) != 3 for row in self.table):
@@ -36,10 +39,7 @@ class DistanceTable:
             raise InputError("table has distances that do not increase")
         if (sigma < 0).any():
             raise InputError("table has a sigma below 0")
-
-    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The nominal rays."""
-        return rays
+        return self
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """True distance plus the noise of its ray."""

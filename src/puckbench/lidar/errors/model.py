@@ -1,8 +1,8 @@
 """What an error model is: hooks around the ray cast, and where its random numbers come from.
 
-Two hooks make a model, `perturb_rays` before the cast and `perturb_ranges` after it. Two more are
-there for the models that need them: `merge_hits` for one that fires several rays per laser, and
-`lift_points` for one whose noise is not along the ray.
+Most models need one of two hooks, `perturb_rays` before the cast and `perturb_ranges` after it. Two
+more are there for a model that fires several rays per laser (`merge_hits`), and for one whose noise
+is not along the ray (`lift_points`).
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import SceneObject
 from puckbench.lidar.sensor import Sensor
@@ -77,53 +78,58 @@ class Draws:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._key + words)))
 
 
-class ErrorModel(Protocol):
-    """The errors of a sensor: a frozen dataclass of parameters, units in their names.
+class ErrorModel(Model):
+    """The errors of a sensor: its parameters, with units in their names, and hooks around the cast.
 
-    The hooks are called for some frames at a time, in order, and must be pure functions of their
-    arguments. They draw for every ray, hit or not, so that what one ray meets changes no other.
+    Without hooks of its own a model has no errors. The hooks are called for some frames at a time,
+    in order, and must be pure functions of their arguments. They draw for every ray, hit or not, so
+    that what one ray meets changes no other.
     """
 
+    title: ClassVar[str] = ""
+    """Name of the model in figures; without one its registered name."""
+    colour: ClassVar[str] = ""
+    """Colour of the model in figures, hexadecimal; without one it is drawn from its name."""
+    variant_of: ClassVar[type[ErrorModel] | None] = None
+    """The model of which this one is a set of parameters, under whose name results describe it."""
+
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The rays that are really fired; `rays` itself when they are the nominal ones.
+        """Give the rays that are really fired; `rays` itself when they are the nominal ones.
 
         They are as many, or (a model with `merge_hits`) k for each, one laser's after another's:
         (frames, steps, lasers * k).
         """
+        return rays
+
+    def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
+        """Give one hit per laser, (frames, steps, lasers), from those of all rays fired."""
+        return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """Measured distances, m, in the shape of ``hits.distance``.
+        """Give the measured distances, m, in the shape of ``hits.distance``.
 
         A distance that is not finite is no return: a miss stays one, and a model can take returns
         away (attenuation, raydrop).
         """
-
-
-@runtime_checkable
-class SplitsRays(Protocol):
-    """A model that fires several rays for each nominal one."""
-
-    def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """One hit per laser from those of all rays fired, (frames, steps, lasers)."""
-
-
-@runtime_checkable
-class LeavesRay(Protocol):
-    """A model whose noise has a part along the normal of the surface."""
+        return hits.distance
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """How far measured points move along the true normal towards the sensor, m, or None.
+        """Give how far measured points move along the true normal to the sensor, m, or None.
 
         In the shape of ``hits.distance``; finite. The points are those of `perturb_ranges`; their
         measured distance becomes that from the sensor after the move.
         """
+        return None
+
+    def described(self) -> dict[str, Any]:
+        """The model's name and parameters, as they stand beside a result."""
+        kind = vars(type(self)).get("variant_of") or type(self)
+        return {"model": kind.__name__, **self.model_dump()}
+
+    def __str__(self) -> str:
+        return repr(self)
 
 
-def merged(model: ErrorModel, hits: Hits, sensor: Sensor) -> Hits:
-    """The hits per laser: the model's `merge_hits` where it has one, else `hits`."""
-    return model.merge_hits(hits, sensor) if isinstance(model, SplitsRays) else hits
-
-
-def lifted(model: ErrorModel, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-    """The model's `lift_points` where it has one, else None."""
-    return model.lift_points(hits, sensor, draws) if isinstance(model, LeavesRay) else None
+def described(model: ErrorModel) -> dict[str, Any]:
+    """A model's name and parameters, and its receiver's if it has one."""
+    return model.described()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+
+Distribution = Literal["gaussian", "laplace"]
 
 _DRAW: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Floats]] = {
     "gaussian": lambda stream, shape: stream.standard_normal(shape),
@@ -16,7 +18,7 @@ _DRAW: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Floats]] = {
 
 
 def standard_noise(
-    stream: np.random.Generator, shape: tuple[int, ...], distribution: str
+    stream: np.random.Generator, shape: tuple[int, ...], distribution: Distribution
 ) -> Floats:
     """Numbers of the given shape with mean 0 and scale 1.
 
@@ -24,11 +26,3 @@ def standard_noise(
     b times the root of two: BlenSor reads one parameter as either, and so do we.
     """
     return _DRAW[distribution](stream, shape)
-
-
-def check_distributions(parameters: object, *names: str) -> None:
-    """InputError unless the named values of `parameters` are known distributions."""
-    for name in names:
-        value = getattr(parameters, name)
-        if value not in _DRAW:
-            raise InputError(f"{name} is {value!r}, but must be {' or '.join(map(repr, _DRAW))}")

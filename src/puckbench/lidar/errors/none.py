@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.model import Draws, Hits
-from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.sweep import Rays
+from puckbench.lidar.errors.model import ErrorModel
+from puckbench.lidar.errors.registry import ERROR_MODELS
 
 
-@dataclass(frozen=True)
-class NoErrors:
-    """Nominal rays, true distances."""
+@ERROR_MODELS.register("none")
+class NoErrors(ErrorModel):
+    """Nominal rays and true distances."""
 
-    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The nominal rays."""
-        return rays
-
-    def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """The true distances."""
-        return hits.distance
+    title, colour = "No noise", "#777777"

@@ -6,21 +6,21 @@ distances that the model measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, Surfaces, lifted, merged
-from puckbench.lidar.options import check_above_zero, check_at_least
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, Surfaces
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
 
 
-@dataclass(frozen=True)
-class Receiver:
+class Receiver(Model):
     """Losses and steps of the range; as it stands it changes nothing within 140 m.
 
     Attenuation, as BlenSor has it in code (equation 5.3 of the thesis misprints it): a return at a
@@ -40,26 +40,17 @@ class Receiver:
     returns. The true values of such a row are those of the mirror. Glass is opaque, as in BlenSor.
     """
 
-    reflectivity: dict[str, float] = field(default_factory=dict)
-    default_reflectivity: float = 1.0
-    attenuation_from_m: float = 50.0
-    attenuation_limit: float = 0.1
-    attenuation_slope_per_m: float = 0.01
-    raydrop: float = 0.0
-    raydrop_incidence: float = 0.0
-    raydrop_per_m: float = 0.0
-    min_range_m: float = 0.0
-    range_quantum_mm: float | None = None
+    reflectivity: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
+    default_reflectivity: NonNegativeFloat = 1.0
+    attenuation_from_m: NonNegativeFloat = 50.0
+    attenuation_limit: NonNegativeFloat = 0.1
+    attenuation_slope_per_m: NonNegativeFloat = 0.01
+    raydrop: NonNegativeFloat = 0.0
+    raydrop_incidence: NonNegativeFloat = 0.0
+    raydrop_per_m: NonNegativeFloat = 0.0
+    min_range_m: NonNegativeFloat = 0.0
+    range_quantum_mm: PositiveFloat | None = None
     mirrors: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_at_least(self, 0, "default_reflectivity", "attenuation_from_m", "attenuation_limit")
-        check_at_least(self, 0, "attenuation_slope_per_m", "raydrop", "raydrop_incidence")
-        check_at_least(self, 0, "raydrop_per_m", "min_range_m")
-        check_above_zero(self, "range_quantum_mm")
-        for name, value in self.reflectivity.items():
-            if not 0 <= value <= 1:
-                raise InputError(f"reflectivity of {name} is {value:g}, but must be from 0 to 1")
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
         """`measured` distances in steps, inf where a return is lost."""
@@ -93,8 +84,7 @@ class Receiver:
         return np.asarray(draws.running("raydrop").random(hits.distance.shape) < chance)
 
 
-@dataclass(frozen=True)
-class Received:
+class Received(ErrorModel):
     """An error model whose returns go through a receiver."""
 
     model: ErrorModel
@@ -106,7 +96,7 @@ class Received:
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
         """The model's hits."""
-        return merged(self.model, hits, sensor)
+        return self.model.merge_hits(hits, sensor)
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """The model's distances as the receiver lets them through."""
@@ -115,7 +105,11 @@ class Received:
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
         """The model's displacements along the normal."""
-        return lifted(self.model, hits, sensor, draws)
+        return self.model.lift_points(hits, sensor, draws)
+
+    def described(self) -> dict[str, Any]:
+        """The model's description with the receiver's parameters."""
+        return {**self.model.described(), "receiver": self.receiver.model_dump()}
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pydantic import NonNegativeFloat
 
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors.model import Draws, Hits
-from puckbench.lidar.errors.noise import check_distributions, standard_noise
+from puckbench.lidar.errors.noise import Distribution, standard_noise
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.errors.vlp16 import Vlp16
-from puckbench.lidar.options import check_at_least
 from puckbench.lidar.sensor import Sensor
 
 
-@dataclass(frozen=True)
+@ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
     """A measured point is off its surface by ``N(0, normal_sigma_m)`` along the true normal.
 
@@ -21,15 +21,12 @@ class SurfaceNormal(Vlp16):
     can be added; it is off here.
     """
 
-    bias_sigma_m: float = 0.0
-    ray_sigma_m: float = 0.0
-    normal_sigma_m: float = 0.014
-    normal_distribution: str = "gaussian"
+    title, colour = "Surface normal", "#882255"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 0, "normal_sigma_m")
-        check_distributions(self, "normal_distribution")
+    bias_sigma_m: NonNegativeFloat = 0.0
+    ray_sigma_m: NonNegativeFloat = 0.0
+    normal_sigma_m: NonNegativeFloat = 0.014
+    normal_distribution: Distribution = "gaussian"
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """Noise along the normal, m."""

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import NonNegativeFloat
 
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.model import Draws, Hits
-from puckbench.lidar.errors.noise import check_distributions, standard_noise
-from puckbench.lidar.options import check_at_least
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
+from puckbench.lidar.errors.noise import Distribution, standard_noise
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.sweep import Rays
 
 
-@dataclass(frozen=True)
-class Vlp16:
+@ERROR_MODELS.register("vlp16")
+class Vlp16(ErrorModel):
     """``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``.
 
     The biases are redrawn at the start of every frame (``bias_redrawn="frame"``, as BlenSor's
@@ -26,24 +25,14 @@ class Vlp16:
     BlenSor offers Laplace for the bias only.
     """
 
-    bias_sigma_m: float = 0.014
-    ray_sigma_m: float = 0.010
-    bias_redrawn: str = "frame"
-    bias_distribution: str = "gaussian"
-    ray_distribution: str = "gaussian"
+    title, colour = "VLP-16", "#0072B2"
+
+    bias_sigma_m: NonNegativeFloat = 0.014
+    ray_sigma_m: NonNegativeFloat = 0.010
+    bias_redrawn: Literal["frame", "scan"] = "frame"
+    bias_distribution: Distribution = "gaussian"
+    ray_distribution: Distribution = "gaussian"
     ray_mean_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_at_least(self, 0, "bias_sigma_m", "ray_sigma_m")
-        check_distributions(self, "bias_distribution", "ray_distribution")
-        if self.bias_redrawn not in {"frame", "scan"}:
-            raise InputError(
-                f"bias_redrawn is {self.bias_redrawn!r}, but must be 'frame' or 'scan'"
-            )
-
-    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The nominal rays."""
-        return rays
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """True distance plus the bias of its laser plus the noise of its ray."""

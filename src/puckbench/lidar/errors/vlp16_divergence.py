@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.beam import beam_widths_deg
+from puckbench.lidar.errors.beam import BeamOfWidth
 from puckbench.lidar.errors.model import Draws
-from puckbench.lidar.errors.vlp16 import Vlp16
-from puckbench.lidar.options import check_at_least
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
 
 
-@dataclass(frozen=True)
-class Vlp16Divergence(Vlp16):
+@ERROR_MODELS.register("vlp16_divergence")
+class Vlp16Divergence(BeamOfWidth):
     """As `Vlp16`, each ray first turned at random within the beam.
 
     Yaw and pitch change by uniform numbers within half the beam's width (None: the sensor's
@@ -29,20 +27,13 @@ class Vlp16Divergence(Vlp16):
     on the nominal ray, as a real sensor does, which knows no other direction.
     """
 
-    yaw_width_deg: float | None = None
-    pitch_width_deg: float | None = None
-    returns_along: str = "fired"
+    title, colour = "Beam divergence", "#009E73"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 0, "yaw_width_deg", "pitch_width_deg")
-        if self.returns_along not in {"fired", "nominal"}:
-            what = f"returns_along is {self.returns_along!r}"
-            raise InputError(f"{what}, but must be 'fired' or 'nominal'")
+    returns_along: Literal["fired", "nominal"] = "fired"
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """Rays turned within the beam."""
-        yaw_width, pitch_width = beam_widths_deg(self, sensor)
+        yaw_width, pitch_width = self.beam_widths_deg(sensor)
         yaw = rays.yaw + _uniform("beam yaw", yaw_width, rays.yaw.shape, draws)
         pitch = rays.pitch + _uniform("beam pitch", pitch_width, rays.pitch.shape, draws)
         return Rays(yaw, pitch, placed_as_fired=self.returns_along == "fired")

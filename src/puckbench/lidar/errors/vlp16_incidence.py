@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from pydantic import NonNegativeFloat
 
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors.model import Hits
+from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.errors.vlp16 import Vlp16
-from puckbench.lidar.options import check_at_least
 
 
-@dataclass(frozen=True)
+@ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):
     """As `Vlp16`, with ``ray_sigma_m + (incidence_factor * theta)^2`` metres as a ray's sigma.
 
@@ -20,11 +19,9 @@ class Vlp16Incidence(Vlp16):
     60 degrees 11.0 mm and a grazing ray 24.7 mm.
     """
 
-    incidence_factor: float = 0.1
+    title, colour = "Incidence", "#E69F00"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_at_least(self, 0, "incidence_factor")
+    incidence_factor: NonNegativeFloat = 0.1
 
     def ray_scale(self, hits: Hits) -> Floats | float:
         """Sigma of each ray, m, in the shape of ``hits.distance``."""

@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane, robust_plane, robust_std
-from puckbench.lidar.options import check_above_zero, check_at_least
 from puckbench.lidar.recordings import CaptureTable
 from puckbench.lidar.residual_table import plane_coordinates
 from puckbench.lidar.walls.range_image import CellImage, Mask, largest_patch, widened, without_ends
@@ -32,8 +34,7 @@ _MOST_SCORED, _PLANES_AT_A_TIME = 4096, 32
 _TAKEN_THRESHOLDS = 3
 
 
-@dataclass(frozen=True)
-class PlaneSearch:
+class PlaneSearch(Model):
     """What counts as a plane of a capture; lengths in m.
 
     threshold_m: a return farther from a plane than this is not on it while patches are looked for.
@@ -49,28 +50,25 @@ class PlaneSearch:
     most_noise_m: nor one with a greater robust standard deviation of the distances to its plane.
     """
 
-    threshold_m: float = 0.03
-    share_on_plane: float = 0.9
-    most_planes: int = 30
+    threshold_m: PositiveFloat = 0.03
+    share_on_plane: PositiveFloat = 0.9
+    most_planes: PositiveInt = 30
     up: tuple[float, ...] = (0.0, 0.0, 1.0)
-    tilt_deg: float = 10.0
-    most_incidence_deg: float = 75.0
-    inlier_sigmas: float = 5.0
-    least_laser_share: float = 0.25
-    least_returns: int = 100
-    least_lasers: int = 4
-    least_width_m: float = 0.5
-    least_height_m: float = 0.25
-    most_noise_m: float = 0.02
+    tilt_deg: PositiveFloat = 10.0
+    most_incidence_deg: PositiveFloat = 75.0
+    inlier_sigmas: PositiveFloat = 5.0
+    least_laser_share: NonNegativeFloat = 0.25
+    least_returns: PositiveInt = 100
+    least_lasers: PositiveInt = 4
+    least_width_m: NonNegativeFloat = 0.5
+    least_height_m: NonNegativeFloat = 0.25
+    most_noise_m: PositiveFloat = 0.02
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _of_a_direction(self) -> Self:
         if len(self.up) != 3 or not any(self.up):
             raise InputError("up must be a direction, three numbers that are not all 0")
-        check_above_zero(self, "threshold_m", "share_on_plane", "tilt_deg", "inlier_sigmas")
-        check_above_zero(self, "most_noise_m", "most_incidence_deg")
-        check_at_least(self, 1, "most_planes", "least_lasers")
-        check_at_least(self, 1, "least_returns")
-        check_at_least(self, 0, "least_width_m", "least_height_m", "least_laser_share")
+        return self
 
     @property
     def least_cosine(self) -> float:

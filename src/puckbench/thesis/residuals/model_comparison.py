@@ -7,7 +7,6 @@ what was measured. So geometry and fit are the same, and what differs is the noi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -191,7 +190,7 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
     """The model with a device of its own for each capture and replicate, where it has devices."""
     if not isinstance(model, Calibrated):
         return model
-    return replace(model, file=None, device=1 + 1000 * replicate + capture)
+    return model.replaced(file=None, device=1 + 1000 * replicate + capture)
 
 
 def _errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:

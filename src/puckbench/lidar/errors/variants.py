@@ -1,0 +1,46 @@
+"""Error models that are others with parameters of their own."""
+
+from __future__ import annotations
+
+from pydantic import NonNegativeFloat
+
+from puckbench.lidar.errors.calibrated import Calibrated
+from puckbench.lidar.errors.registry import ERROR_MODELS
+from puckbench.lidar.errors.vlp16 import Vlp16
+
+
+@ERROR_MODELS.register("vlp16_table51")
+class Vlp16Table51(Vlp16):
+    """The VLP-16 as Table 5.1 of the thesis prints it, against its section 5.4 and its code."""
+
+    title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
+
+    bias_sigma_m: NonNegativeFloat = 0.078
+    ray_sigma_m: NonNegativeFloat = 0.014
+
+
+@ERROR_MODELS.register("hdl64e")
+class Hdl64e(Vlp16):
+    """BlenSor's defaults, which are those of the HDL-64E."""
+
+    title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
+
+    bias_sigma_m: NonNegativeFloat = 0.078
+
+
+@ERROR_MODELS.register("thesis_room")
+class ThesisRoom(Vlp16):
+    """The room scans of the thesis as run: the ray sigma of BlenSor's scan_range, no divergence."""
+
+    title, colour, variant_of = "Thesis, rooms", "#117733", Vlp16
+
+    ray_sigma_m: NonNegativeFloat = 0.020
+
+
+@ERROR_MODELS.register("vlp16_measured")
+class Vlp16Measured(Calibrated):
+    """Calibrated on recordings of real sensors: calibrations/vlp16_measured.yaml."""
+
+    title, colour, variant_of = "Measured", "#56B4E9", Calibrated
+
+    file: str | None = "vlp16_measured"
