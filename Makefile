@@ -2,6 +2,7 @@
 # make test   set up .venv with the test tools, then run every check
 # make lint   only the static checks         make data      fetch the free real data into data/
 # make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
+# make docs   build the documentation into site/
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
@@ -12,7 +13,7 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
-.PHONY: run test lint fuzz setup setup-test learned slurm data lock clean
+.PHONY: run test lint fuzz setup setup-test learned slurm docs data lock clean
 .NOTPARALLEL:
 
 run: learned
@@ -25,7 +26,7 @@ setup:
 	@envs/setup.sh
 
 setup-test:
-	@envs/setup.sh test learned
+	@envs/setup.sh test learned docs
 
 learned:
 	@envs/setup.sh learned
@@ -46,6 +47,10 @@ SECONDS ?= 300
 fuzz: setup-test
 	$(IN_VENV) python -m benchmarks.checks.fuzz --seconds $(SECONDS) --keep fuzz
 
+docs: setup-test
+	$(IN_VENV) sphinx-build -W --keep-going -q docs site
+	@echo "Documentation: site/index.html"
+
 data: setup
 	$(IN_VENV) python -m puckbench data
 
@@ -54,4 +59,4 @@ lock: setup
 	$(BIN)/python envs/lock.py $(LOCK)
 
 clean:
-	rm -rf results fuzz .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf results fuzz site .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis

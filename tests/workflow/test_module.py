@@ -9,8 +9,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from tests.support.pages import blocks
 from tests.workflow.conftest import ROOT
-from tests.workflow.test_readme import blocks
 
 CONFIG = {
     "results": "benchmark",
@@ -25,9 +25,9 @@ def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
-def test_another_workflow_uses_this_one_as_the_readme_shows(tmp_path: Path) -> None:
+def test_another_workflow_uses_this_one_as_the_page_shows(tmp_path: Path) -> None:
     (tmp_path / "puckbench").symlink_to(ROOT)
-    (tmp_path / "Snakefile").write_text(blocks("snakemake")[0])
+    (tmp_path / "Snakefile").write_text(blocks("docs/how-to/use_as_a_library.md", "snakemake")[0])
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "config.yaml").write_text(yaml.safe_dump({"puckbench": CONFIG}))
     done = snakemake(tmp_path)

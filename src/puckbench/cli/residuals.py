@@ -32,7 +32,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning"
     )
     parser.add_argument(
-        "--capture-options", type=json_object, default={}, help="JSON (docs/captures.md)"
+        "--capture-options",
+        type=json_object,
+        default={},
+        help="JSON (docs/reference/capture_options.md)",
     )
 
 

@@ -60,7 +60,7 @@ def check_storage(provider: str | None) -> None:
     if provider is not None:
         raise InputError(
             f"default storage provider {provider}: jobs must share the folder of the run itself,"
-            " see docs/cluster.md"
+            " see docs/how-to/run_on_a_cluster.md"
         )
 
 

@@ -1,4 +1,6 @@
-"""Calibration of the range error model from plane residuals, real or virtual (docs/calibration.md).
+"""Calibration of the range error model from plane residuals, real or virtual.
+
+The model and its estimate are explained in docs/explanation/sensor.md.
 
 `calibrate` estimates by maximum likelihood, `write_calibration` makes of it a file that the error
 model `calibrated` draws from.

@@ -144,4 +144,4 @@ CLAIMS: tuple[Claim, ...] = (
         "6.4",
     ),
 )
-"""In the order of docs/claims.md; a claim's number is its place, from 1."""
+"""In the order of docs/notes/claims.md; a claim's number is its place, from 1."""

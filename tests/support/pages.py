@@ -1,0 +1,28 @@
+"""The code that pages of the documentation show."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def page(name: str) -> str:
+    """The text of a page, named from the root of the repository."""
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def blocks(name: str, language: str) -> list[str]:
+    """A page's code in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page(name), re.DOTALL | re.MULTILINE)
+
+
+def write_files(folder: Path, *names: str) -> None:
+    """Write the pages' Python files where their first lines say; other code is left out."""
+    for name in names:
+        for block in blocks(name, "python"):
+            if found := re.match(r'"""([\w/]+\.py): ', block):
+                path = folder / found[1]
+                path.parent.mkdir(exist_ok=True)
+                path.write_text(block)

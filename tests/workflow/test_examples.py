@@ -1,0 +1,165 @@
+"""The examples of the README and of the how-to guides do what these say."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from puckbench.core.files import read_json
+from tests.support.pages import blocks, page, write_files
+from tests.workflow.conftest import ROOT, Bench
+
+CODEC = "docs/how-to/bring_a_codec.md"
+DATA = "docs/how-to/bring_data.md"
+LIBRARY = "docs/how-to/use_as_a_library.md"
+ONE_RESULT = "docs/how-to/make_one_result.md"
+
+
+def _python(folder: Path, *words: str, path: str = str(ROOT / "src")) -> str:
+    """What a Python program in a folder prints, with puckbench on its path."""
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_library_compares_codecs_as_its_page_shows(tmp_path: Path) -> None:
+    write_files(tmp_path, CODEC, LIBRARY)
+    rng = np.random.default_rng(0)
+    np.savetxt(tmp_path / "points.xyz", rng.random((500, 3)) * [1, 1, 0.01])
+    lines = _python(tmp_path, "compare.py").splitlines()
+    table = pd.DataFrame([line.split()[1:] for line in lines[1:]], columns=lines[0].split())
+    assert list(table.codec) == ["draco"] * 8 + ["grid"] * 3
+    grid = table[table.codec == "grid"].astype({"bpp": float, "d1_psnr": float})
+    assert grid.bpp.is_monotonic_increasing
+    # Rounding to steps of 4 errs by 4**2 / 12 along each of three axes; MPEG's peak is tripled.
+    assert grid.d1_psnr.iloc[-1] == pytest.approx(10 * np.log10(3 * 1023**2 / 4), abs=0.3)
+
+
+def test_gpcc_codes_points_alone_as_its_example_shows() -> None:
+    points = np.random.default_rng(0).integers(0, 64, (200, 3))
+    code = next(block for block in blocks(LIBRARY, "python") if "encode_geometry" in block)
+    names = {"points": points}
+    exec(code, names)  # noqa: S102 (our own page)
+    decoded = eval("decode_geometry(stream).points", names)  # noqa: S307
+    assert set(map(tuple, decoded)) == set(map(tuple, points))
+
+
+def test_a_package_brings_a_codec_as_its_page_shows(fresh: Bench, tmp_path: Path) -> None:
+    write_files(tmp_path, CODEC)
+    (package := tmp_path / "package").mkdir()
+    (tmp_path / "codecs" / "grid.py").rename(package / "grid.py")
+    (package / "pyproject.toml").write_text(blocks(CODEC, "toml")[0])
+    offline = ["--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
+    target = tmp_path / "installed"
+    _python(tmp_path, "-m", "pip", "install", *offline, "--target", str(target), "./package")
+    path = f"{ROOT / 'src'}{os.pathsep}{target}"
+    assert "r3 step 4" in _python(tmp_path, "-m", "puckbench", "codecs", path=path)
+    fresh.configure({"codecs": {"grid": {}}, "sensor_study": None, "figures": {}})
+    row = "results/metrics/objects/chair_01/grid/r3.json"
+    _python(fresh.folder, *fresh.command(row)[1:], path=path)
+    assert read_json(fresh.folder / row)["codec_version"] == "1"
+
+
+def test_a_codec_and_a_data_set_of_ones_own_run_as_their_pages_show(fresh: Bench) -> None:
+    write_files(fresh.folder, CODEC, DATA)
+    codecs = yaml.safe_load(blocks(CODEC, "yaml")[0])["codecs"]
+    shown = [yaml.safe_load(block) for block in blocks(DATA, "yaml")]
+    scenes = next(block["scenes"] for block in shown if "spheres" in block["scenes"])
+    fresh.configure(
+        {
+            "scenes": scenes,
+            "datasets": {"spheres": {"scenes": "spheres", "make": "sample", "points": 1000}},
+            "codecs": {"grid": codecs["grid"]},
+            "figures": {},
+            "sensor_study": None,
+        }
+    )
+    fresh.made("tables")
+    table = pd.read_csv(fresh.results / "tables" / "metrics.csv")
+    assert len(table) == 3 * 3
+    coarse = table[table.cloud == "coarse"].set_index("rate")
+    assert coarse.bpp.is_monotonic_increasing
+    assert coarse.d1_mse.is_monotonic_decreasing
+
+
+def test_the_run_that_the_readme_describes_is_valid(fresh: Bench) -> None:
+    write_files(fresh.folder, CODEC)
+    (fresh.folder / "data" / "mine").mkdir(parents=True)
+    (fresh.folder / "box.off").rename(fresh.folder / "data" / "mine" / "box.off")
+    (fresh.folder / "config.yaml").write_text(blocks("README.md", "yaml")[0])
+    jobs = fresh.planned("tables")
+    assert jobs["scan"] == 1
+
+
+def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
+    (commands,) = blocks("README.md", "sh")
+    bin_folder = Path(sys.executable).parent
+    done = subprocess.run(
+        ["bash", "-e", "-c", commands],
+        cwd=tmp_path,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT / "src"),
+            "PATH": f"{bin_folder}{os.pathsep}{os.environ['PATH']}",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "truth_cd_plane" in done.stdout
+    assert (tmp_path / "scan.pcd").exists()
+
+
+def test_the_default_run_makes_every_result_that_the_pages_name(tmp_path: Path) -> None:
+    """What the README and the page on single results ask Snakemake for is planned, not run."""
+    for name in ("workflow", "config", "benchmarks"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    plain = [*blocks("README.md", ""), *blocks(ONE_RESULT, "")]
+    asked = [line.split("#")[0].split() for block in plain for line in block.splitlines()]
+    targets = {
+        word
+        for words in asked
+        if words and words[0] == "snakemake" and "--configfile" not in words
+        for word in words[1:]
+        if not word.startswith("-") and word != "2" and "=" not in word
+    }
+    assert len(targets) >= 5
+    program = [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run", "--quiet", "all"]
+    done = subprocess.run(
+        [*program, "--", *sorted(targets)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
+
+
+def test_files_that_the_readme_names_exist() -> None:
+    readme = page("README.md")
+    named = set(re.findall(r"`((?:src|config|workflow|docs)/[\w./-]+)`|\]\(([\w./-]+)\)", readme))
+    for path in {first or second for first, second in named}:
+        assert (ROOT / path).exists(), path
+
+
+def test_the_default_configuration_has_the_paths_that_the_pages_name() -> None:
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    assert "office_1" in config["scenes"]["rooms"]["select"]
+    assert "rooms_noisy" in config["datasets"]
+    assert Path(ROOT / "config" / "README.md").exists()
