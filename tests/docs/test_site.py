@@ -82,7 +82,6 @@ def test_pages_that_sources_and_reports_name_exist() -> None:
         for folder in ("src", "workflow", "config", "benchmarks")
         for path in (ROOT / folder).rglob("*")
         if path.suffix in {".py", ".yaml", ".smk", ".rst", ".md"}
-        if path.name not in {"codecs.yaml", "codec.py"}
         for found in re.findall(r"\bdocs/[\w/-]+\.md", path.read_text(encoding="utf-8"))
     ]
     missing = [(path, name) for path, name in named if not (ROOT / name).exists()]
