@@ -97,7 +97,7 @@ def test_voxels_are_coded_on_the_whole_numbers_that_they_were() -> None:
     between = PointCloud((cells + 0.5) * step + origin, about={"grid": grid})
     with pytest.raises(InputError, match="size grid: 50 of 50 points are not on the cloud's grid"):
         prepare(between, "grid", 10)
-    with pytest.raises(InputError, match="tells no grid"):
+    with pytest.raises(InputError, match="has no grid"):
         prepare(PointCloud(cells), "grid", 10)
 
 

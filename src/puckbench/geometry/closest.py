@@ -14,7 +14,7 @@ from puckbench.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points (m, 3) of a surface, its unit normals (m, 3) and the triangles (m,) they lie on."""
+    """Points (m, 3) on a mesh, unit normals (m, 3) and indices (m,) of their triangles."""
 
     xyz: Floats
     normals: Floats
@@ -22,20 +22,34 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Bring a mesh in metres into a cloud's frame: ``(vertices - offset) * scale``.
+    """Transform a mesh in metres to a cloud's frame: ``(vertices - offset) * scale``.
 
-    `scale` (units per metre) and `offset` (3,) (metres) are those in the cloud's `about`.
+    Parameters
+    ----------
+    mesh
+        In metres.
+    scale
+        Units of the cloud per metre, from the cloud's `about`.
+    offset
+        (3,), metres, from the cloud's `about`.
     """
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
 def closest_surface_points(mesh: Mesh, points: Floats) -> SurfacePoints:
-    """The point of the mesh closest to each of `points` (m, 3), both in one frame.
+    """Find the point of a mesh that is closest to each query point.
 
     Embree (through Open3D) finds the triangle in single precision, after a shift of the mesh's
     middle to the origin, where that is most exact; the closest point of this triangle is then
     computed in double precision. Triangles without area are left out. On an edge that triangles
     share, Embree's choice of the triangle decides the normal.
+
+    Parameters
+    ----------
+    mesh
+        In the frame of the points.
+    points
+        Queries, (m, 3).
     """
     solid = np.flatnonzero(mesh.areas() > 0)
     corners = mesh.corners()[solid]

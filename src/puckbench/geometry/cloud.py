@@ -15,11 +15,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points with optional attributes, and what is known about them.
+    """Points with optional attributes and a description.
 
-    xyz: (n, 3) float64. normals: (n, 3) float64 unit vectors or None. colours: (n, 3) uint8 or
-    None. labels: (n,) int32 or None. about: what stands in the JSON beside the file (source,
-    seed, scale and offset to metres, ...).
+    Parameters
+    ----------
+    xyz
+        Coordinates, (n, 3) float64.
+    normals
+        Unit vectors, (n, 3) float64, or None.
+    colours
+        RGB, (n, 3) uint8, or None.
+    labels
+        (n,) int32, or None.
+    about
+        The JSON beside the file: source, seed, ``scale`` and ``offset`` to metres, and more.
     """
 
     xyz: Floats
@@ -32,7 +41,7 @@ class PointCloud:
         return len(self.xyz)
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """The cloud of the given rows (mask or indices), attributes taken along."""
+        """The cloud of some rows (a mask or indices), with their attributes."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -42,13 +51,19 @@ class PointCloud:
         )
 
     def to_metres(self, points: Floats) -> Floats:
-        """Bring points (m, 3) of this cloud's frame to metres: ``points / scale + offset``."""
+        """Transform points (m, 3) of this cloud to metres: ``points / scale + offset``."""
         scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
         return np.asarray(points / scale + np.asarray(offset))
 
 
 def check_points(points: Floats, what: str) -> None:
-    """InputError unless `points` is a non-empty, finite (n, 3) array; `what` names its source."""
+    """Refuse points that are not a non-empty, finite (n, 3) array.
+
+    Raises
+    ------
+    InputError
+        Begins with `what`, the name of their source.
+    """
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{what}: expected points of shape (n, 3), got {points.shape}")
     if len(points) == 0:

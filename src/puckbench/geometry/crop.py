@@ -12,6 +12,16 @@ MARGIN_M = 1e-6
 
 
 def inside(points: Floats, box: Floats, margin: float = MARGIN_M) -> NDArray[np.bool_]:
-    """Mask (n,) of the points within the box (2, 3), faces widened by `margin` metres."""
+    """Mask (n,) of the points (n, 3) within a box.
+
+    Parameters
+    ----------
+    points
+        (n, 3), metres.
+    box
+        Lowest and highest corner, (2, 3), metres.
+    margin
+        Distance by which the box is widened on all sides, metres.
+    """
     low, high = box[0] - margin, box[1] + margin
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))

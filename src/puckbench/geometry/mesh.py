@@ -16,12 +16,16 @@ from puckbench.geometry.cloud import Floats
 class Primitive:
     """A geometric primitive that a surface lies on (thesis section 7).
 
-    kind: "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    parameters: its numbers in world coordinates (metres, radians), by name; directions are unit
-    vectors. A plane has ``normal`` and ``offset`` (normal . p = offset), a cylinder ``point``,
-    ``axis`` and ``radius``, a sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the
-    cone) and ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
-    superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
+    Parameters
+    ----------
+    kind
+        "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
+    parameters
+        Numbers in world coordinates (metres, radians) by name; directions are unit vectors. A plane
+        has ``normal`` and ``offset`` (normal . p = offset), a cylinder ``point``, ``axis`` and
+        ``radius``, a sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the cone)
+        and ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
+        superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
     """
 
     kind: str
@@ -38,10 +42,16 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Labels:
-    """Per-triangle ground truth.
+    """Ground truth of each triangle; its semantic class is that of its object.
 
-    object_id: (t,) int32 index into `objects`. primitive_id: (t,) int32 index into `primitives`.
-    The semantic class of a triangle is that of its object.
+    Parameters
+    ----------
+    object_id
+        Index into `objects`, (t,) int32.
+    primitive_id
+        Index into `primitives`, (t,) int32.
+    objects, primitives
+        The objects and primitives of the scene.
     """
 
     object_id: NDArray[np.int32]
@@ -52,7 +62,17 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles: vertices (v, 3) float64 in metres with z up, triangles (t, 3) int64 indices."""
+    """A triangle mesh with z up.
+
+    Parameters
+    ----------
+    vertices
+        (v, 3) float64, metres.
+    triangles
+        Indices of vertices, (t, 3) int64.
+    labels
+        Ground truth of the triangles, or None.
+    """
 
     vertices: Floats
     triangles: NDArray[np.int64]
@@ -85,7 +105,13 @@ class Mesh:
 
 
 def check_mesh(mesh: Mesh, what: str) -> None:
-    """InputError unless the mesh has triangles, finite vertices and valid indices."""
+    """Refuse a mesh without area, with vertices that are not finite, or with invalid indices.
+
+    Raises
+    ------
+    InputError
+        Begins with `what`, the name of the mesh's source.
+    """
     if len(mesh.triangles) == 0:
         raise InputError(f"{what}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
@@ -98,7 +124,7 @@ def check_mesh(mesh: Mesh, what: str) -> None:
 
 
 def _has_area(mesh: Mesh) -> bool:
-    """Whether any triangle has an area; looks at no more of them than it takes."""
+    """Whether any triangle has an area; stops at the first part of the mesh with one."""
     starts = range(0, len(mesh.triangles), 4096)
     some = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
     return any((part.areas() > 0).any() for part in some)

@@ -1,4 +1,4 @@
-"""Planes of least squares from weighted moments.
+"""Least-squares planes from the weighted moments of points.
 
 Moments are ten numbers: weight, three first and six second moments (xx, xy, xz, yy, yz, zz).
 """

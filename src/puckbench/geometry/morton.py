@@ -82,7 +82,7 @@ def codes(points: Ints, axes: Ints) -> Ints:
 
 @compiled
 def coordinates(morton: Ints, axes: Ints, origin: Ints) -> Ints:
-    """Points (n, 3) of codes (n,): column c is the axis axes[c] (0 x, 1 y, 2 z) plus origin[c]."""
+    """Points (n, 3) of codes (n,): the inverse of `codes`, plus `origin` (3,)."""
     points = np.empty((len(morton), 3), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(morton)):

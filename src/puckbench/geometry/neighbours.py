@@ -24,17 +24,25 @@ Indices = NDArray[np.uint32]
 SAME_DISTANCE = 1e-8
 """pc_error's similarPointThreshold: squared distances closer than this are one distance."""
 LOOKED_AT_FIRST, LOOKED_AT_MORE, LOOKED_AT_MOST = 10, 5, 30
-"""How many neighbours pc_error looks at: more while all of them are exactly as near."""
+"""Numbers of neighbours that pc_error searches: more while all of them are equally near."""
 LEAF_SIZE = 16
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The nearest of a set of points to each of m queries.
+    """Nearest neighbours of m queries, ties included.
 
-    squared: (m,) squared distance to the nearest. starts: (m + 1,), the neighbours of query i are
-    index[starts[i]:starts[i + 1]], nearest first. exact: (m,) how many of them, from the first,
-    are at exactly the nearest distance; the others are within SAME_DISTANCE of the one before.
+    Parameters
+    ----------
+    squared
+        Squared distance to the nearest, (m,).
+    starts
+        (m + 1,): the neighbours of query i are ``index[starts[i]:starts[i + 1]]``, nearest first.
+    exact
+        (m,): number of neighbours at exactly the nearest distance; the others are within
+        SAME_DISTANCE of the one before.
+    index
+        Rows of the points that were searched.
     """
 
     squared: Floats
@@ -45,7 +53,7 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class _Group:
-    """Queries with as many columns of sorted neighbours; `counts` and `exact` say how many tie."""
+    """Queries (rows) with equally many sorted neighbours, of which `counts` and `exact` tie."""
 
     rows: Rows
     index: Indices
@@ -54,16 +62,16 @@ class _Group:
 
 
 class Points:
-    """Distinct points (n, 3) float64 to find neighbours among."""
+    """A search tree of distinct points (n, 3) float64."""
 
     def __init__(self, points: Floats) -> None:
         self._points = points
         self._tree: Any = KDTree(points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: Floats) -> Neighbours:
-        """Neighbours of each query (m, 3), complete as to ties whatever their number.
+        """Nearest neighbours of queries (m, 3) with all ties.
 
-        Few neighbours are looked at first, more only for the queries where all of those tie.
+        Few neighbours are searched first, more only for the queries where all of those tie.
         """
         nearest, rows, groups = np.empty(len(queries)), np.arange(len(queries)), []
         for k in _growing_numbers():
@@ -112,7 +120,7 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """How many of the sorted neighbours count as nearest, and how many are exactly so."""
+    """Numbers of sorted neighbours that count as nearest, and that are exactly nearest."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

@@ -12,10 +12,10 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 THRESHOLD_M = 0.01
-# PCL's own: at most so many samples, fewer once a better one is unlikely by this much.
+# PCL's own: most samples, and the confidence at which a better one is unlikely.
 _MOST_SAMPLES, _CONFIDENCE = 1000, 0.99
 _SAMPLES_AT_A_TIME, _POINTS_AT_A_TIME = 32, 1 << 14
-# Of points that lie on one plane exactly, rounding must not throw any out.
+# Points that lie exactly on one plane are all kept despite rounding.
 _LEAST_SPREAD_M = 1e-9
 
 
@@ -43,13 +43,27 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """The plane through three of `points` (n, 3), m, that most points are within a threshold of.
+    """Fit a plane by RANSAC: the plane through three points that most points lie close to.
 
     As PCL's RandomSampleConsensus, which the thesis's measurements used (section 5.1.2): at most
     1000 samples, fewer once a better plane is unlikely with 99 % confidence, and no refit.
-    `refit` takes the least-squares plane of the points within the threshold instead, once: noise
-    wider than the threshold is cut off about the first plane, so its tilt shrinks but remains.
-    Raises InputError for fewer than three points, or points on one line.
+
+    Parameters
+    ----------
+    points
+        (n, 3), metres.
+    rng
+        Draws the samples.
+    threshold_m
+        Largest distance of an inlier from the plane.
+    refit
+        Return the least-squares plane of the inliers instead. Noise wider than the threshold is cut
+        off about the first plane, so its tilt shrinks but remains.
+
+    Raises
+    ------
+    InputError
+        There are fewer than three points, or all lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -74,10 +88,24 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """The least-squares plane of the points within `sigmas` of it, and which these are, (n,).
+    """Least-squares plane of the inliers: fit and selection repeat until the inliers are the same.
 
-    Sigma is the robust standard deviation, `robust_std`, of all distances. From the plane `start`,
-    fit and choice are repeated until the choice does not change.
+    Parameters
+    ----------
+    points
+        (n, 3), metres.
+    start
+        The plane to begin with.
+    sigmas
+        Largest distance of an inlier from the median, in robust standard deviations (`robust_std`)
+        of all distances.
+    rounds
+        Most repetitions.
+
+    Returns
+    -------
+    tuple
+        The plane and the mask (n,) of its inliers.
     """
     plane, chosen = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):
@@ -91,7 +119,7 @@ def robust_plane(
 
 
 def robust_std(values: Floats) -> float:
-    """Standard deviation by the median absolute deviation: that of a Gaussian's middle half."""
+    """Standard deviation estimated by the median absolute deviation (exact for a Gaussian)."""
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
@@ -125,7 +153,7 @@ def _samples(points: Floats, rng: np.random.Generator) -> Iterator[tuple[Floats,
 def _support(
     points: Floats, normals: Floats, offsets: Floats, threshold_m: float
 ) -> NDArray[np.int64]:
-    """How many points are nearer than the threshold to each plane, (k,)."""
+    """Number of points within the threshold of each plane, (k,)."""
     counts = np.zeros(len(normals), dtype=np.int64)
     for first in range(0, len(points), _POINTS_AT_A_TIME):
         distances = normals @ points[first : first + _POINTS_AT_A_TIME].T - offsets[:, None]
@@ -134,7 +162,7 @@ def _support(
 
 
 def _samples_needed(share: float) -> float:
-    """Samples after which one of three supporters was drawn with the confidence wanted."""
+    """Samples after which one of three inliers was drawn with the confidence wanted."""
     if share in {0.0, 1.0}:
         return 1.0 if share else float("inf")
     return float(np.log(1 - _CONFIDENCE) / np.log1p(-(share**3)))

@@ -21,10 +21,18 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A camera. eye, target and up: (3,) in the scene's units.
+    """A camera.
 
-    field_of_view_deg: vertical opening of a perspective camera. height: when given, the camera is
-    orthographic and its picture is this high in the scene's units.
+    Parameters
+    ----------
+    eye, target
+        Its position and a point on its line of sight, (3,), in the scene's units.
+    up
+        Direction that points upwards in the picture.
+    field_of_view_deg
+        Vertical opening angle of a perspective camera.
+    height
+        When given, the camera is orthographic with a picture this high, in the scene's units.
     """
 
     eye: Vector
@@ -93,10 +101,27 @@ def render_cloud(
     radius: int = 1,
     shade: bool = True,
 ) -> Image:
-    """Picture (height, width, 3) of points (n, 3) as discs of `radius` pixels, nearest in front.
+    """Draw points as discs, the nearest in front; the same arguments give the same bytes.
 
-    size: (width, height). colours: (n, 3) uint8 or None for grey. shade: darken pixels that lie
-    behind their neighbours, so that shapes can be read. The same arguments give the same bytes.
+    Parameters
+    ----------
+    points
+        (n, 3), in the scene's units.
+    colours
+        RGB, (n, 3) uint8, or None for grey.
+    view
+        The camera.
+    size
+        Width and height of the picture in pixels.
+    radius
+        Of the discs, in pixels.
+    shade
+        Darken pixels that lie behind their neighbours, so that shapes can be seen.
+
+    Returns
+    -------
+    numpy.ndarray
+        (height, width, 3) uint8.
     """
     width, height = size
     if colours is None:

@@ -9,9 +9,21 @@ from puckbench.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """`points` points on the mesh with the normals of their triangles.
+    """Draw points on a mesh, uniformly by area, with the normals of their triangles.
 
     The labels are the primitive ids of the triangles when the mesh is labelled.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    points
+        Number of points to draw.
+    rng
+        Source of randomness.
+
+    References
+    ----------
     Osada et al. 2002, equation 1: P = (1 - sqrt r1) A + sqrt r1 (1 - r2) B + sqrt r1 r2 C.
     """
     cumulative = np.cumsum(mesh.areas())

@@ -1,4 +1,4 @@
-"""Scaling to the cube [0, size - 1] as PCC Arena does, or to a grid; what brings back to metres."""
+"""Scaling of a cloud to the cube [0, size - 1], as PCC Arena does, or to the grid it came on."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 GRID = "grid"
-"""In place of a size: the grid that a cloud came on, which its description tells."""
+"""In place of a size: the cloud's own voxel grid, from its description."""
 _OFF_GRID = 1e-3
-"""Cells: what rounding to metres and back may move a point by, and much more."""
+"""Tolerance in voxels, far above the rounding of coordinates to metres and back."""
 
 
 class Scaling(NamedTuple):
@@ -23,15 +23,27 @@ class Scaling(NamedTuple):
     offset: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Bring points (n, 3) from metres to the cube."""
+        """Transform points (n, 3) from metres to the scaled frame."""
         return (points - self.offset) * self.scale
 
 
 def to_cube(points: Floats, size: int = 1024) -> Scaling:
-    """The scaling that puts `points` (n, 3) into [0, size - 1] and keeps their aspect.
+    """The scaling of a cloud to the cube [0, size - 1]^3 that keeps its aspect.
 
     The minimum of each axis is subtracted, then all axes are multiplied by (size - 1) over the
-    largest remaining coordinate (thesis section 6.1.6). InputError for a cloud without extent.
+    largest remaining coordinate (thesis section 6.1.6).
+
+    Parameters
+    ----------
+    points
+        (n, 3), metres.
+    size
+        Number of grid positions along the longest axis.
+
+    Raises
+    ------
+    InputError
+        The cloud has no extent.
     """
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())
@@ -41,17 +53,27 @@ def to_cube(points: Floats, size: int = 1024) -> Scaling:
 
 
 def to_grid(points: Floats, about: Mapping[str, Any]) -> Scaling:
-    """The scaling that puts voxels in metres (n, 3) back on the whole numbers that they were.
+    """The scaling of voxel centres in metres back to their integer coordinates.
 
-    about: the cloud's description with ``grid``: ``metres`` of a cell, ``origin`` (3,) in metres of
-    the first one, ``size`` in cells. InputError when there is none, or a point is not on it.
+    Parameters
+    ----------
+    points
+        (n, 3), metres.
+    about
+        The cloud's description with ``grid``: ``metres``, the side of a voxel, and ``origin`` (3,),
+        the first voxel, in metres.
+
+    Raises
+    ------
+    InputError
+        The description has no grid, or a point is not on it.
     """
     grid = about.get("grid")
     if grid is None:
-        raise InputError("size grid: the cloud's description tells no grid that it came on")
+        raise InputError("size grid: the cloud's description has no grid")
     scaling = Scaling(1 / grid["metres"], np.asarray(grid["origin"], dtype=np.float64))
-    cells = scaling.apply(points)
-    off = int(np.count_nonzero((np.abs(cells - np.rint(cells)) > _OFF_GRID).any(axis=1)))
+    voxels = scaling.apply(points)
+    off = int(np.count_nonzero((np.abs(voxels - np.rint(voxels)) > _OFF_GRID).any(axis=1)))
     if off:
         raise InputError(f"size grid: {off} of {len(points)} points are not on the cloud's grid")
     return scaling

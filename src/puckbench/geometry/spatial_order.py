@@ -1,4 +1,4 @@
-"""Points in the order of a Morton curve, duplicates merged.
+"""Points sorted along a Morton curve, and their distinct coordinates.
 
 Neighbours on the curve are neighbours in space, so that searches in a tree find what they need in
 the processor's cache: four times faster on a million points than in random order.
@@ -16,7 +16,7 @@ from puckbench.geometry.morton import spread
 Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]
 
-CELLS_PER_AXIS = 1 << 16
+VOXELS_PER_AXIS = 1 << 16
 DIGIT_BITS = 12
 DIGITS = 4
 
@@ -39,7 +39,7 @@ def morton_order(points: Floats) -> Rows:
 def _keys(points: Floats) -> Keys:
     lowest, highest = _bounds(points)
     extent = float(np.max(highest - lowest))
-    return _morton_keys(points, lowest, (CELLS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
+    return _morton_keys(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
 
 
 @compiled
@@ -54,13 +54,13 @@ def _bounds(points: Floats) -> tuple[Floats, Floats]:
 
 
 @compiled
-def _morton_keys(points: Floats, lowest: Floats, cells_per_unit: float) -> Keys:
-    """Interleave the bits of the three cell numbers of each point."""
+def _morton_keys(points: Floats, lowest: Floats, voxels_per_unit: float) -> Keys:
+    """Interleave the bits of each point's three voxel coordinates, x lowest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        x = spread(int((points[i, 0] - lowest[0]) * cells_per_unit))
-        y = spread(int((points[i, 1] - lowest[1]) * cells_per_unit))
-        z = spread(int((points[i, 2] - lowest[2]) * cells_per_unit))
+        x = spread(int((points[i, 0] - lowest[0]) * voxels_per_unit))
+        y = spread(int((points[i, 1] - lowest[1]) * voxels_per_unit))
+        z = spread(int((points[i, 2] - lowest[2]) * voxels_per_unit))
         keys[i] = x | (y << 1) | (z << 2)
     return keys
 

@@ -1,4 +1,4 @@
-"""The planes of least squares of the voxels around each voxel."""
+"""Tangent planes of voxelised surfaces: a least-squares plane for each voxel."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from puckbench.geometry.moments import SIZE, add_point, fit_plane
 
 Ints = NDArray[np.int64]
 _FEWEST = 4
-"""Voxels that make a plane."""
+"""Smallest number of voxels that a plane is fitted to."""
 _BITS = 21
 
 
 class Tangents(NamedTuple):
-    """Of m voxels: normals (m, 3), none (0, 0, 0) where there are too few voxels for a plane;
-    distances (m,) of the voxels off the planes; thicknesses (m,), of the voxels that made one,
-    their spread about it; how many these were (m,). In voxels."""
+    """Planes fitted around m voxels, lengths in voxels.
+
+    normals: (m, 3) unit vectors, (0, 0, 0) where there are too few voxels for a plane. off: (m,)
+    signed distance of the voxel from its plane. thickness: (m,) root mean square distance of the
+    fitted voxels. around: (m,) number of fitted voxels.
+    """
 
     normals: Floats
     off: Floats
@@ -29,9 +32,15 @@ class Tangents(NamedTuple):
 
 
 def tangents(voxels: Ints, block: int = 1) -> Tangents:
-    """The plane of each of some distinct voxels (m, 3) and of those around it.
+    """Fit a plane to each voxel's neighbourhood.
 
-    Around are those of the 27 cubes of `block` voxels a side that it and its neighbours are in.
+    Parameters
+    ----------
+    voxels
+        Distinct voxels, (m, 3).
+    block
+        Side of a block in voxels. The neighbourhood of a voxel is its own block and the 26 blocks
+        around it; the voxels of a block share one plane.
     """
     blocks = voxels // block
     blocks = blocks - blocks.min(axis=0) + 1
@@ -48,7 +57,7 @@ def tangents(voxels: Ints, block: int = 1) -> Tangents:
 
 @compiled
 def _fit(xyz: Floats, keys: Ints, starts: Ints, found: Floats) -> None:
-    """Write normal, distance, thickness and number for each voxel; blocks are in order of keys."""
+    """Write normal, distance, thickness and number of each voxel; blocks are sorted by keys."""
     ahead = np.zeros(9, np.int64)
     moments, plane = np.empty(SIZE), np.empty(4)
     for i in range(len(keys)):
