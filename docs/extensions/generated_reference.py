@@ -6,7 +6,7 @@ returns, in Markdown.
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -47,44 +47,35 @@ def _help(name: str) -> str:
 
 
 def codecs() -> str:
-    """Every codec with its title, options and rates."""
-    from puckbench.codecs.registry import entries
+    """Every codec with what it is, its options, and its rates."""
+    from puckbench.codecs.registry import codecs
 
-    shown = entries()
-    return _table(
-        ["codec", "options and their defaults", "rates"],
+    shown = codecs()
+    rates = ((f"`{name}`", _rates(codec.rates)) for name, codec in shown.items())
+    options = _table(
+        ["codec", "title", "what", "options and their defaults"],
         (
-            (f"`{name}`", _values(about.get("options", {})), _rates(about["rates"]))
-            for name, about in shown.items()
+            (f"`{name}`", codec.title, _first_sentence(codec), _options(codec.Options))
+            for name, codec in shown.items()
         ),
     )
+    return f"{options}\n\n## Rates\n\n{_table(['codec', 'rates'], rates)}"
 
 
 def trainings() -> str:
     """The settings of the training of every learned codec."""
-    from puckbench.codecs.registry import entries, has_weights, training_class
+    from puckbench.codecs.registry import codecs, has_weights, training_class
     from puckbench.core.registry import load
 
-    shown = {name: load(training_class(name), name) for name in entries() if has_weights(name)}
-    return _table(
-        ["codec", "settings and their defaults"],
-        ((f"`{name}`", _values(_options(model))) for name, model in shown.items()),
-    )
+    shown = {name: load(training_class(name), name) for name in codecs() if has_weights(name)}
+    return _plugins("codec", shown)
 
 
 def error_models() -> str:
     """Every error model with what it does, and its parameters."""
-    from puckbench.core.registry import load
-    from puckbench.lidar.errors import REGISTRY
+    from puckbench.lidar.errors import ERROR_MODELS
 
-    models = {name: (load(place, name), preset) for name, (place, preset) in REGISTRY.items()}
-    return _table(
-        ["model", "what", "parameters and their defaults"],
-        (
-            (f"`{name}`", _first_sentence(model), _values({**_options(model), **preset}))
-            for name, (model, preset) in models.items()
-        ),
-    )
+    return _plugins("model", {name: ERROR_MODELS.get(name) for name in ERROR_MODELS.names()})
 
 
 def sensors() -> str:
@@ -117,14 +108,7 @@ def data_sets() -> str:
     """Every loader with what it reads, and its options."""
     from puckbench.datasets.registry import LOADERS
 
-    shown = {name: LOADERS.get(name) for name in LOADERS.names()}
-    return _table(
-        ["loader", "what", "options and their defaults"],
-        (
-            (f"`{name}`", _first_sentence(loader), _values(_options(loader)))
-            for name, loader in sorted(shown.items())
-        ),
-    )
+    return _plugins("loader", {name: LOADERS.get(name) for name in sorted(LOADERS.names())})
 
 
 def tables() -> str:
@@ -167,38 +151,51 @@ def _table(titles: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     )
 
 
-def _options(model: Any) -> dict[str, Any]:
-    """Names and defaults of the options of a pydantic model or a data class."""
+def _plugins(kind: str, plugins: Mapping[str, Any]) -> str:
+    return _table(
+        [kind, "what", "options and their defaults"],
+        (
+            (f"`{name}`", _first_sentence(plugin), _options(plugin))
+            for name, plugin in plugins.items()
+        ),
+    )
+
+
+def _options(model: Any) -> str:
+    """The options of a pydantic model or a data class, one to a line."""
     if dataclasses.is_dataclass(model):
-        shown = {field.name: _default(field) for field in dataclasses.fields(model)}
+        shown = {field.name: (_default(field), None) for field in dataclasses.fields(model)}
     else:
         shown = {
-            name: "(required)" if field.is_required() else field.get_default()
+            name: ("required" if field.is_required() else field.get_default(), field.description)
             for name, field in model.model_fields.items()
         }
-    return {name: value for name, value in shown.items() if not name.startswith("_")}
+    return "<br>".join(
+        f"`{name}` {_value(default)}{f': {about}' if about else ''}"
+        for name, (default, about) in shown.items()
+    )
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:
     if field.default_factory is not dataclasses.MISSING:
         return field.default_factory()
-    return "(required)" if field.default is dataclasses.MISSING else field.default
+    return "required" if field.default is dataclasses.MISSING else field.default
 
 
-def _values(options: dict[str, Any]) -> str:
-    return ", ".join(f"`{name}` {_value(value)}".rstrip() for name, value in options.items())
+def _values(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"`{name}` {_value(value)}" for name, value in options.items())
 
 
 def _value(value: Any) -> str:
     if value is None:
-        return ""
+        return "none"
     if isinstance(value, bool):
         return str(value).lower()
-    return "" if isinstance(value, dict | tuple | list) and not value else str(value)
+    return str(value)
 
 
-def _rates(rates: dict[str, Any]) -> str:
-    return "<br>".join(f"{name}: {_values(dict(values))}" for name, values in rates.items())
+def _rates(rates: Mapping[str, Any]) -> str:
+    return "<br>".join(f"{name}: {_values(values)}" for name, values in rates.items())
 
 
 def _first_sentence(target: Any) -> str:
