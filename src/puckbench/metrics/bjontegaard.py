@@ -18,15 +18,21 @@ NO_COMMON_RANGE = "no common range"
 TOO_FEW_POINTS = "too few points"
 
 LEAST_POINTS = 2
-"""Fewer points of a curve leave nothing to interpolate between."""
+"""Smallest number of points that a curve can be interpolated between."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A codec's rate-distortion points on one cloud, both arrays strictly rising, (k,).
+    """Rate-distortion points of a codec on one cloud, both arrays strictly rising.
 
-    log_rate: natural logarithm of the rate. quality: in dB. dropped: how many points were left
-    out because a cheaper one was as good.
+    Parameters
+    ----------
+    log_rate
+        Natural logarithm of the rate, (k,).
+    quality
+        In dB, (k,).
+    dropped
+        Number of points left out because a cheaper one is at least as good.
     """
 
     log_rate: Floats
@@ -36,12 +42,19 @@ class Curve:
 
 @dataclass(frozen=True)
 class Delta:
-    """A curve against an anchor's.
+    """Bjontegaard deltas of a curve against an anchor's.
 
-    log_ratio: mean of ln(rate / anchor's rate) at equal quality, over the qualities that both
-    reach; quality_db: mean difference of quality at equal rate, over the rates of both. None where
-    there is no such range, which `rate_status` and `quality_status` say. shared: length of the
-    common range of quality over the anchor's.
+    Parameters
+    ----------
+    log_ratio
+        Mean of ln(rate / anchor's rate) at equal quality, over the qualities that both reach; None
+        where there are none.
+    quality_db
+        Mean difference of quality at equal rate, over the rates that both have; None likewise.
+    rate_status, quality_status
+        `COMPARED`, or why there is no value.
+    shared
+        Length of the common range of quality over that of the anchor.
     """
 
     log_ratio: float | None
@@ -57,10 +70,17 @@ class Delta:
 
 
 def curve(rates: Floats, qualities: Floats) -> Curve:
-    """The curve through points of positive rate (k,) and quality (k,); missing values left out.
+    """The rate-distortion curve through measured points.
 
-    A point that is no better than a cheaper one is left out: it would make the curve ambiguous,
-    and nobody would choose it.
+    A point that is no better than a cheaper one is left out, since it would make the curve
+    ambiguous; so are missing values.
+
+    Parameters
+    ----------
+    rates
+        Positive, (k,).
+    qualities
+        In dB, (k,).
     """
     known = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[known], qualities[known]
@@ -72,7 +92,7 @@ def curve(rates: Floats, qualities: Floats) -> Curve:
 
 
 def delta(anchor: Curve, tested: Curve) -> Delta:
-    """`tested` against `anchor`; nothing is ever extrapolated."""
+    """Bjontegaard deltas of `tested` against `anchor`, without extrapolation."""
     if min(len(anchor.quality), len(tested.quality)) < LEAST_POINTS:
         return Delta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
     low, high = _common(anchor.quality, tested.quality)

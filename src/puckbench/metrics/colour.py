@@ -32,12 +32,27 @@ def yuv(colours: np.ndarray) -> Floats:
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Colour errors between nearest neighbours in both directions, clouds with colours.
+    """Colour errors between nearest neighbours, in both directions.
 
     Points with equal coordinates are merged first, their colours averaged; of several nearest
-    neighbours the mean colour counts. Returns, for each of y, u and v, ``y_mse`` (larger of both
-    directions, of channels one unit wide) and ``y_psnr`` (dB, peak 1, infinite without error);
-    and ``luminance_l2``: see `luminance_distance`. InputError for a cloud without colours.
+    neighbours the mean colour counts.
+
+    Parameters
+    ----------
+    reference, decoded
+        Clouds with colours.
+
+    Returns
+    -------
+    dict
+        For each of y, u and v, ``y_mse`` (larger of both directions, of channels one unit wide) and
+        ``y_psnr`` (dB, peak 1, infinite without error); and ``luminance_l2``, see
+        `luminance_distance`.
+
+    Raises
+    ------
+    InputError
+        A cloud has no colours.
     """
     a, a_colours = _merged(reference, "reference cloud")
     b, b_colours = _merged(decoded, "decoded cloud")
@@ -56,11 +71,16 @@ def luminance_distance(a: Floats, b: Floats) -> float:
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Weighted sum of ``cd_plane`` and ``luminance_l2``: smaller is better.
+    """Joint measure of geometry and colour, ``cd_plane`` and ``luminance_l2``; lower is better.
 
     PCC Arena's form of the measure of Viola et al. Chamfer distances are squared units of the
     cloud, so it compares codecs on one cloud and not across scales. (PCC Arena's own colour term
     is always 0, by an integer division.)
+
+    References
+    ----------
+    Viola, Subramanyam and Cesar 2020, "A color-based objective quality metric for point cloud
+    contents".
     """
     if "cd_plane" not in distortion:
         return math.nan

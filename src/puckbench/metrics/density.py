@@ -10,25 +10,38 @@ from puckbench.geometry.spatial_order import distinct_rows
 
 NEIGHBOURS = 16
 QUERIES = 100_000
-"""Points of a larger cloud that are looked at, drawn at random; neighbours are sought among all."""
+"""Number of points of a larger cloud that are drawn at random as queries, among all its points."""
 OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Spacing, density and outliers of `points` (n, 3), in their unit.
+    """Spacing, density and outliers of a cloud.
 
-    * ``duplicates``: share of the points that have the coordinates of an earlier one; the others
-      are of the distinct points.
-    * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest other point.
-    * ``density_median``, ``density_q05``, ``density_q95``: points per unit of area, k / (pi r^2)
-      with the distance r of the k-th nearest of 16, as if the surface were flat there.
-    * ``outliers``: share of the points whose mean distance to these neighbours is beyond the mean
-      over points by more than two standard deviations (Rusu et al. 2008, the statistical outlier
-      removal of PCL and Open3D). Uneven sampling counts as well as noise.
+    Of more than 100,000 distinct points 100,000 are measured, always the same ones.
 
-    Of more than 100,000 distinct points so many are looked at, the same ones each time. A cloud of
-    a single distinct point has ``duplicates`` alone. Raises InputError for no points and for
-    points that are not finite.
+    Parameters
+    ----------
+    points
+        (n, 3), in any unit.
+
+    Returns
+    -------
+    dict
+        In the unit of the points; of a single distinct point ``duplicates`` alone:
+
+        * ``duplicates``: share of the points that have the coordinates of an earlier one; the
+          others are of the distinct points.
+        * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest other point.
+        * ``density_median``, ``density_q05``, ``density_q95``: points per unit of area,
+          k / (pi r^2) with the distance r of the k-th nearest of 16, as if the surface were flat.
+        * ``outliers``: share of the points whose mean distance to these neighbours is beyond the
+          mean over points by more than two standard deviations (Rusu et al. 2008, the statistical
+          outlier removal of PCL and Open3D). Uneven sampling counts as well as noise.
+
+    Raises
+    ------
+    InputError
+        There are no points, or some are not finite.
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)

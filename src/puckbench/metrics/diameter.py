@@ -9,17 +9,27 @@ from puckbench.geometry.cloud import Floats, check_points
 from puckbench.geometry.spatial_order import distinct_rows
 
 BLOCK = 64
-"""Points that are bounded together; the work is least around it on spheres, the worst case."""
+"""Points of a block with one bounding box; the fastest size on spheres, the worst case."""
 ROUNDING = 1e-12
 """Slack of the bounds, relative to the distances, that covers their rounding."""
 
 
 def diameter(points: Floats) -> float:
-    """Exact largest distance between any two of `points` (n, 3), in their unit; 0 for one point.
+    """Exact largest distance between any two points of a cloud, in their unit; 0 for one point.
 
     A far pair found first leaves few points that can belong to a farther one, and those are
-    compared in blocks that are near in space. No convex hull: lines, planes and spheres need no
-    care. Raises InputError for no points and for points that are not finite.
+    compared in blocks that are near in space. Unlike a convex hull this needs no special cases for
+    points on a line or in a plane.
+
+    Parameters
+    ----------
+    points
+        (n, 3), in any unit.
+
+    Raises
+    ------
+    InputError
+        There are no points, or some are not finite.
     """
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)

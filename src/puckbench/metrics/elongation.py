@@ -8,9 +8,22 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Elongation of the axis-aligned box of `points` (n, 3), as thesis section 6.1 words it.
+    """Elongation of the axis-aligned bounding box, as thesis section 6.1 defines it.
 
-    A cloud of one point has 0. Raises InputError for no points and for points not finite.
+    Parameters
+    ----------
+    points
+        (n, 3), in any unit.
+
+    Returns
+    -------
+    float
+        Shortest over longest side, 0 for a single point.
+
+    Raises
+    ------
+    InputError
+        There are no points, or some are not finite.
     """
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))
@@ -19,11 +32,20 @@ def elongation(points: Floats) -> float:
 def oriented_elongation(points: Floats) -> float:
     """Elongation of the box along the principal axes of the convex hull's corners.
 
-    This is Open3D's oriented box, which the thesis's author measured. It does not depend on how
-    a room is turned, but is no box of least volume: where two principal axes are about as long,
-    or hull corners gather on one side, it stands askew: a box of 8 x 4 x 2 filled at random has
-    0.29 in place of 0.25.
-    A flat cloud has 0. Raises InputError as `elongation` does.
+    This is Open3D's oriented bounding box, which the thesis's author measured. It does not depend
+    on the orientation of a room, but it is not the box of least volume: it is tilted where two
+    principal axes are about equally long or hull corners gather on one side, so that a box of
+    8 x 4 x 2 filled at random has 0.29 instead of 0.25. A flat cloud has 0.
+
+    Parameters
+    ----------
+    points
+        (n, 3), in any unit.
+
+    Raises
+    ------
+    InputError
+        There are no points, or some are not finite.
     """
     from scipy.spatial import ConvexHull, QhullError
 

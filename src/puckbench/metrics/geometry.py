@@ -21,10 +21,16 @@ from puckbench.geometry.spatial_order import Rows, distinct_rows
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared errors in squared units of the clouds: (n,) for A to B, (m,) for B to A.
+    """Squared errors of the points of two clouds, reference (A) and decoded (B).
 
-    decoded: (m, 3) distinct points of B that ``ba_point`` and ``ba_plane`` belong to. Both
-    ``_plane`` are None when the reference has no normals.
+    Parameters
+    ----------
+    decoded
+        Distinct points of B, (m, 3), that ``ba_point`` and ``ba_plane`` belong to.
+    ab_point, ba_point
+        Point to point, (n,) from A to B and (m,) from B to A, squared units of the clouds.
+    ab_plane, ba_plane
+        Point to plane, likewise; None when the reference has no normals.
     """
 
     decoded: Floats
@@ -35,7 +41,7 @@ class SquaredErrors:
 
 
 def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
-    """Measure `decoded` (B, (m, 3)) against `reference` (A), as MPEG's pc_error does.
+    """Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error measures them.
 
     Points with equal coordinates are merged first; the first one's normal stays. B's normals come
     from A's: see `transferred_normals`. Point to plane, an error vector is projected on the normal
@@ -44,17 +50,34 @@ def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
     All is in double precision, while pc_error rounds coordinates to single as it reads them: the
     two agree to 1e-6 on coordinates that single precision holds, to some 1e-5 on others.
 
-    Returns, in squared units of the clouds but for the Hausdorff distances (units),
+    Parameters
+    ----------
+    reference
+        The original cloud (A), with normals for the distances to plane.
+    decoded
+        Coordinates (m, 3) of the decoded cloud (B), in the frame of A.
 
-    * ``acd_ab_point``, ``acd_ba_point``: the two asymmetric Chamfer distances (eq. 2.3),
-      ``cd_point``: their mean (eq. 2.4), ``d1_mse``: their maximum (pc_error's mseF),
-    * ``hausdorff_point``: Hausdorff distance (eq. 2.5), ``hausdorff_sq_point``: its square
-      (pc_error's "h."),
-    * the same with ``_plane`` for ``_point`` and ``d2_mse`` for ``d1_mse`` (eq. 2.6), when the
-      reference has normals,
-    * ``points_a``, ``points_b``: how many distinct points were measured.
+    Returns
+    -------
+    dict
+        In squared units of the clouds but for the Hausdorff distances (units):
 
-    Raises InputError for empty clouds and for values that are not finite.
+        * ``acd_ab_point``, ``acd_ba_point``: the two asymmetric Chamfer distances (eq. 2.3),
+          ``cd_point``: their mean (eq. 2.4), ``d1_mse``: their maximum (pc_error's mseF),
+        * ``hausdorff_point``: Hausdorff distance (eq. 2.5), ``hausdorff_sq_point``: its square
+          (pc_error's "h."),
+        * the same with ``_plane`` for ``_point`` and ``d2_mse`` for ``d1_mse`` (eq. 2.6), when the
+          reference has normals,
+        * ``points_a``, ``points_b``: numbers of distinct points.
+
+    Raises
+    ------
+    InputError
+        A cloud is empty or has values that are not finite.
+
+    References
+    ----------
+    Thesis, section 2.4; ISO/IEC JTC1/SC29/WG11, mpeg-pcc-dmetric (pc_error).
     """
     return summary(squared_errors(reference, decoded))
 

@@ -1,4 +1,4 @@
-"""Geometric primitives compared: points' distances to one, and how far two of a kind differ."""
+"""Distances of points to geometric primitives, and differences between two primitives of a kind."""
 
 from __future__ import annotations
 
@@ -17,9 +17,16 @@ _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
 
 
 def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """A primitive of a scaled frame in metres, as ``metres = scaled / scale + offset`` of points.
+    """Transform a primitive from a scaled frame to metres.
 
-    scale: units per metre. offset: (3,) metres.
+    Parameters
+    ----------
+    primitive
+        In the scaled frame.
+    scale
+        Units of the scaled frame per metre.
+    offset
+        (3,), metres: points are transformed by ``metres = scaled / scale + offset``.
     """
     moved = dict(primitive.parameters)
     for name in _LENGTHS:
@@ -34,16 +41,26 @@ def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
 
 
 def distances(primitive: Primitive, points: Floats) -> Floats:
-    """Distances (n,) of `points` (n, 3) to a plane, cylinder, sphere or cone without bounds."""
+    """Distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
     return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
 
 
 def differences(true: Primitive, found: Primitive, centre: Floats) -> dict[str, float]:
-    """How far two primitives of one kind differ, as far as the kind has such a quantity.
+    """Differences of the parameters of two primitives of one kind, in metres and degrees.
 
-    ``angle_deg`` between normals or axes. ``position_m``: of the found plane from `centre` (3,), a
-    point on the true one; of two cylinders' axes, there; of spheres' centres; of cones' apexes.
-    ``radius_m`` and ``half_angle_deg``: absolute differences.
+    Parameters
+    ----------
+    true, found
+        The primitives.
+    centre
+        A point on the true one, (3,), at which planes and cylinders' axes are compared.
+
+    Returns
+    -------
+    dict
+        Of these the quantities that the kind has. ``angle_deg``: between normals or axes.
+        ``position_m``: distance of the planes or axes at `centre`, of spheres' centres, of cones'
+        apexes. ``radius_m`` and ``half_angle_deg``: absolute differences.
     """
     return _DIFFERENCES[true.kind](true.parameters, found.parameters, centre)
 

@@ -1,4 +1,4 @@
-"""How well geometric primitives are recovered: those of a decoded surface against the scene's."""
+"""Recovery of geometric primitives: those of a decoded surface compared with the scene's labels."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 LEAST_SHARE = 0.001
-"""Primitives that fewer of the points lie on are left out on both sides."""
+"""Smallest share of the points on a primitive that is counted, true or found."""
 LEAST_OVERLAP = 0.5
-"""Intersection over union above which a found primitive stands for a true one."""
+"""Intersection over union above which a found primitive matches a true one."""
 FREEFORM = "freeform"
 """The kind of a surface that is no primitive: what is found there is neither right nor wrong."""
 ALL = "all"
@@ -28,7 +28,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """Which of its primitives each of n points lies on: numbers (n,), which index `primitives`."""
+    """The primitive that each of n points lies on: numbers (n,) index `primitives`."""
 
     numbers: Ints
     primitives: Sequence[Primitive]

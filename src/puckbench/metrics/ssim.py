@@ -13,11 +13,27 @@ _K1, _K2 = 0.01, 0.03
 
 
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
-    """Mean SSIM of two pictures (h, w), 1 where they are equal.
+    """Mean structural similarity of two pictures, 1 where they are equal.
 
-    As in the paper: Gaussian window of 11 x 11 with a standard deviation of 1.5 pixels, and only
-    where it lies wholly inside the picture; K1 = 0.01, K2 = 0.03, no down-scaling. InputError for
-    pictures of different size or smaller than the window.
+    As in the paper: Gaussian window of 11 x 11 with a standard deviation of 1.5 pixels, at the
+    positions where it lies wholly inside the picture; K1 = 0.01, K2 = 0.03, no down-scaling.
+
+    Parameters
+    ----------
+    a, b
+        The pictures, (h, w).
+    peak
+        Largest possible value of a pixel.
+
+    Raises
+    ------
+    InputError
+        The pictures differ in size or are smaller than the window.
+
+    References
+    ----------
+    Wang, Bovik, Sheikh and Simoncelli 2004, "Image quality assessment: from error visibility to
+    structural similarity".
     """
     if a.shape != b.shape or min(a.shape) < WINDOW:
         raise InputError(f"SSIM: pictures of {a.shape} and {b.shape}")

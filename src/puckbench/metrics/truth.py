@@ -13,22 +13,37 @@ from puckbench.metrics.geometry import SquaredErrors, squared_errors, summary
 
 
 def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
-    """Measure `decoded` (B, (m, 3)) against the true surface (A), all in the cloud's frame.
-
-    `visible`: points on the part of the true surface that was seen, with the true normals: a
-    surface that no ray reached is not held against a codec. `mesh`: the true surface, brought
-    into the frame by `puckbench.geometry.closest.mesh_in_frame`; None when only points are known.
+    """Distortion of a decoded cloud (B) against the true surface (A), not its noisy scan.
 
     * A to B: from the visible points to the decoded cloud, as in
       `puckbench.metrics.geometry.distortion`.
     * B to A: from each decoded point to the closest point of the mesh, and, to plane, along the
       normal of the triangle there; without a mesh to the visible points, as in `distortion`.
 
-    Returns the keys of `distortion` with ``truth_`` before them: ``truth_acd_ab_point`` (truth to
-    decoded), ``truth_acd_ba_point`` (decoded to truth), ``truth_cd_point``, ``truth_d1_mse``,
-    ``truth_hausdorff_point``, ``truth_hausdorff_sq_point``, the same with ``_plane`` and
-    ``truth_d2_mse`` (when `visible` has normals), ``truth_points_a`` (visible points) and
-    ``truth_points_b``. Raises InputError as `distortion` does.
+    Parameters
+    ----------
+    visible
+        Points on the part of the true surface that the sensor saw, with the true normals: a codec
+        is not charged for surface that no ray reached.
+    mesh
+        The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`); None
+        when only points are known.
+    decoded
+        (m, 3), in the cloud's frame.
+
+    Returns
+    -------
+    dict
+        The keys of `distortion` with ``truth_`` before them: ``truth_acd_ab_point`` (truth to
+        decoded), ``truth_acd_ba_point`` (decoded to truth), ``truth_cd_point``, ``truth_d1_mse``,
+        ``truth_hausdorff_point``, ``truth_hausdorff_sq_point``, the same with ``_plane`` and
+        ``truth_d2_mse`` (when `visible` has normals), ``truth_points_a`` (visible points) and
+        ``truth_points_b``.
+
+    Raises
+    ------
+    InputError
+        As `distortion`.
     """
     errors = squared_errors(visible, decoded)
     return _to_truth(errors, mesh)
@@ -37,10 +52,17 @@ def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) ->
 def scan_distortion(clean: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
     """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
 
-    clean: (n, 3) where the rays of the scan truly met the surface, with the true normals; also
-    what was visible of it. Beside the keys of `truth_distortion` those of `distortion` with
-    ``clean_`` before them, of which ``clean_acd_ab_point`` and ``clean_acd_ab_plane`` are the
-    truth's own: what differs is whether decoded points are measured to the surface or to points.
+    Beside the keys of `truth_distortion` it returns those of `distortion` with ``clean_`` before
+    them, of which ``clean_acd_ab_point`` and ``clean_acd_ab_plane`` are equal to the truth's: the
+    two measures differ in whether decoded points are compared with the surface or with points.
+
+    Parameters
+    ----------
+    clean
+        Where the rays of the scan met the surface, (n, 3), with the true normals; they are also
+        the visible points of the surface.
+    mesh, decoded
+        As in `truth_distortion`.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summary(errors).items()}

@@ -7,10 +7,19 @@ from collections.abc import Mapping
 
 
 def in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Root-mean-square errors and Hausdorff distances of `values` in metres.
+    """Root-mean-square errors and Hausdorff distances in metres.
 
-    `scale` is in units per metre. ``d1_mse`` gives ``d1_rms_m``, ``hausdorff_point`` gives
-    ``hausdorff_point_m``, and so on, with or without a prefix.
+    Parameters
+    ----------
+    values
+        Of `puckbench.metrics.geometry.distortion`, with or without a prefix.
+    scale
+        Units of the cloud per metre.
+
+    Returns
+    -------
+    dict
+        ``d1_rms_m`` of ``d1_mse``, ``hausdorff_point_m`` of ``hausdorff_point``, and so on.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale

@@ -1,4 +1,4 @@
-"""A decoded cloud as it is seen: six pictures along the axes, their PSNR and SSIM.
+"""Quality of rendered views: PSNR and SSIM of six pictures of a cloud along the axes.
 
 PCC Arena compares such pictures of 1920 x 1920 pixels. Its renderer is a window of Open3D; this one
 needs no display, splats points with a depth buffer and gives the same pixels everywhere.
@@ -27,16 +27,33 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_quality(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """PSNR and SSIM of six pictures of `decoded` against those of `reference`, one frame.
+    """PSNR and SSIM of six pictures of a decoded cloud against those of its reference.
 
     Where both have colours, the pictures show their luminance (BT.709), else depth: grey by the
-    distance behind the near side of the reference's box. radius: of the discs in pixels, the same
-    for both clouds; when not given, what closes the reference's surface, see `closing_radius`.
+    distance behind the near side of the reference's box. The empty background counts, as in PCC
+    Arena: values can be compared only between codecs on one cloud.
 
-    Returns ``view_psnr`` in dB, of the squared error over the pixels of all six pictures with a
-    peak of 255, infinite where they are equal; ``view_ssim``, the mean over the pictures; and
-    ``view_pixels``, ``view_radius``. The empty background counts, as in PCC Arena: values compare
-    only between codecs on one cloud. InputError for pictures smaller than SSIM's window.
+    Parameters
+    ----------
+    reference, decoded
+        The clouds, in one frame.
+    pixels
+        Width and height of a picture.
+    radius
+        Of the discs that points are drawn as, in pixels; None for `closing_radius` of the
+        reference.
+
+    Returns
+    -------
+    dict
+        ``view_psnr`` in dB, of the squared error over the pixels of all six pictures with a peak of
+        255, infinite where they are equal; ``view_ssim``, the mean over the pictures; and
+        ``view_pixels``, ``view_radius``.
+
+    Raises
+    ------
+    InputError
+        A cloud is empty, or pictures are smaller than SSIM's window.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -60,10 +77,20 @@ def view_quality(
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Picture (pixels, pixels) of a cloud from outside a box (2, 3), grey.
+    """Grey picture (pixels, pixels) of a cloud, seen from outside a box along an axis.
 
-    axis: 0 to 5, from +x, -x, +y, -y, +z and -z. The box's longest side fills the picture but for
-    2 % on either side. coloured: show the luminance of the cloud's colours in place of depth.
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    axis
+        0 to 5: seen from +x, -x, +y, -y, +z and -z.
+    bounds
+        Corners of the box, (2, 3); its longest side fills the picture but for 2 % on either side.
+    pixels, radius
+        As in `view_quality`.
+    coloured
+        Show the luminance of the cloud's colours in place of depth.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -78,10 +105,10 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Radius in pixels of discs that close most gaps of a surface sampled as `points` are.
+    """Radius in pixels of discs that close most gaps between the points of a surface.
 
-    The median distance to the nearest point, twice over (a random sample's gaps are wider than
-    that), and at least 1.
+    Twice the median distance to the nearest point, since the gaps of a random sample are wider than
+    that, and at least 1.
     """
     from puckbench.metrics.density import density
 
