@@ -7,6 +7,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.datasets.capod import Capod
 from puckbench.datasets.mesh_folder import MeshFolder
+from tests.support.files import put
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"
 TRIANGLE_OFF = "OFF3 1 0\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"
@@ -25,9 +26,7 @@ def folder(tmp_path: Path) -> Path:
         "readme.txt": "",
     }
     for name, text in files.items():
-        path = tmp_path / "meshes" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+        put(tmp_path / "meshes" / name, text)
     return tmp_path / "meshes"
 
 
@@ -53,11 +52,9 @@ def test_an_unknown_scene_is_named(folder: Path) -> None:
 
 def make_capod(root: Path) -> Path:
     """A CAPOD of two classes, with its numbering across classes."""
-    (root / "CAPOD.cla").parent.mkdir(parents=True)
-    (root / "CAPOD.cla").write_text("PSB 1\n2 3\n\nHuman 0 2\n1\n2\n\nDesktop_computer 0 1\n3\n\n")
+    put(root / "CAPOD.cla", "PSB 1\n2 3\n\nHuman 0 2\n1\n2\n\nDesktop_computer 0 1\n3\n\n")
     for index, number in ((1, 1), (1, 2), (2, 3)):
-        (root / f"class{index}").mkdir(exist_ok=True)
-        (root / f"class{index}" / f"m{number}.obj").write_text(TRIANGLE_OBJ + "l 1 2 3\n")
+        put(root / f"class{index}" / f"m{number}.obj", TRIANGLE_OBJ + "l 1 2 3\n")
     return root
 
 

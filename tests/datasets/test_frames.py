@@ -10,13 +10,9 @@ from puckbench.datasets.kitti import Kitti
 from puckbench.datasets.voxelised8i import Voxelised8i
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs.preparation import prepare
+from tests.support.files import put
 
 FRAME = np.array([[10, -2, 0.5, 0.3], [-4, 3, -1.7, 0]], dtype="<f4")
-
-
-def put(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from puckbench.datasets.modelnet40 import ModelNet40
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.shapenetcore import ShapeNetCore
 from puckbench.datasets.stanford_scans import StanfordScans
+from tests.support.files import put
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1/1 2/2 3/3\n"
 CORNERS = "0 0 0\n1 0 0\n0 2 0\n"
@@ -19,11 +20,6 @@ PLY = (
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     "0 0 0 1 0.5\n100 0 0 1 0.5\n0 200 0 1 0.5\n3 0 1 2\n"
 )
-
-
-def put(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
 
 
 @pytest.fixture

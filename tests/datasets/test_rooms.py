@@ -13,6 +13,7 @@ from puckbench.datasets.front3d import Front3D
 from puckbench.datasets.matterport3d import Matterport3D
 from puckbench.datasets.scannet import ScanNet
 from puckbench.geometry.mesh import Mesh
+from tests.support.files import put
 
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -21,11 +22,6 @@ PLY = (
     "0 0 0 1 1 1 255\n1 0 0 1 1 1 255\n0 0 2 1 1 1 255\n3 0 1 2\n"
 )
 QUARTER_TURN = "axisAlignment = 0 -1 0 5 1 0 0 6 0 0 1 7 0 0 0 1\nsceneType = Copy Room\n"
-
-
-def put(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.datasets.s3dis import CLASSES, S3DIS
 from puckbench.datasets.xyzrgb import read_xyzrgb
+from tests.support.files import put
 
 CLEAN = b"1.5 2 3 10 20 30\n-4.25 5 6e-1 255.000000 0 87.000000\n"
 
@@ -111,8 +112,7 @@ def tree(tmp_path: Path) -> Path:
         ".DS_Store": "Bud1",
     }
     for name, text in files.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
+        put(tmp_path / name, text)
     return tmp_path
 
 

@@ -13,6 +13,7 @@ from puckbench.datasets.scene import Scene
 from puckbench.datasets.stanford2d3d import Stanford2D3D
 from puckbench.geometry.mesh import Labels, Mesh
 from tests.support import stanford_lookalike as lookalike
+from tests.support.files import put
 
 
 @pytest.fixture
@@ -39,8 +40,8 @@ def test_a_room_of_both_halves_of_area_5_is_two_scenes(root: Path) -> None:
 
 
 def test_names_need_no_mesh_and_no_cloud_to_be_readable(root: Path) -> None:
-    lookalike.write(root / "2D-3D-S/area_1/3d/semantic.obj", "v 1 2 bad")
-    lookalike.write(root / "S3DIS/Area_1/office_1/office_1.txt", "")
+    put(root / "2D-3D-S/area_1/3d/semantic.obj", "v 1 2 bad")
+    put(root / "S3DIS/Area_1/office_1/office_1.txt", "")
     assert len(rooms(root).names()) == 4
 
 

@@ -12,6 +12,7 @@ from puckbench.core.errors import InputError
 from puckbench.planning.config import checked, read_schema
 from puckbench.planning.workflow import Workflow
 from tests.support import stanford_lookalike as lookalike
+from tests.support.files import put
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
@@ -28,8 +29,8 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """``data`` of the working folder: an airplane of CAPOD and one office in every area."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "data"
-    lookalike.write(folder / "CAPOD" / "CAPOD.cla", "PSB 1\n1 1\n\nAirplane 0 1\n37\n")
-    lookalike.write(folder / "CAPOD" / "class1" / "m37.obj", "v 0 0 0\n")
+    put(folder / "CAPOD" / "CAPOD.cla", "PSB 1\n1 1\n\nAirplane 0 1\n37\n")
+    put(folder / "CAPOD" / "class1" / "m37.obj", "v 0 0 0\n")
     for area in ("1", "2", "3", "4", "5a", "5b", "6"):
         number = area[0]
         lookalike.write_mesh(folder, area, [(f"office_1_{number}", ROOM)])
@@ -98,14 +99,14 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     chosen = more["scenes"]["objects"]["select"]
     assert chosen == [f"m{12 * k + 1:03}" for k in range(15)]  # 15 classes of 12, in their order
     classes = [f"Class{k} 0 1\n{name[1:].lstrip('0')}\n" for k, name in enumerate(chosen)]
-    lookalike.write(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
+    put(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
     for k, name in enumerate(chosen):
         file = data / "CAPOD" / f"class{k + 1}" / f"m{name[1:].lstrip('0')}.obj"
-        lookalike.write(file, "v 0 0 0\n")
+        put(file, "v 0 0 0\n")
     for lmbda in ("0.75", "2", "3.5", "6", "10"):
-        lookalike.write(data / "pcgc_weights" / f"a{lmbda}b3.npz", "")
+        put(data / "pcgc_weights" / f"a{lmbda}b3.npz", "")
     for lmbda in ("025", "05", "1", "2", "4", "6", "10"):
-        lookalike.write(data / "pcgc_weights" / f"c8_a{lmbda}_32000.pth", "")
+        put(data / "pcgc_weights" / f"c8_a{lmbda}_32000.pth", "")
     config = read("capod.yaml")
     config["scenes"]["objects"] |= more.pop("scenes")["objects"]
     config["codecs"] |= more.pop("codecs")

@@ -8,6 +8,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from tests.support.files import put
+
 Point = tuple[float, float, float]
 
 # Low and high corner in the frame of S3DIS, metres.
@@ -54,7 +56,7 @@ def write_mesh(root: Path, area: str, rooms: Iterable[tuple[str, tuple[Point, Po
     if area == "1":
         lines += [_vertex(area, (3.0, 4.0 + 0.1 * step, 1.0 + step % 2)) for step in range(3)]
         lines += ["usemtl <UNK>_0_<UNK>_0_0", "f -1 -2 -3", "f -1 -1 -2"]
-    write(root / "2D-3D-S" / f"area_{area}" / "3d" / "semantic.obj", "\n".join(lines) + "\n")
+    put(root / "2D-3D-S" / f"area_{area}" / "3d" / "semantic.obj", "\n".join(lines) + "\n")
 
 
 def _vertex(area: str, point: Point) -> str:
@@ -70,21 +72,15 @@ def in_5b(point: Point) -> Point:
 def cloud(root: Path, name: str, box: tuple[Point, Point]) -> None:
     """A room file of S3DIS, with the two corners of its box."""
     rows = [" ".join(f"{x:.3f}" for x in corner) + " 10 20 30\n" for corner in box]
-    write(root / "S3DIS" / name, "".join(rows))
+    put(root / "S3DIS" / name, "".join(rows))
 
 
 def positions(root: Path, area: str, rooms: dict[str, Any]) -> None:
     """A list of scanner positions, as the thesis's repository has it."""
-    write(root / "positions" / f"locations_pruned{area}.json", json.dumps(rooms))
+    put(root / "positions" / f"locations_pruned{area}.json", json.dumps(rooms))
 
 
 def pose(root: Path, name: str, content: Any, folder: str = "data/pose") -> None:
     """A pose file of area_1."""
     path = root / "2D-3D-S" / "area_1" / folder / f"camera_{name}_domain_pose.json"
-    write(path, json.dumps(content))
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file and the folders it lies in."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
+    put(path, json.dumps(content))

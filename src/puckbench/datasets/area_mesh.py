@@ -1,4 +1,4 @@
-"""The semantic mesh of an area of 2D-3D-S: its frame, its labels, and the part near a room."""
+"""The semantic mesh of an area of 2D-3D-S: its frame, its labels, and its part near a room."""
 
 from __future__ import annotations
 
@@ -36,9 +36,16 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """Triangles of an area in the frame of S3DIS and, per triangle, its material.
+    """Triangles of an area in the frame of S3DIS, with their materials.
 
-    material_id: (t,) int64 index into `materials`, -1 for none.
+    Parameters
+    ----------
+    mesh
+        Of t triangles, m, z up.
+    materials
+        Names, which contain class and room.
+    material_id
+        (t,) int64 index into `materials`, -1 for none.
     """
 
     mesh: Mesh
@@ -46,9 +53,9 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Share of the triangles labelled as the room's whose middle lies in `box` (2, 3), m.
+        """Share of a room's triangles whose centroid lies in a box (2, 3), m.
 
-        Of a room without a triangle of its own: 1 when any triangle lies there, else 0.
+        For a room without labelled triangles: 1 when any triangle lies there, else 0.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
@@ -76,7 +83,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read ``semantic.obj``; the last area read is kept, for the next room of it."""
+    """Read ``semantic.obj``; the area read last is cached, for the next of its rooms."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)
@@ -98,7 +105,7 @@ def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
 
 
 def class_of(material: str) -> str:
-    """Semantic class that a material stands for, "unknown" when it is not named as they are."""
+    """Semantic class that a material stands for; "unknown" where its name has another form."""
     match = _MATERIAL.fullmatch(material)
     return match[1] if match else UNKNOWN
 
@@ -110,7 +117,7 @@ def room_of(material: str) -> str | None:
 
 
 def _labels(materials: tuple[str, ...], material_id: NDArray[np.int64]) -> Labels:
-    """Every material is an object; captured surfaces are no primitives."""
+    """Labels in which every material is an object and every surface is freeform."""
     used, object_id = np.unique(material_id, return_inverse=True)
     names = [materials[number] if number >= 0 else UNKNOWN for number in used]
     objects = tuple(SceneObject(name, class_of(name)) for name in names)

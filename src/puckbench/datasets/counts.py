@@ -1,4 +1,4 @@
-"""How much of a data set is there, against what its authors published."""
+"""Counts of what is there of a data set beside the counts that its authors published."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True)
 class Count:
-    """One published count: `what` is counted, how many are `held`, how many `published`."""
+    """One count: what is counted, the number there is, and the number published."""
 
     what: str
     held: int
@@ -25,4 +25,4 @@ class Counted(Protocol):
     """A scene set whose counts can be checked."""
 
     def counts(self) -> list[Count]:
-        """What is there, whatever the options choose of it, against what was published."""
+        """Counts of the whole data set, whatever the options choose of it."""

@@ -18,10 +18,17 @@ _CREDITS = "CREDITS.md"
 
 @dataclass(frozen=True)
 class Fetched:
-    """What became of one data set.
+    """The outcome of fetching one data set.
 
-    status: "fetched", "present" (its files were there and have the hashes noted when they were
-    fetched) or "failed". message: the reason, or a warning; may be empty.
+    Parameters
+    ----------
+    name, folder
+        Of the data set.
+    status
+        "fetched", "present" (its files are there, with the hashes recorded when they were fetched)
+        or "failed".
+    message
+        The reason, or a warning; may be empty.
     """
 
     name: str
@@ -31,10 +38,22 @@ class Fetched:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[Fetched]:
-    """Fetch the named data sets (all of `SOURCES` by default) into folders of their names.
+    """Fetch free data sets into folders of their names.
 
-    Safe to repeat: what is there and intact is left alone, what is half there is fetched again.
-    One that fails does not keep the others from being fetched. InputError for an unknown name.
+    Safe to repeat: intact folders are left alone, incomplete ones fetched again. A data set that
+    fails does not keep the others from being fetched.
+
+    Parameters
+    ----------
+    root
+        Folder of the folders.
+    names
+        Names in `SOURCES`; all by default.
+
+    Raises
+    ------
+    InputError
+        A name is unknown.
     """
     chosen = list(names) or list(SOURCES)
     unknown = [name for name in chosen if name not in SOURCES]
@@ -72,7 +91,7 @@ def fetch_source(source: Source, folder: Path) -> str:
 
 
 def _is_intact(folder: Path) -> bool:
-    """Whether every file is there that was noted when the folder was filled, unchanged."""
+    """Whether every file recorded when the folder was filled is there, unchanged."""
     try:
         files = read_json(folder / _RECORD)["files"]
         return all(sha256(folder / name) == noted for name, noted in files.items())

@@ -1,4 +1,4 @@
-"""Where free data sets come from: packages of npm and Debian, their hashes and credits."""
+"""Sources of the free data sets: packages of npm and Debian, their hashes and credits."""
 
 from __future__ import annotations
 
@@ -23,10 +23,22 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class Source:
     """A package of a package manager and the part of it that is a data set.
 
-    download: puts the package into a folder and returns its path. unpack: the members of a
-    package, as a tar archive. wanted: pattern of the members to take. hashes: SHA-256 of the
-    package by its file name. pinned: whether any other package is refused (else: a warning).
-    credits: the text of the credits, from the folder with the unpacked files.
+    Parameters
+    ----------
+    package
+        Its name, with the version where that is fixed.
+    download
+        Puts the package into a folder and returns its path.
+    unpack
+        Opens a package as a tar archive.
+    wanted
+        Pattern of the members to take.
+    hashes
+        SHA-256 of the package by its file name.
+    pinned
+        Whether a package of another hash is refused; else it is a warning.
+    credits
+        Makes the text of the credits from the folder with the unpacked files.
     """
 
     package: str

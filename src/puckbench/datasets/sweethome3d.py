@@ -33,8 +33,16 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 class Model:
     """A catalogue's entry for one model.
 
-    size: width, depth and height (x, y, z) in metres. rotation: (3, 3), of the model in its own
-    frame (y up), before it is brought to its size.
+    Parameters
+    ----------
+    name, title, semantic, category, creator, licence
+        As the catalogue gives them, but `semantic`, the class by the title.
+    archive, member
+        The catalogue's file, and the model's file in it.
+    size
+        Width, depth and height (x, y, z), m.
+    rotation
+        (3, 3) of the model in its own frame (y up), before it is scaled to its size.
     """
 
     name: str

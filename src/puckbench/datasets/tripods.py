@@ -1,4 +1,4 @@
-"""Where the cameras of 2D-3D-S stood: one listed position per room, or the cameras' poses."""
+"""Positions of the cameras of 2D-3D-S: one listed position per room, or the cameras' poses."""
 
 from __future__ import annotations
 
@@ -23,9 +23,19 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Position of the scanner by room, from a list ``{"office_6_1": [x, y, z], ...}``, metres.
+    """Position of the scanner by room, from a list ``{"office_6_1": [x, y, z], ...}``.
 
-    The last number of a key is the area; 5a and 5b both have 5. InputError for anything else.
+    Parameters
+    ----------
+    path
+        JSON file of positions in metres. The last number of a key is the area.
+    area
+        "1", ..., "5a", "5b" (both have 5 in the keys), "6".
+
+    Raises
+    ------
+    InputError
+        The file is no such list, or of another area.
     """
     content = read_json(path)
     if not isinstance(content, dict) or not content:
@@ -42,7 +52,12 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
     """Pose files by room, one for each tripod position (the first of its frames by name).
 
-    They are listed, not read: an area has about ten thousand. InputError when there are none.
+    They are listed, not read: an area has about ten thousand.
+
+    Raises
+    ------
+    InputError
+        There are none.
     """
     for name in _FOLDERS:
         rooms: dict[str, dict[str, Path]] = {}
@@ -59,7 +74,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Where the camera of a pose file stood, metres; older releases hold a list of poses."""
+    """Camera position of a pose file, m; files of older releases hold a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -27,9 +27,18 @@ _MOST_RUNS = 8
 
 @dataclass(frozen=True)
 class TextCloud:
-    """Points (n, 3) float64 and colours (n, 3) uint8 of a text file, and what was wrong with it.
+    """Points and colours of a text file, and its damage.
 
-    repaired: lines with foreign bytes that could be read. dropped: lines that could not.
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64.
+    colours
+        (n, 3) uint8.
+    repaired
+        Number of lines with foreign bytes that could be read.
+    dropped
+        Number of lines that could not be read.
     """
 
     xyz: Floats
@@ -39,11 +48,16 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a text cloud; a clean file goes straight through a compiled parser.
+    """Read a text cloud, with damaged lines repaired or dropped.
 
-    Any byte that no number and no white space has is damage: within a number it is read as 0,
+    A byte that is part of no number and no white space is damage: within a number it is read as 0,
     between numbers as a space, whichever gives the line its six numbers. Lines that still do not
     have six numbers, with colours from 0 to 255, are dropped and counted.
+
+    Raises
+    ------
+    InputError
+        The file has no line of six numbers.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -104,7 +118,7 @@ def _fitting(rows: Floats) -> NDArray[np.bool_]:
 
 
 def _readings(line: bytes) -> Iterator[bytes]:
-    """What a damaged line may have said: foreign bytes as zeros first, as spaces last."""
+    """Possible contents of a damaged line: foreign bytes as zeros first, as spaces last."""
     parts = _FOREIGN.split(line)  # good, foreign, good, ...
     good, foreign = parts[::2], parts[1::2]
     if len(foreign) > _MOST_RUNS:

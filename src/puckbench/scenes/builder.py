@@ -15,7 +15,17 @@ from puckbench.scenes.surfaces import Ints, Shape, Surface, freeform, join, prim
 
 @dataclass(frozen=True)
 class Piece:
-    """An object to be placed: its kind ("mug"), semantic class ("clutter"), surface and pose."""
+    """An object to be placed.
+
+    Parameters
+    ----------
+    kind, semantic
+        Such as "mug" and the semantic class "clutter".
+    surface
+        In its own frame.
+    pose
+        (4, 4) similarity from its frame to that of the item.
+    """
 
     kind: str
     semantic: str
@@ -54,11 +64,20 @@ def _box_corners(piece: Piece) -> Floats:
 
 
 def refurnished(item: Item, furniture: Furniture, rng: np.random.Generator) -> Item:
-    """The item with its pieces replaced by given meshes of the same semantic class.
+    """Replace the pieces of an item by given meshes of the same semantic class.
 
-    A mesh stands on the replaced piece's footprint and is stretched to its sizes, so that things
-    on a table stay on it; the content of a replaced bookcase is left out. Of the class's meshes
-    one that need be stretched little is drawn. Meshes are in z up with their front to -y.
+    A mesh stands on the replaced piece's footprint and is stretched to its sizes, so that objects
+    on a table stay on it; the content of a replaced bookcase is left out. Among the meshes of the
+    class, one that needs little stretching is drawn.
+
+    Parameters
+    ----------
+    item
+        The pieces.
+    furniture
+        Meshes by semantic class, in metres, z up, with their front to -y.
+    rng
+        The stream that the choice is drawn from.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]
@@ -122,7 +141,7 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """What tells shapes of equal sizes apart: their frames, and planes' normals and offsets."""
+    """Keys of shapes beside their sizes: their frames, and for planes the normal and offset."""
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)
     offsets = np.sum(normals * frames[:, :3, 3], axis=1, keepdims=True)

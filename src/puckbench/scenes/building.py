@@ -1,4 +1,4 @@
-"""A generated building: as many rooms of each type as S3DIS has in its areas, each another."""
+"""A generated building with the numbers of rooms of each type that the areas of S3DIS have."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache, partial
 from typing import Any
 
 from puckbench.core.seeding import generator
-from puckbench.scenes.placing import Put
+from puckbench.scenes.placing import Placement
 from puckbench.scenes.room_table import ROOMS, RoomSpec
 
 AREAS: dict[str, dict[str, int]] = {
@@ -65,9 +65,14 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """The shape of a room of the building: one of its type's, stretched at random.
+    """The shape of a room of the building: a room of the table, stretched at random.
 
-    name: one of `room_types`. The furnishing is drawn anew for each name by `rooms.make_room`.
+    Parameters
+    ----------
+    name
+        One of `room_types`.
+    seed
+        Seed of the choice; `rooms.make_room` draws the furnishing from the name and the seed.
     """
     kind = room_types()[name]
     rng = generator(seed, "building", name)
@@ -77,7 +82,7 @@ def building_room(name: str, seed: int) -> RoomSpec:
 
 
 def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
-    """The room with its floor plan longer by factors of 1 and more; its things keep their sizes.
+    """The room with its floor plan scaled by factors of at least 1; furniture keeps its size.
 
     Only ducts, beams and pipes grow with it, which run along the room.
     """
@@ -85,21 +90,24 @@ def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
         spec,
         outline=tuple((x * a, y * b) for a, b in spec.outline),
         origin=(x * spec.origin[0], y * spec.origin[1]),
-        furnishing=tuple(_moved(order, x, y) for order in spec.furnishing),
+        furnishing=tuple(_moved(placement, x, y) for placement in spec.furnishing),
     )
 
 
-def _moved(order: Put, x: float, y: float) -> Put:
-    if order.at is None or order.where in ("wall", "mounted"):  # places are shares of a wall
-        return order
-    place = (x * order.at[0], y * order.at[1], *order.at[2:])
-    return replace(order, at=place, maker=_grown(order, x, y))
+def _moved(placement: Placement, x: float, y: float) -> Placement:
+    if placement.at is None or placement.where in (
+        "wall",
+        "mounted",
+    ):  # places are shares of a wall
+        return placement
+    place = (x * placement.at[0], y * placement.at[1], *placement.at[2:])
+    return replace(placement, at=place, maker=_grown(placement, x, y))
 
 
-def _grown(order: Put, x: float, y: float) -> Any:
-    """The order's maker; a beam or duct along x longer, a pipe through points farther apart."""
-    maker = order.maker
-    if not isinstance(maker, partial) or order.where == "floor":
+def _grown(placement: Placement, x: float, y: float) -> Any:
+    """The placement's maker; a beam or duct along x longer, a pipe through points farther apart."""
+    maker = placement.maker
+    if not isinstance(maker, partial) or placement.where == "floor":
         return maker
     given = dict(maker.keywords)
     if "length" in given:

@@ -20,9 +20,20 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
     """Wall at y = 0, 1.6 m wide and 2.2 m high, and floor from it to the sensor at y = d.
 
-    Objects: "wall_1" and "floor_1", one plane each, fronts to the sensor. With `room` they are
-    parts of a room, 5 m wide, 2.6 m high and open behind the sensor, whose other parts are of the
-    class "surroundings". Raises InputError for an unknown name.
+    Objects: "wall_1" and "floor_1", one plane each, fronts to the sensor.
+
+    Parameters
+    ----------
+    name
+        One of `CALIBRATIONS`.
+    room
+        Whether wall and floor are parts of a room, 5 m wide, 2.6 m high and open behind the sensor,
+        whose other parts are of the class "surroundings".
+
+    Raises
+    ------
+    InputError
+        The name is unknown.
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
@@ -48,7 +59,7 @@ def facing_the_wall(distance: float, *, room: bool = False) -> tuple[Mesh, Float
 
 
 def _surroundings(distance: float) -> list[Surface]:
-    """What else the sensor sees of the room: the rest of wall and floor, side walls, ceiling."""
+    """The rest of the room: wall and floor beside the targets, side walls and ceiling."""
     beside = (ROOM_WIDTH - WIDTH) / 2
     off = (WIDTH + beside) / 2
     above = _rectangle(WIDTH, ROOM_HEIGHT - HEIGHT)

@@ -11,18 +11,18 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.builder import Item, build, moved
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.models import household, outdoors, tools
 from puckbench.scenes.surfaces import pose
-from puckbench.scenes.workshop import Workshop
 
 MEMBERS = 12
 
 
 @dataclass(frozen=True)
 class ObjectClass:
-    """A class of objects. unit: how many times its natural size it is tessellated as."""
+    """A class of objects; `unit` is the factor on its size that the tessellation goes by."""
 
-    make: Callable[[Workshop, int], Item]
+    make: Callable[[Modeller, int], Item]
     unit: float = 1.0
 
 
@@ -49,9 +49,21 @@ OBJECTS: tuple[str, ...] = tuple(
 
 
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """The labelled mesh of an object ("chair_03"), its longest side 1, standing on z = 0.
+    """The labelled mesh of an object, its longest side 1, standing on z = 0.
 
-    detail: factor on the tessellation of curved parts. Raises InputError for an unknown name.
+    Parameters
+    ----------
+    name
+        Class and member, such as "chair_03".
+    seed
+        Seed of the member's shape.
+    detail
+        Factor on the number of segments around curved parts.
+
+    Raises
+    ------
+    InputError
+        The name is unknown.
     """
     if name not in OBJECTS:
         last = OBJECTS[-1].rpartition("_")[2]
@@ -60,8 +72,8 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
         )
     kind, _, member = name.rpartition("_")
     spec = CLASSES[kind]
-    shop = Workshop(generator(seed, "object", name), detail, spec.unit)
-    return build(_normalised(spec.make(shop, int(member) - 1)))
+    cad = Modeller(generator(seed, "object", name), detail, spec.unit)
+    return build(_normalised(spec.make(cad, int(member) - 1)))
 
 
 def _normalised(item: Item) -> Item:

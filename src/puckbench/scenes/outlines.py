@@ -15,7 +15,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """A piece of an outline: points (n, 2) on a line, an arc (with its centre) or a curve."""
 
     kind: str
@@ -24,17 +24,17 @@ class Stretch:
     radius: float = 0.0
 
 
-Outline = tuple[Stretch, ...]
+Outline = tuple[Segment, ...]
 
 
 def line(*points: Point) -> Outline:
-    """Straight stretches from point to point."""
+    """Straight segments from point to point."""
     pairs = pairwise(points)
-    return tuple(Stretch("line", np.array(pair, dtype=np.float64)) for pair in pairs)
+    return tuple(Segment("line", np.array(pair, dtype=np.float64)) for pair in pairs)
 
 
 def polygon(*points: Point) -> Outline:
-    """Closed outline of straight stretches."""
+    """Closed outline of straight segments."""
     return line(*points, points[0])
 
 
@@ -48,7 +48,7 @@ def arc(centre: Point, radius: float, start: float, end: float, steps: int) -> O
     """Arc from `start` to `end` degrees (counter-clockwise when end > start)."""
     angles = np.radians(np.linspace(start, end, steps + 1))
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    return (Stretch("arc", np.asarray(centre) + radius * circle, centre, radius),)
+    return (Segment("arc", np.asarray(centre) + radius * circle, centre, radius),)
 
 
 def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
@@ -59,7 +59,7 @@ def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
 def curve(points: Sequence[Point], steps: int) -> Outline:
     """Smooth curve through the points (Catmull-Rom), `steps` segments between neighbours."""
     smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
-    return (Stretch("curve", smooth),)
+    return (Segment("curve", smooth),)
 
 
 def closed_curve(points: Sequence[Point], steps: int) -> Outline:
@@ -67,7 +67,7 @@ def closed_curve(points: Sequence[Point], steps: int) -> Outline:
     ring = np.array(points, dtype=np.float64)
     wrapped = np.concatenate([ring[-2:], ring, ring[:3]])
     smooth = catmull_rom(wrapped, steps)[2 * steps : (2 + len(ring)) * steps + 1]
-    return (Stretch("curve", smooth),)
+    return (Segment("curve", smooth),)
 
 
 def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
@@ -75,14 +75,14 @@ def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
     corners = np.array(points, dtype=np.float64)
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     arcs = [_fillet(a, b, c, radius, steps) for a, b, c in zip(before, corners, after, strict=True)]
-    stretches: list[Stretch] = []
+    segments: list[Segment] = []
     for index, one in enumerate(arcs):
         following = arcs[(index + 1) % len(arcs)]
         ends = np.stack([one.points[-1], following.points[0]])
-        stretches.append(one)
+        segments.append(one)
         if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
-            stretches.append(Stretch("line", ends))
-    return tuple(stretches)
+            segments.append(Segment("line", ends))
+    return tuple(segments)
 
 
 def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> Outline:
@@ -94,7 +94,7 @@ def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> 
 def shifted(outline: Outline, x: float, y: float) -> Outline:
     """The outline moved in its plane."""
     return tuple(
-        Stretch(
+        Segment(
             one.kind,
             one.points + np.array([x, y]),
             (one.centre[0] + x, one.centre[1] + y),
@@ -104,9 +104,14 @@ def shifted(outline: Outline, x: float, y: float) -> Outline:
     )
 
 
+def polar(radius: float, angles: Floats) -> list[Point]:
+    """Points on a circle around the origin, at angles (n,) in radians."""
+    return [(radius * float(np.cos(t)), radius * float(np.sin(t))) for t in angles]
+
+
 def loop(outline: Outline) -> Floats:
     """Points (n, 2) of a closed outline, each once."""
-    return np.concatenate([stretch.points[:-1] for stretch in outline])
+    return np.concatenate([segment.points[:-1] for segment in outline])
 
 
 def catmull_rom(points: Floats, steps: int) -> Floats:
@@ -121,10 +126,21 @@ def catmull_rom(points: Floats, steps: int) -> Floats:
 
 
 def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
-    """Triangles of a simple polygon with holes, by ear clipping.
+    """Triangulate a simple polygon with holes by ear clipping.
 
-    outer: (n, 2) counter-clockwise. holes: (m, 2) each, either way round.
-    Returns vertices (n + sum m, 2), `outer` first, and counter-clockwise triangles (t, 3).
+    Parameters
+    ----------
+    outer
+        (n, 2) corners, counter-clockwise.
+    holes
+        (m, 2) corners each, in either order.
+
+    Returns
+    -------
+    vertices
+        (n + sum of m, 2), those of `outer` first.
+    triangles
+        (t, 3), counter-clockwise.
     """
     vertices = np.concatenate([outer, *holes])
     ring = list(range(len(outer)))
@@ -140,7 +156,7 @@ def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
     return vertices, _ears(vertices, ring)
 
 
-def _fillet(before: Floats, corner: Floats, after: Floats, radius: float, steps: int) -> Stretch:
+def _fillet(before: Floats, corner: Floats, after: Floats, radius: float, steps: int) -> Segment:
     towards, onwards = _unit(before - corner), _unit(after - corner)
     half = np.arccos(np.clip(towards @ onwards, -1, 1)) / 2
     centre = corner + _unit(towards + onwards) * radius / np.sin(half)
@@ -150,7 +166,7 @@ def _fillet(before: Floats, corner: Floats, after: Floats, radius: float, steps:
     x = start[0] * np.cos(sweep) - start[1] * np.sin(sweep)
     y = start[0] * np.sin(sweep) + start[1] * np.cos(sweep)
     middle = (float(centre[0]), float(centre[1]))
-    return Stretch("arc", centre + np.column_stack([x, y]), middle, radius)
+    return Segment("arc", centre + np.column_stack([x, y]), middle, radius)
 
 
 def _unit(vector: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Putting furniture into a room so that it stands free: along walls, at places, under ceilings."""
+"""Placing furniture without collisions: along walls, at given places, under the ceiling."""
 
 from __future__ import annotations
 
@@ -10,24 +10,35 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes.builder import Furniture, Item, Piece, bounds, moved, refurnished
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.plan import Plan, rectangle, square
 from puckbench.scenes.shell import Opening, depth, shell, wall_frame
 from puckbench.scenes.surfaces import pose
-from puckbench.scenes.workshop import Workshop
 
-Maker = Callable[[Workshop], Item]
+Maker = Callable[[Modeller], Item]
 TRIES = 60
 SENSOR_FREE, SENSOR_TOP = 0.45, 2.0
 
 
 @dataclass(frozen=True)
-class Put:
-    """An instruction: what to place, where, and how often.
+class Placement:
+    """What to place in a room, where, and how often.
 
-    where "fixed": where the table says, unchecked, and taking no space (beams, pipes, tiers).
-    "wall": on the floor, back to a wall. "mounted": on a wall at the item's own height.
-    "floor": anywhere on the floor. "ceiling": hanging. at: (x, y) or (x, y, z) instead of chance,
-    with `turn` degrees give or take `sway`; for walls, (wall, share of its length).
+    Parameters
+    ----------
+    maker
+        Makes the item.
+    where
+        "wall": on the floor, back to a wall. "mounted": on a wall at the item's own height.
+        "floor": anywhere on the floor. "ceiling": hanging. "fixed": at `at`, unchecked, and taking
+        no space (beams, pipes, tiers).
+    count
+        Number of items.
+    at
+        (x, y) or (x, y, z) in place of a random one; for walls (number of the wall, share of its
+        length).
+    turn, sway
+        Rotation about z and its random range to both sides, degrees, where `at` is given.
     """
 
     maker: Maker
@@ -42,7 +53,7 @@ class Put:
 class Room:
     """A room being furnished."""
 
-    shop: Workshop
+    cad: Modeller
     outline: Floats
     height: float
     openings: tuple[Opening, ...]
@@ -56,7 +67,7 @@ class Room:
         self.plan.take(square(*self.origin, SENSOR_FREE), 0.0, SENSOR_TOP)
         for opening in self.openings:
             self._keep_clear(opening)
-        self.item += shell(self.shop, self.outline, self.height, self.openings)
+        self.item += shell(self.cad, self.outline, self.height, self.openings)
 
     def _keep_clear(self, opening: Opening) -> None:
         """Space in front of a door for its leaf and people, in front of a window for its light."""
@@ -66,8 +77,8 @@ class Room:
         taken = rectangle((x0 - 0.1, -reach), (x1 + 0.1, depth(opening)), frame)
         self.plan.take(taken, opening.sill - 0.04, opening.sill + opening.height + 0.1)
 
-    def put(self, order: Put) -> None:
-        """Carry out an instruction as often as it fits."""
+    def put(self, placement: Placement) -> None:
+        """Place the items, as many as fit."""
         placers = {
             "wall": self._by_wall,
             "mounted": self._mounted,
@@ -75,8 +86,8 @@ class Room:
             "ceiling": self._hanging,
             "fixed": self._fixed,
         }
-        for _ in range(order.count):
-            placers[order.where](order)
+        for _ in range(placement.count):
+            placers[placement.where](placement)
 
     def _try(self, item: Item, place: Floats) -> bool:
         """Add the item at a pose if its space is free."""
@@ -90,50 +101,50 @@ class Room:
         return True
 
     def _add(self, item: Item, place: Floats) -> None:
-        self.item += moved(refurnished(item, self.furniture, self.shop.rng), place)
+        self.item += moved(refurnished(item, self.furniture, self.cad.rng), place)
 
-    def _along_wall(self, order: Put, *, gap: tuple[float, float], sway: float) -> None:
-        item = order.maker(self.shop)
+    def _along_wall(self, placement: Placement, *, gap: tuple[float, float], sway: float) -> None:
+        item = placement.maker(self.cad)
         box = bounds(item)
         half = float(max(-box[0, 0], box[1, 0]))
         for _ in range(TRIES):
-            wall = int(self.shop.rng.integers(len(self.outline)))
-            share = self.shop.between(0, 1)
-            if order.at is not None:
-                wall, share = int(order.at[0]), order.at[1]
+            wall = int(self.cad.rng.integers(len(self.outline)))
+            share = self.cad.between(0, 1)
+            if placement.at is not None:
+                wall, share = int(placement.at[0]), placement.at[1]
             frame, length = wall_frame(self.outline, wall)
             x = float(np.clip(share * length, half + 0.01, max(length - half - 0.01, half + 0.01)))
-            back = float(box[1, 1]) + self.shop.between(*gap)
-            turn = self.shop.between(-sway, sway)
-            if self._try(item, frame @ pose(x, -back, 0, turn=turn)) or order.at is not None:
+            back = float(box[1, 1]) + self.cad.between(*gap)
+            turn = self.cad.between(-sway, sway)
+            if self._try(item, frame @ pose(x, -back, 0, turn=turn)) or placement.at is not None:
                 return
 
-    def _by_wall(self, order: Put) -> None:
-        self._along_wall(order, gap=(0.03, 0.08), sway=1.5)
+    def _by_wall(self, placement: Placement) -> None:
+        self._along_wall(placement, gap=(0.03, 0.08), sway=1.5)
 
-    def _mounted(self, order: Put) -> None:
-        self._along_wall(order, gap=(0.0, 0.0), sway=0.0)
+    def _mounted(self, placement: Placement) -> None:
+        self._along_wall(placement, gap=(0.0, 0.0), sway=0.0)
 
-    def _on_floor(self, order: Put) -> None:
-        item = order.maker(self.shop)
-        if order.at is not None:
-            turn = order.turn + self.shop.between(-order.sway, order.sway)
-            z = order.at[2] if len(order.at) > 2 else 0.0
-            self._try(item, pose(order.at[0], order.at[1], z, turn=turn))
+    def _on_floor(self, placement: Placement) -> None:
+        item = placement.maker(self.cad)
+        if placement.at is not None:
+            turn = placement.turn + self.cad.between(-placement.sway, placement.sway)
+            z = placement.at[2] if len(placement.at) > 2 else 0.0
+            self._try(item, pose(placement.at[0], placement.at[1], z, turn=turn))
             return
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
         for _ in range(TRIES):
-            x, y = self.shop.rng.uniform(low, high)
-            if self._try(item, pose(x, y, 0, turn=self.shop.between(0, 360))):
+            x, y = self.cad.rng.uniform(low, high)
+            if self._try(item, pose(x, y, 0, turn=self.cad.between(0, 360))):
                 return
 
-    def _hanging(self, order: Put) -> None:
-        x, y = order.at or self.origin
-        self._try(order.maker(self.shop), pose(x, y, self.height, turn=order.turn))
+    def _hanging(self, placement: Placement) -> None:
+        x, y = placement.at or self.origin
+        self._try(placement.maker(self.cad), pose(x, y, self.height, turn=placement.turn))
 
-    def _fixed(self, order: Put) -> None:
-        x, y, z = order.at or (0.0, 0.0, 0.0)
-        self._add(order.maker(self.shop), pose(x, y, z, turn=order.turn))
+    def _fixed(self, placement: Placement) -> None:
+        x, y, z = placement.at or (0.0, 0.0, 0.0)
+        self._add(placement.maker(self.cad), pose(x, y, z, turn=placement.turn))
 
 
 def _ground(piece: Piece, place: Floats) -> Floats:
@@ -143,16 +154,18 @@ def _ground(piece: Piece, place: Floats) -> Floats:
 
 
 def _feet(item: Item) -> Item:
-    """The pieces of an item that reach down to its lowest level: what it stands on."""
+    """The pieces of an item that reach down to its lowest level: those it stands on."""
     lows = [bounds([piece])[0, 2] for piece in item]
     return [piece for piece, low in zip(item, lows, strict=True) if low < min(lows) + 0.06]
 
 
-def lamp_grid(maker: Maker, outline: Floats, spacing: float, turn: float = 0.0) -> Sequence[Put]:
+def lamp_grid(
+    maker: Maker, outline: Floats, spacing: float, turn: float = 0.0
+) -> Sequence[Placement]:
     """Lamps in rows over a room's whole bounding box; those outside the room will not fit."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     counts = np.maximum(1, np.round((high - low) / spacing)).astype(int)
     xs, ys = (
         low[k] + (high[k] - low[k]) * (np.arange(counts[k]) + 0.5) / counts[k] for k in (0, 1)
     )
-    return [Put(maker, "ceiling", at=(float(x), float(y)), turn=turn) for x in xs for y in ys]
+    return [Placement(maker, "ceiling", at=(float(x), float(y)), turn=turn) for x in xs for y in ys]

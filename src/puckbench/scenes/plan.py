@@ -1,4 +1,4 @@
-"""The floor plan of a room: what stands where, and what still fits."""
+"""The floor plan of a room: occupied space, and whether a further item fits."""
 
 from __future__ import annotations
 
@@ -16,9 +16,16 @@ _TOUCH = 0.005
 
 @dataclass
 class Plan:
-    """Space taken in a room: rectangles (4, 2) on the plan, each from one height to another.
+    """Occupied space of a room: rectangles on the plan, each from one height to another.
 
-    outline: (n, 2) corners of the floor, counter-clockwise.
+    Parameters
+    ----------
+    outline
+        (n, 2) corners of the floor, counter-clockwise.
+    rectangles
+        (4, 2) corners each.
+    heights
+        Lowest and highest z of the space over each rectangle.
     """
 
     outline: Floats

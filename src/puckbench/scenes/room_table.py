@@ -9,16 +9,28 @@ import numpy as np
 
 from puckbench.scenes import groups
 from puckbench.scenes.furniture import fixtures, seating, small, storage, tables
-from puckbench.scenes.placing import Maker, Put
+from puckbench.scenes.placing import Maker, Placement
 from puckbench.scenes.shell import Opening, window
 
 
 @dataclass(frozen=True)
 class RoomSpec:
-    """A room: floor outline (counter-clockwise, metres), height, openings and furnishing.
+    """A room of the table.
 
-    kind: the type of room. origin: (x, y) where a sensor may stand; nothing is placed there.
-    lamps: what hangs from the ceiling and how far apart.
+    Parameters
+    ----------
+    kind
+        The type of room.
+    outline
+        Corners of the floor, counter-clockwise, m.
+    height
+        Of the ceiling, m.
+    origin
+        (x, y) where a sensor may stand; no furniture is placed there.
+    openings, furnishing
+        Doors and windows, and what is placed.
+    lamps
+        Maker of the lamps on the ceiling, and their spacing, m.
     """
 
     kind: str
@@ -26,7 +38,7 @@ class RoomSpec:
     height: float
     origin: tuple[float, float]
     openings: tuple[Opening, ...]
-    furnishing: tuple[Put, ...]
+    furnishing: tuple[Placement, ...]
     lamps: tuple[Maker, float] = (fixtures.panel_lamp, 1.8)
 
     @property
@@ -40,30 +52,30 @@ def _box(x: float, y: float) -> tuple[tuple[float, float], ...]:
     return ((0.0, 0.0), (x, 0.0), (x, y), (0.0, y))
 
 
-def _walled(*makers: Maker) -> tuple[Put, ...]:
-    return tuple(Put(maker) for maker in makers)
+def _walled(*makers: Maker) -> tuple[Placement, ...]:
+    return tuple(Placement(maker) for maker in makers)
 
 
-def _hung(*makers: Maker) -> tuple[Put, ...]:
-    return tuple(Put(maker, "mounted") for maker in makers)
+def _hung(*makers: Maker) -> tuple[Placement, ...]:
+    return tuple(Placement(maker, "mounted") for maker in makers)
 
 
-def _loose(*makers: Maker) -> tuple[Put, ...]:
-    return tuple(Put(maker, "floor") for maker in makers)
+def _loose(*makers: Maker) -> tuple[Placement, ...]:
+    return tuple(Placement(maker, "floor") for maker in makers)
 
 
-def _overhead(maker: Maker, x: float, y: float, turn: float = 0.0) -> Put:
-    return Put(maker, "ceiling", at=(x, y), turn=turn)
+def _overhead(maker: Maker, x: float, y: float, turn: float = 0.0) -> Placement:
+    return Placement(maker, "ceiling", at=(x, y), turn=turn)
 
 
-def _pipe(height: float, *points: tuple[float, float, float]) -> Put:
+def _pipe(height: float, *points: tuple[float, float, float]) -> Placement:
     """A pipe along points, their heights measured from the ceiling."""
-    return Put(partial(fixtures.pipe_run, points=points), "fixed", at=(0.0, 0.0, height))
+    return Placement(partial(fixtures.pipe_run, points=points), "fixed", at=(0.0, 0.0, height))
 
 
-def _beam(length: float, x: float, y: float, height: float, depth: float = 0.3) -> Put:
+def _beam(length: float, x: float, y: float, height: float, depth: float = 0.3) -> Placement:
     """A ceiling beam along x."""
-    return Put(partial(fixtures.beam, length=length, depth=depth), "fixed", at=(x, y, height))
+    return Placement(partial(fixtures.beam, length=length, depth=depth), "fixed", at=(x, y, height))
 
 
 _RADIATOR = partial(fixtures.radiator, width=1.0)
@@ -85,9 +97,9 @@ ROOMS: dict[str, RoomSpec] = {
         (2.4, 1.3),
         (Opening(0, 0.5), window(2, 0.3), window(2, 0.72)),
         (
-            Put(groups.workplace, at=(1, 0.32)),
-            Put(groups.workplace, at=(3, 0.68)),
-            Put(_RADIATOR, "mounted", at=(2, 0.5)),
+            Placement(groups.workplace, at=(1, 0.32)),
+            Placement(groups.workplace, at=(3, 0.68)),
+            Placement(_RADIATOR, "mounted", at=(2, 0.5)),
             *_walled(storage.bookcase, storage.cabinet),
             *_hung(_BOARD, fixtures.clock, fixtures.coat_rack, fixtures.switches),
             *_loose(groups.plant_group, small.bin_, small.carton_stack, small.ball),
@@ -100,8 +112,8 @@ ROOMS: dict[str, RoomSpec] = {
         (1.6, 2.3),
         (Opening(0, 0.25), window(2, 0.5, 2.0)),
         (
-            Put(groups.workplace, at=(1, 0.3)),
-            Put(_RADIATOR, "mounted", at=(2, 0.5)),
+            Placement(groups.workplace, at=(1, 0.3)),
+            Placement(_RADIATOR, "mounted", at=(2, 0.5)),
             *_walled(storage.bookcase, _NARROW_CASE, storage.sideboard, groups.plant_group),
             *_hung(fixtures.pinboard, fixtures.picture, fixtures.switches),
             *_loose(seating.shell_chair, small.bin_, small.carton_stack),
@@ -121,11 +133,17 @@ ROOMS: dict[str, RoomSpec] = {
             window(2, 0.87),
         ),
         (
-            Put(_COLUMN[3.0][0], "floor", at=(3.4, 3.5), sway=0),
-            Put(_COLUMN[3.0][1], "floor", at=(7.0, 3.5), sway=0),
-            *(Put(groups.double_workplace, "floor", at=(x, 5.1), turn=90) for x in (1.8, 5.2, 8.6)),
-            *(Put(groups.double_workplace, "floor", at=(x, 1.8), turn=90) for x in (3.4, 8.0)),
-            *(Put(_RADIATOR, "mounted", at=(2, s)) for s in (0.15, 0.4, 0.63, 0.87)),
+            Placement(_COLUMN[3.0][0], "floor", at=(3.4, 3.5), sway=0),
+            Placement(_COLUMN[3.0][1], "floor", at=(7.0, 3.5), sway=0),
+            *(
+                Placement(groups.double_workplace, "floor", at=(x, 5.1), turn=90)
+                for x in (1.8, 5.2, 8.6)
+            ),
+            *(
+                Placement(groups.double_workplace, "floor", at=(x, 1.8), turn=90)
+                for x in (3.4, 8.0)
+            ),
+            *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.15, 0.4, 0.63, 0.87)),
             _overhead(partial(fixtures.duct, length=9.0), 5.2, 4.0),
             *_walled(
                 storage.bookcase,
@@ -148,10 +166,10 @@ ROOMS: dict[str, RoomSpec] = {
         (2.5, 1.5),
         (Opening(0, 0.85), window(5, 0.3), window(5, 0.7), window(1, 0.5)),
         (
-            Put(groups.workplace, at=(4, 0.4)),
-            Put(groups.workplace, at=(0, 0.36)),
-            Put(groups.cafe, "floor", at=(1.25, 2.7)),
-            *(Put(_RADIATOR, "mounted", at=(5, s)) for s in (0.3, 0.7)),
+            Placement(groups.workplace, at=(4, 0.4)),
+            Placement(groups.workplace, at=(0, 0.36)),
+            Placement(groups.cafe, "floor", at=(1.25, 2.7)),
+            *(Placement(_RADIATOR, "mounted", at=(5, s)) for s in (0.3, 0.7)),
             *_walled(storage.bookcase, storage.cabinet, _LOW_CASE, groups.plant_group),
             *_hung(fixtures.picture, _BOARD, fixtures.wall_shelf, fixtures.switches),
             *_loose(small.bin_, small.carton_stack, groups.balls),
@@ -164,9 +182,9 @@ ROOMS: dict[str, RoomSpec] = {
         (1.0, 2.1),
         (Opening(0, 0.85), window(2, 0.3, 1.6), window(2, 0.7, 1.6)),
         (
-            Put(groups.meeting, "floor", at=(3.3, 2.1)),
-            Put(_WIDE_BOARD, "mounted", at=(1, 0.5)),
-            *(Put(_RADIATOR, "mounted", at=(2, s)) for s in (0.3, 0.7)),
+            Placement(groups.meeting, "floor", at=(3.3, 2.1)),
+            Placement(_WIDE_BOARD, "mounted", at=(1, 0.5)),
+            *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.3, 0.7)),
             _overhead(fixtures.projector, 2.4, 2.1, 90),
             *_walled(storage.sideboard, groups.plant_group),
             *_hung(fixtures.clock, fixtures.picture, fixtures.switches),
@@ -186,11 +204,11 @@ ROOMS: dict[str, RoomSpec] = {
             window(2, 0.8, 1.8),
         ),
         (
-            Put(partial(groups.meeting, length=4.4, width=1.5), "floor", at=(4.7, 2.7)),
-            Put(partial(fixtures.screen, width=2.6), "mounted", at=(1, 0.5)),
-            Put(_COLUMN[3.1][1], "floor", at=(0.5, 5.0), sway=0),
-            Put(_COLUMN[3.1][1], "floor", at=(8.1, 5.0), sway=0),
-            *(Put(_RADIATOR, "mounted", at=(2, s)) for s in (0.2, 0.5, 0.8)),
+            Placement(partial(groups.meeting, length=4.4, width=1.5), "floor", at=(4.7, 2.7)),
+            Placement(partial(fixtures.screen, width=2.6), "mounted", at=(1, 0.5)),
+            Placement(_COLUMN[3.1][1], "floor", at=(0.5, 5.0), sway=0),
+            Placement(_COLUMN[3.1][1], "floor", at=(8.1, 5.0), sway=0),
+            *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.2, 0.5, 0.8)),
             _overhead(fixtures.projector, 3.4, 2.7, 90),
             *_walled(storage.sideboard, storage.water_cooler),
             *_hung(
@@ -249,8 +267,8 @@ ROOMS: dict[str, RoomSpec] = {
             window(2, 0.5),
         ),
         (
-            Put(partial(storage.lockers, columns=6), at=(1, 0.36)),
-            Put(storage.lockers, at=(1, 0.8)),
+            Placement(partial(storage.lockers, columns=6), at=(1, 0.36)),
+            Placement(storage.lockers, at=(1, 0.8)),
             _pipe(2.9, (0.25, 0.3, -0.2), (0.25, 9.2, -0.2), (0.25, 9.2, -2.6)),
             _pipe(2.9, (0.45, 0.3, -0.2), (0.45, 8.4, -0.2), (2.4, 8.4, -0.2)),
             *_hung(
@@ -278,8 +296,8 @@ ROOMS: dict[str, RoomSpec] = {
             Opening(3, 0.5),
         ),
         (
-            Put(seating.sofa, at=(4, 0.75)),
-            Put(storage.lockers, at=(1, 0.35)),
+            Placement(seating.sofa, at=(4, 0.75)),
+            Placement(storage.lockers, at=(1, 0.35)),
             *_hung(fixtures.extinguisher, fixtures.picture, fixtures.picture, fixtures.pinboard),
             *_walled(
                 storage.copier,
@@ -301,8 +319,8 @@ ROOMS: dict[str, RoomSpec] = {
         (Opening(0, 0.5),),
         (
             _pipe(3.1, (0.2, 0.2, -0.15), (0.2, 3.1, -0.15), (3.4, 3.1, -0.15), (3.4, 3.1, -2.9)),
-            Put(_WIDE_RACK, at=(1, 0.35)),
-            Put(storage.rack, at=(3, 0.5)),
+            Placement(_WIDE_RACK, at=(1, 0.35)),
+            Placement(storage.rack, at=(3, 0.5)),
             *_walled(_WIDE_RACK, storage.rack),
             *_walled(
                 small.carton_stack,
@@ -324,7 +342,7 @@ ROOMS: dict[str, RoomSpec] = {
         (3.5, 2.0),
         (Opening(0, 0.8, width=1.6, height=2.3), Opening(3, 0.3), window(1, 0.5, 1.2, 0.6, 2.3)),
         (
-            Put(_COLUMN[3.4][1], "floor", at=(5.4, 1.2), sway=0),
+            Placement(_COLUMN[3.4][1], "floor", at=(5.4, 1.2), sway=0),
             _overhead(partial(fixtures.duct, length=6.5, round_=False), 3.6, 2.0),
             *_walled(
                 _WIDE_RACK, _WIDE_RACK, _WIDE_RACK, storage.rack, storage.rack, tables.workbench
@@ -359,11 +377,11 @@ ROOMS: dict[str, RoomSpec] = {
         (3.7, 2.8),
         (Opening(0, 0.85), window(2, 0.25, 2.0), window(2, 0.7, 2.0), window(1, 0.5)),
         (
-            Put(groups.sitting_corner, at=(3, 0.5)),
-            Put(groups.cafe, "floor", at=(5.5, 4.2)),
-            Put(groups.cafe, "floor", at=(5.4, 1.6)),
-            Put(_COLUMN[3.0][0], "floor", at=(3.7, 4.6), sway=0),
-            *(Put(_RADIATOR, "mounted", at=(2, s)) for s in (0.25, 0.7)),
+            Placement(groups.sitting_corner, at=(3, 0.5)),
+            Placement(groups.cafe, "floor", at=(5.5, 4.2)),
+            Placement(groups.cafe, "floor", at=(5.4, 1.6)),
+            Placement(_COLUMN[3.0][0], "floor", at=(3.7, 4.6), sway=0),
+            *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.25, 0.7)),
             *_walled(
                 storage.bookcase, _LOW_CASE, partial(seating.sofa, seats=2), groups.plant_group
             ),
@@ -379,9 +397,9 @@ ROOMS: dict[str, RoomSpec] = {
         (1.5, 1.6),
         (Opening(0, 0.7), window(2, 0.5, 1.5)),
         (
-            Put(storage.kitchenette, at=(1, 0.6)),
-            Put(storage.fridge, at=(1, 0.2)),
-            Put(groups.cafe, "floor", at=(1.4, 3.2)),
+            Placement(storage.kitchenette, at=(1, 0.6)),
+            Placement(storage.fridge, at=(1, 0.2)),
+            Placement(groups.cafe, "floor", at=(1.4, 3.2)),
             *_walled(storage.water_cooler, storage.cabinet, small.bin_),
             *_hung(fixtures.clock, fixtures.wall_shelf, fixtures.picture, fixtures.extinguisher),
             *_loose(seating.stool, small.bucket, groups.plant_group),
@@ -396,12 +414,12 @@ ROOMS: dict[str, RoomSpec] = {
         (Opening(0, 0.5, "passage", width=1.6, height=2.4), Opening(3, 0.35)),
         (
             *(
-                Put(_COLUMN[3.4][0], "floor", at=(x, y), sway=0)
+                Placement(_COLUMN[3.4][0], "floor", at=(x, y), sway=0)
                 for x in (2.1, 4.9)
                 for y in (1.9, 4.5)
             ),
             *(
-                Put(fixtures.plinth, "floor", at=(x, y), turn=a)
+                Placement(fixtures.plinth, "floor", at=(x, y), turn=a)
                 for x, y, a in (
                     (1.0, 1.2, 10),
                     (6.0, 1.2, 0),
@@ -430,13 +448,13 @@ ROOMS: dict[str, RoomSpec] = {
             window(3, 0.65, 1.8, 1.2, 2.9),
         ),
         (
-            Put(
+            Placement(
                 partial(groups.tiers, width=9.98, step=(1.05, 0.26), count=6, at_back=1.6),
                 "fixed",
                 at=(5.0, 11.49, 0.0),
             ),
             *(
-                Put(
+                Placement(
                     partial(groups.row_of_seats, count=6),
                     "floor",
                     at=(x, 5.29 + 1.05 * k, 0.26 * k + 0.26),
@@ -445,17 +463,20 @@ ROOMS: dict[str, RoomSpec] = {
                 for k in range(6)
                 for x in (2.6, 7.4)
             ),
-            Put(_WIDE_BOARD, "mounted", at=(0, 0.27)),
-            Put(partial(fixtures.screen, width=4.0), "mounted", at=(0, 0.62)),
-            Put(groups.lectern, "floor", at=(2.0, 1.6), turn=180),
-            Put(tables.workbench, "floor", at=(7.2, 1.4)),
-            Put(seating.chair, "floor", at=(7.2, 0.8), turn=180),
-            *(Put(_COLUMN[4.8][0], "floor", at=(x, 4.3), sway=0) for x in (0.5, 9.5)),
+            Placement(_WIDE_BOARD, "mounted", at=(0, 0.27)),
+            Placement(partial(fixtures.screen, width=4.0), "mounted", at=(0, 0.62)),
+            Placement(groups.lectern, "floor", at=(2.0, 1.6), turn=180),
+            Placement(tables.workbench, "floor", at=(7.2, 1.4)),
+            Placement(seating.chair, "floor", at=(7.2, 0.8), turn=180),
+            *(Placement(_COLUMN[4.8][0], "floor", at=(x, 4.3), sway=0) for x in (0.5, 9.5)),
             *(_beam(9.9, 5.0, y, 4.8, 0.4) for y in (4.3, 9.2)),
             _overhead(fixtures.projector, 5.0, 6.9, 0),
-            Put(fixtures.extinguisher, "mounted", at=(0, 0.87)),
-            Put(fixtures.clock, "mounted", at=(0, 0.105)),
-            *(Put(groups.plant_group, "floor", at=place) for place in ((0.8, 3.2), (9.2, 3.2))),
+            Placement(fixtures.extinguisher, "mounted", at=(0, 0.87)),
+            Placement(fixtures.clock, "mounted", at=(0, 0.105)),
+            *(
+                Placement(groups.plant_group, "floor", at=place)
+                for place in ((0.8, 3.2), (9.2, 3.2))
+            ),
         ),
         (fixtures.tube_lamp, 2.4),
     ),

@@ -10,9 +10,9 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.builder import Furniture, build
 from puckbench.scenes.building import building_room, room_types
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.placing import Maker, Room, lamp_grid
 from puckbench.scenes.room_table import ROOMS, RoomSpec
-from puckbench.scenes.workshop import Workshop
 
 SENSOR_HEIGHT = 1.3
 
@@ -20,19 +20,31 @@ SENSOR_HEIGHT = 1.3
 def make_room(
     name: str, seed: int, detail: float = 1.0, furniture: Furniture | None = None
 ) -> Mesh:
-    """The labelled mesh of a room.
+    """The labelled mesh of a furnished room.
 
-    name: a room of the table, or one of the generated building (`building.room_types`).
-    detail: factor on the tessellation of curved parts. furniture: by semantic class ("chair"),
-    meshes (metres, z up, front to -y) that take the place of the generated pieces of that class.
-    Raises InputError for an unknown name.
+    Parameters
+    ----------
+    name
+        A room of the table (`room_table.ROOMS`) or of the building (`building.room_types`).
+    seed
+        Seed of the furnishing.
+    detail
+        Factor on the number of segments around curved parts.
+    furniture
+        By semantic class ("chair"), meshes in metres, z up, front to -y, that replace the generated
+        pieces of that class.
+
+    Raises
+    ------
+    InputError
+        The name is unknown.
     """
     spec = room_spec(name, seed)
-    shop = Workshop(generator(seed, "room", name), detail)
+    cad = Modeller(generator(seed, "room", name), detail)
     outline = np.array(spec.outline)
-    room = Room(shop, outline, spec.height, spec.openings, spec.origin, furniture or {})
-    for order in (*spec.furnishing, *lamp_grid(*_lamps(spec, outline))):
-        room.put(order)
+    room = Room(cad, outline, spec.height, spec.openings, spec.origin, furniture or {})
+    for placement in (*spec.furnishing, *lamp_grid(*_lamps(spec, outline))):
+        room.put(placement)
     return build(room.item)
 
 

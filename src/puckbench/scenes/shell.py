@@ -10,9 +10,9 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece, moved
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import box, flat
 from puckbench.scenes.surfaces import Surface, join
-from puckbench.scenes.workshop import Workshop
 
 DOOR_DEPTH, PASSAGE_DEPTH, WINDOW_DEPTH = 0.14, 1.4, 0.2
 CASING = 0.07
@@ -22,8 +22,16 @@ CASING = 0.07
 class Opening:
     """A hole in a wall.
 
-    wall: number of the outline's edge. at: middle, as a share of the wall's length, from the
-    edge's end. kind "passage" is a door that stands open onto a dead-end passage.
+    Parameters
+    ----------
+    wall
+        Number of the outline's edge.
+    at
+        Its middle, as a share of the wall's length from the edge's end.
+    kind
+        "passage" is a door that stands open onto a dead-end passage.
+    width, height, sill
+        Sizes, and height of the lower edge above the floor, m.
     """
 
     wall: int
@@ -57,7 +65,7 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
     return pose, length
 
 
-def shell(shop: Workshop, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
+def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
     """Everything that bounds the room, fronts inwards."""
     ground = outlines.polygon(*[(float(x), float(y)) for x, y in outline])
     item = [Piece("floor", "floor", flat(ground))]
@@ -70,7 +78,7 @@ def shell(shop: Workshop, outline: Floats, height: float, openings: tuple[Openin
         for opening in own:
             middle = np.eye(4)
             middle[0, 3], middle[2, 3] = opening.at * length, opening.sill
-            parts += moved(_FILLINGS[opening.kind](shop, opening), middle)
+            parts += moved(_FILLINGS[opening.kind](cad, opening), middle)
         item += moved([part for part in parts if len(part.surface.triangles)], pose)
     return item
 
@@ -138,35 +146,35 @@ def _casing(width: float, height: float) -> list[Surface]:
     return [*sides, box(width, 0.02, CASING).at(y=-0.01, z=height)]
 
 
-def _leaf(shop: Workshop, width: float, height: float) -> Surface:
+def _leaf(cad: Modeller, width: float, height: float) -> Surface:
     """Door leaf with its front at y = 0: two raised panels and a lever handle on a plate."""
     board = box(width, 0.04, height).at(y=0.02)
     panels = [box(width * 0.68, 0.008, z).at(0, -0.004, at) for at, z in ((0.2, 0.65), (1.05, 0.8))]
     x = width / 2 - 0.07
-    plate = shop.slab(0.045, 0.2, 0.008, 0.015).at(x, 0, 1.03, tilt=90)
-    lever = shop.pipe([(x, 0, 1.05), (x, -0.055, 1.05), (x - 0.12, -0.055, 1.05)], 0.009, 0.02)
-    hinges = [shop.cylinder(0.009, 0.09).at(-width / 2 + 0.004, -0.004, z) for z in (0.25, 1.7)]
+    plate = cad.slab(0.045, 0.2, 0.008, 0.015).at(x, 0, 1.03, tilt=90)
+    lever = cad.pipe([(x, 0, 1.05), (x, -0.055, 1.05), (x - 0.12, -0.055, 1.05)], 0.009, 0.02)
+    hinges = [cad.cylinder(0.009, 0.09).at(-width / 2 + 0.004, -0.004, z) for z in (0.25, 1.7)]
     return join([board, *panels, plate, lever, *hinges])
 
 
-def _door(shop: Workshop, opening: Opening) -> Item:
+def _door(cad: Modeller, opening: Opening) -> Item:
     """Closed door: leaf, casing and the plane behind the gaps."""
-    leaf = _leaf(shop, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
+    leaf = _leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
     parts = [leaf, _back(opening), *_casing(opening.width, opening.height)]
     return [Piece("door", "door", join(parts))]
 
 
-def _passage(shop: Workshop, opening: Opening) -> Item:
+def _passage(cad: Modeller, opening: Opening) -> Item:
     """Door that stands open into a passage with a closed end."""
-    leaf = _leaf(shop, opening.width - 0.008, opening.height - 0.008)
+    leaf = _leaf(cad, opening.width - 0.008, opening.height - 0.008)
     swung = leaf.at(x=opening.width / 2).at(
-        -opening.width / 2 + 0.06, 0.12, 0.004, turn=shop.between(84, 89)
+        -opening.width / 2 + 0.06, 0.12, 0.004, turn=cad.between(84, 89)
     )
     frame = join([swung, *_casing(opening.width, opening.height)])
     return [Piece("door", "door", frame), Piece("passage_end", "wall", _back(opening))]
 
 
-def _window(shop: Workshop, opening: Opening) -> Item:
+def _window(cad: Modeller, opening: Opening) -> Item:
     """Window: pane at the back of the hole, frame, bars, handle, and a sill board."""
     width, height, y = opening.width, opening.height, WINDOW_DEPTH - 0.03
     bars = [box(0.06, 0.06, height).at(s * (width / 2 - 0.03), y) for s in (-1, 1)]
@@ -174,12 +182,12 @@ def _window(shop: Workshop, opening: Opening) -> Item:
     count = max(1, round(width / 0.75))
     xs = (np.arange(1, count) / count - 0.5) * width
     bars += [box(0.07, 0.05, height - 0.12).at(float(x), y + 0.005, 0.06) for x in xs]
-    grip = shop.rod(
+    grip = cad.rod(
         (float(xs[0]) if len(xs) else 0.0, y - 0.05, height * 0.4),
         (float(xs[0]) if len(xs) else 0.0, y - 0.05, height * 0.52),
         0.01,
     )
-    sill = shop.slab(width + 0.1, 0.09, 0.03, 0.02).at(y=-0.045, z=-0.03)
+    sill = cad.slab(width + 0.1, 0.09, 0.03, 0.02).at(y=-0.045, z=-0.03)
     frame = join([*bars, grip, sill])
     return [Piece("window_frame", "window", frame), Piece("window_pane", "window", _back(opening))]
 

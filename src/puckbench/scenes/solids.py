@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes.outlines import Outline, Stretch, arc, fill, line, loop
+from puckbench.scenes.outlines import Outline, Segment, arc, fill, line, loop
 from puckbench.scenes.surfaces import (
     FREEFORM,
     PLANE,
@@ -47,8 +47,8 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
     """Closed outline (counter-clockwise, with holes) extruded from z = 0 up to `height`."""
     lid = flat(outline, holes)
     base = lid.turned_inside_out()
-    sides = [_side(stretch, height) for stretch in outline]
-    bores = [_side(stretch, height).turned_inside_out() for hole in holes for stretch in hole]
+    sides = [_side(segment, height) for segment in outline]
+    bores = [_side(segment, height).turned_inside_out() for hole in holes for segment in hole]
     return join([lid.at(z=height), base, *sides, *bores])
 
 
@@ -62,7 +62,7 @@ def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
     angles = np.radians(np.linspace(0, degrees, steps, endpoint=False))
     if not closed:
         angles = np.radians(np.linspace(0, degrees, steps + 1))
-    return join([_turned(stretch, angles, closed) for stretch in profile])
+    return join([_turned(segment, angles, closed) for segment in profile])
 
 
 def cylinder(radius: float, height: float, steps: int) -> Surface:
@@ -158,40 +158,40 @@ def _power(values: Floats, exponent: float) -> Floats:
     return np.asarray(np.sign(values) * np.abs(values) ** exponent)
 
 
-def _side(stretch: Stretch, height: float) -> Surface:
-    """The wall over a stretch of an outline, its front on the stretch's right hand."""
-    bottom = np.column_stack([stretch.points, np.zeros(len(stretch.points))])
+def _side(segment: Segment, height: float) -> Surface:
+    """The wall over a segment of an outline, its front on the segment's right hand."""
+    bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
-    if stretch.kind == "arc":
+    if segment.kind == "arc":
         frame = np.eye(4)
-        frame[:2, 3] = stretch.centre
-        return grid(points, Shape("cylinder", (stretch.radius,)), frame)
-    if stretch.kind == "curve":
+        frame[:2, 3] = segment.centre
+        return grid(points, Shape("cylinder", (segment.radius,)), frame)
+    if segment.kind == "curve":
         return grid(points)
     along = points[-1, 0] - points[0, 0]
     return grid(points, PLANE, frame_along(np.cross(along, (0.0, 0.0, 1.0)), points[0, 0]))
 
 
-def _turned(stretch: Stretch, angles: Floats, closed: bool) -> Surface:
-    """A stretch of a profile turned about z."""
-    r, z = stretch.points[:, 0], stretch.points[:, 1]
+def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
+    """A segment of a profile turned about z."""
+    r, z = segment.points[:, 0], segment.points[:, 1]
     x, y = np.cos(angles)[:, None] * r, np.sin(angles)[:, None] * r
     points = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
-    shape, frame = _turned_shape(stretch)
+    shape, frame = _turned_shape(segment)
     return grid(points, shape, frame, closed=(closed, False))
 
 
-def _turned_shape(stretch: Stretch) -> tuple[Shape, Floats]:
-    """The primitive that a stretch of a profile sweeps, and its frame."""
-    (r0, z0), (r1, z1) = stretch.points[[0, -1]]
+def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
+    """The primitive that a segment of a profile sweeps, and its frame."""
+    (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
-    if stretch.kind == "arc":
-        frame[2, 3] = stretch.centre[1]
-        if abs(stretch.centre[0]) < 1e-12:
-            return Shape("sphere", (stretch.radius,)), frame
-        lengths = (stretch.centre[0], stretch.radius)
-        return (Shape("torus", lengths), frame) if stretch.centre[0] > 0 else (FREEFORM, frame)
-    if stretch.kind == "curve":
+    if segment.kind == "arc":
+        frame[2, 3] = segment.centre[1]
+        if abs(segment.centre[0]) < 1e-12:
+            return Shape("sphere", (segment.radius,)), frame
+        lengths = (segment.centre[0], segment.radius)
+        return (Shape("torus", lengths), frame) if segment.centre[0] > 0 else (FREEFORM, frame)
+    if segment.kind == "curve":
         return FREEFORM, frame
     if abs(z1 - z0) < 1e-12:
         return PLANE, frame_along(np.array([0, 0, -1.0 if r1 > r0 else 1.0]), np.array([0, 0, z0]))

@@ -19,7 +19,14 @@ Ints = NDArray[np.int64]
 class Shape:
     """A primitive in its own frame: a plane is z = 0, axes are z, centres and apexes the origin.
 
-    lengths scale with the frame (radii, half sizes); ratios do not (angles, exponents).
+    Parameters
+    ----------
+    kind
+        As of `puckbench.geometry.mesh.Primitive`.
+    lengths
+        Radii and half sizes, which scale with the frame.
+    ratios
+        Angles and exponents, which do not.
     """
 
     kind: str
@@ -33,11 +40,20 @@ FREEFORM = Shape("freeform")
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles on primitives.
+    """Triangles on primitives, whose fronts are counter-clockwise and face outwards.
 
-    vertices: (v, 3) float64. triangles: (t, 3). shape_id: (t,) index into `shapes`.
-    frames: (s, 4, 4), the pose of each shape; a frame is a similarity (turn, move, even scale).
-    Fronts of triangles are counter-clockwise and face outwards.
+    Parameters
+    ----------
+    vertices
+        (v, 3) float64.
+    triangles
+        (t, 3) indices of vertices.
+    shape_id
+        (t,) index into `shapes`.
+    shapes
+        The s primitives.
+    frames
+        (s, 4, 4) pose of each primitive: a similarity (rotation, translation, uniform scale).
     """
 
     vertices: Floats
@@ -72,6 +88,10 @@ class Surface:
     ) -> Surface:
         """The surface scaled, rolled about y, tilted about x, turned about z (degrees), moved."""
         return self.moved(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
+
+    def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
+        """Four copies, moved to the corners (-x, -y), (-x, y), (x, -y) and (x, y)."""
+        return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
     def mirrored(self, axis: int = 0) -> Surface:
         """The mirror image across the plane through the origin normal to `axis`."""

@@ -13,244 +13,240 @@ import numpy as np
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.surfaces import Surface, join
-from puckbench.scenes.workshop import Workshop
 
 
-def panel_lamp(shop: Workshop) -> Item:
+def panel_lamp(cad: Modeller) -> Item:
     """Square ceiling lamp: a frame and a slightly sunk pane."""
-    frame = [shop.box(0.6, 0.04, 0.05).at(y=s * 0.28, z=-0.05) for s in (-1, 1)]
-    frame += [shop.box(0.04, 0.52, 0.05).at(x=s * 0.28, z=-0.05) for s in (-1, 1)]
-    return clutter("panel_lamp", *frame, shop.box(0.52, 0.52, 0.03).at(z=-0.035))
+    frame = [cad.box(0.6, 0.04, 0.05).at(y=s * 0.28, z=-0.05) for s in (-1, 1)]
+    frame += [cad.box(0.04, 0.52, 0.05).at(x=s * 0.28, z=-0.05) for s in (-1, 1)]
+    return clutter("panel_lamp", *frame, cad.box(0.52, 0.52, 0.03).at(z=-0.035))
 
 
-def tube_lamp(shop: Workshop) -> Item:
+def tube_lamp(cad: Modeller) -> Item:
     """Strip light: a tray and two tubes."""
-    tray = shop.box(1.25, 0.16, 0.05).at(z=-0.05)
-    tubes = [shop.rod((-0.58, y, -0.07), (0.58, y, -0.07), 0.013) for y in (-0.04, 0.04)]
-    ends = [shop.box(0.03, 0.12, 0.045).at(x=x, z=-0.09) for x in (-0.595, 0.595)]
+    tray = cad.box(1.25, 0.16, 0.05).at(z=-0.05)
+    tubes = [cad.rod((-0.58, y, -0.07), (0.58, y, -0.07), 0.013) for y in (-0.04, 0.04)]
+    ends = [cad.box(0.03, 0.12, 0.045).at(x=x, z=-0.09) for x in (-0.595, 0.595)]
     return clutter("tube_lamp", tray, *tubes, *ends)
 
 
-def pendant_lamp(shop: Workshop) -> Item:
+def pendant_lamp(cad: Modeller) -> Item:
     """Lamp on a cord: a cone shade or a globe."""
-    drop = shop.between(0.5, 0.7)
-    cord = shop.rod((0, 0, -drop), (0, 0, -0.02), 0.004)
-    rose = shop.cone(0.03, 0.06, 0.03).at(z=-0.03)
-    if shop.chance(0.5):
-        return clutter("pendant_lamp", cord, rose, shop.sphere(0.15).at(z=-drop - 0.13))
+    drop = cad.between(0.5, 0.7)
+    cord = cad.rod((0, 0, -drop), (0, 0, -0.02), 0.004)
+    rose = cad.cone(0.03, 0.06, 0.03).at(z=-0.03)
+    if cad.chance(0.5):
+        return clutter("pendant_lamp", cord, rose, cad.sphere(0.15).at(z=-drop - 0.13))
     shade = outlines.line(
         (0, 0.116), (0.036, 0.116), (0.197, -0.1), (0.2, -0.1), (0.04, 0.12), (0, 0.12)
     )
-    bulb = shop.sphere(0.04).at(z=-drop - 0.06)
-    return clutter("pendant_lamp", cord, rose, shop.turned(shade).at(z=-drop - 0.1), bulb)
+    bulb = cad.sphere(0.04).at(z=-drop - 0.06)
+    return clutter("pendant_lamp", cord, rose, cad.turned(shade).at(z=-drop - 0.1), bulb)
 
 
-def smoke_detector(shop: Workshop) -> Item:
+def smoke_detector(cad: Modeller) -> Item:
     """Smoke detector."""
-    return clutter("detector", shop.cone(0.035, 0.055, 0.045).at(z=-0.045))
+    return clutter("detector", cad.cone(0.035, 0.055, 0.045).at(z=-0.045))
 
 
-def projector(shop: Workshop) -> Item:
+def projector(cad: Modeller) -> Item:
     """Projector under the ceiling, its lens to the front."""
-    rod = shop.cylinder(0.02, 0.3).at(z=-0.3)
-    body = shop.cushion(0.36, 0.28, 0.12, 0.2).at(z=-0.42)
-    return clutter(
-        "projector", rod, body, shop.cylinder(0.04, 0.06).at(0.08, -0.13, -0.36, tilt=90)
-    )
+    rod = cad.cylinder(0.02, 0.3).at(z=-0.3)
+    body = cad.cushion(0.36, 0.28, 0.12, 0.2).at(z=-0.42)
+    return clutter("projector", rod, body, cad.cylinder(0.04, 0.06).at(0.08, -0.13, -0.36, tilt=90))
 
 
-def vent(shop: Workshop) -> Item:
+def vent(cad: Modeller) -> Item:
     """Round ceiling air outlet of nested rings."""
-    rings = [shop.torus(radius, 0.012).at(z=-0.012) for radius in (0.07, 0.13, 0.19)]
-    return clutter("vent", shop.cone(0.03, 0.05, 0.02).at(z=-0.02), *rings)
+    rings = [cad.torus(radius, 0.012).at(z=-0.012) for radius in (0.07, 0.13, 0.19)]
+    return clutter("vent", cad.cone(0.03, 0.05, 0.02).at(z=-0.02), *rings)
 
 
-def duct(shop: Workshop, length: float, *, round_: bool = True) -> Item:
+def duct(cad: Modeller, length: float, *, round_: bool = True) -> Item:
     """Air duct along x under the ceiling, with flanges and hangers."""
     radius, z = 0.16, -0.3
     places = np.arange(-length / 2 + 0.5, length / 2, 1.2)
     if round_:
-        body = shop.rod((-length / 2, 0, z), (length / 2, 0, z), radius)
-        flanges = [shop.rod((x - 0.02, 0, z), (x + 0.02, 0, z), radius + 0.012) for x in places]
+        body = cad.rod((-length / 2, 0, z), (length / 2, 0, z), radius)
+        flanges = [cad.rod((x - 0.02, 0, z), (x + 0.02, 0, z), radius + 0.012) for x in places]
     else:
-        body = shop.box(length, 0.45, 0.25).at(z=z - 0.125)
-        flanges = [shop.box(0.04, 0.5, 0.3).at(x=x, z=z - 0.15) for x in places]
-    hangers = [shop.rod((x, 0, z + 0.1), (x, 0, 0), 0.006) for x in places]
+        body = cad.box(length, 0.45, 0.25).at(z=z - 0.125)
+        flanges = [cad.box(0.04, 0.5, 0.3).at(x=x, z=z - 0.15) for x in places]
+    hangers = [cad.rod((x, 0, z + 0.1), (x, 0, 0), 0.006) for x in places]
     return clutter("duct", body, *flanges, *hangers)
 
 
-def pipe_run(shop: Workshop, points: Sequence[Sequence[float]], radius: float = 0.03) -> Item:
+def pipe_run(cad: Modeller, points: Sequence[Sequence[float]], radius: float = 0.03) -> Item:
     """Pipe along points with torus elbows and clamp rings at its straight parts."""
     path = np.array(points, dtype=np.float64)
     clamps = []
     for start, end in pairwise(path):
         middle, along = (start + end) / 2, (end - start) / np.linalg.norm(end - start)
-        clamps.append(shop.rod(middle - 0.02 * along, middle + 0.02 * along, radius * 1.35))
-    return clutter("pipe", shop.pipe(path.tolist(), radius, radius * 3), *clamps)
+        clamps.append(cad.rod(middle - 0.02 * along, middle + 0.02 * along, radius * 1.35))
+    return clutter("pipe", cad.pipe(path.tolist(), radius, radius * 3), *clamps)
 
 
-def radiator(shop: Workshop, width: float = 1.0) -> Item:
+def radiator(cad: Modeller, width: float = 1.0) -> Item:
     """Column radiator with pipes and a valve."""
     count = int(width / 0.075)
     xs = (np.arange(count) - (count - 1) / 2) * 0.075
-    ribs = [shop.slab(0.05, 0.1, 0.5, 0.022).at(float(x), -0.1, 0.14) for x in xs]
-    bars = [shop.rod((xs[0], -0.1, z), (xs[-1], -0.1, z), 0.022) for z in (0.19, 0.59)]
+    ribs = [cad.slab(0.05, 0.1, 0.5, 0.022).at(float(x), -0.1, 0.14) for x in xs]
+    bars = [cad.rod((xs[0], -0.1, z), (xs[-1], -0.1, z), 0.022) for z in (0.19, 0.59)]
     end = float(xs[-1]) + 0.03
-    feed = shop.pipe(
+    feed = cad.pipe(
         [(end - 0.02, -0.1, 0.59), (end + 0.07, -0.1, 0.59), (end + 0.07, -0.1, 0.0)], 0.01, 0.03
     )
-    knob = shop.cone(0.022, 0.016, 0.06).at(end + 0.03, -0.1, 0.59, roll=90)
-    stays = [shop.rod((x, -0.1, 0.3), (x, 0, 0.3), 0.008) for x in (xs[1], xs[-2])]
+    knob = cad.cone(0.022, 0.016, 0.06).at(end + 0.03, -0.1, 0.59, roll=90)
+    stays = [cad.rod((x, -0.1, 0.3), (x, 0, 0.3), 0.008) for x in (xs[1], xs[-2])]
     return clutter("radiator", *ribs, *bars, feed, knob, *stays)
 
 
-def whiteboard(shop: Workshop, width: float = 2.0) -> Item:
+def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
     """Board with a frame and a tray with pens."""
     height, low = 1.1, 0.9
-    panel = shop.box(width, 0.02, height).at(y=-0.01, z=low)
+    panel = cad.box(width, 0.02, height).at(y=-0.01, z=low)
     bars = [
-        shop.box(width + 0.04, 0.03, 0.025).at(y=-0.015, z=z) for z in (low - 0.02, low + height)
+        cad.box(width + 0.04, 0.03, 0.025).at(y=-0.015, z=z) for z in (low - 0.02, low + height)
     ]
-    bars += [shop.box(0.02, 0.03, height).at(s * (width / 2 + 0.01), -0.015, low) for s in (-1, 1)]
-    tray = shop.box(width * 0.5, 0.08, 0.015).at(y=-0.06, z=low - 0.03)
+    bars += [cad.box(0.02, 0.03, height).at(s * (width / 2 + 0.01), -0.015, low) for s in (-1, 1)]
+    tray = cad.box(width * 0.5, 0.08, 0.015).at(y=-0.06, z=low - 0.03)
     pens = [
-        shop.rod((x, -0.07, low - 0.005), (x + 0.12, -0.06, low - 0.005), 0.009)
+        cad.rod((x, -0.07, low - 0.005), (x + 0.12, -0.06, low - 0.005), 0.009)
         for x in (-0.3, -0.1, 0.15)
     ]
     return [Piece("whiteboard", "board", join([panel, *bars, tray, *pens]))]
 
 
-def pinboard(shop: Workshop) -> Item:
+def pinboard(cad: Modeller) -> Item:
     """Board with pinned sheets."""
-    width, height, low = shop.between(0.8, 1.2), 0.8, 1.1
-    panel = shop.box(width, 0.02, height).at(y=-0.01, z=low)
+    width, height, low = cad.between(0.8, 1.2), 0.8, 1.1
+    panel = cad.box(width, 0.02, height).at(y=-0.01, z=low)
     sheets = [
-        shop.box(0.15, 0.003, 0.21).at(x, -0.022, low + z, roll=shop.between(-6, 6))
+        cad.box(0.15, 0.003, 0.21).at(x, -0.022, low + z, roll=cad.between(-6, 6))
         for x in np.arange(-width / 2 + 0.14, width / 2 - 0.1, 0.2)
         for z in (0.08, 0.45)
-        if shop.chance(0.8)
+        if cad.chance(0.8)
     ]
     return [Piece("pinboard", "board", join([panel, *sheets]))]
 
 
-def picture(shop: Workshop) -> Item:
+def picture(cad: Modeller) -> Item:
     """Framed picture."""
-    width, height = shop.between(0.4, 0.9), shop.between(0.4, 0.7)
+    width, height = cad.between(0.4, 0.9), cad.between(0.4, 0.7)
     z = 1.55 - height / 2
-    bars = [shop.box(width, 0.03, 0.03).at(y=-0.015, z=at) for at in (z, z + height - 0.03)]
-    bars += [shop.box(0.03, 0.03, height).at(s * (width / 2 - 0.015), -0.015, z) for s in (-1, 1)]
+    bars = [cad.box(width, 0.03, 0.03).at(y=-0.015, z=at) for at in (z, z + height - 0.03)]
+    bars += [cad.box(0.03, 0.03, height).at(s * (width / 2 - 0.015), -0.015, z) for s in (-1, 1)]
     return clutter(
-        "picture", *bars, shop.box(width - 0.04, 0.012, height - 0.04).at(y=-0.006, z=z + 0.02)
+        "picture", *bars, cad.box(width - 0.04, 0.012, height - 0.04).at(y=-0.006, z=z + 0.02)
     )
 
 
-def clock(shop: Workshop) -> Item:
+def clock(cad: Modeller) -> Item:
     """Round wall clock."""
-    face = shop.cylinder(0.15, 0.03).at(z=2.1, tilt=90)
-    rim = shop.torus(0.15, 0.012).at(y=-0.03, z=2.1, tilt=90)
+    face = cad.cylinder(0.15, 0.03).at(z=2.1, tilt=90)
+    rim = cad.torus(0.15, 0.012).at(y=-0.03, z=2.1, tilt=90)
     hands = [
-        shop.box(0.012, 0.004, length).at(y=-0.034, z=2.1, roll=turn)
+        cad.box(0.012, 0.004, length).at(y=-0.034, z=2.1, roll=turn)
         for length, turn in ((0.11, 60), (0.08, -50))
     ]
     return clutter("clock", face, rim, *hands)
 
 
-def extinguisher(shop: Workshop) -> Item:
+def extinguisher(cad: Modeller) -> Item:
     """Fire extinguisher on a wall hook."""
-    radius, steps = 0.075, shop.steps(0.075) // 4
+    radius, steps = 0.075, cad.steps(0.075) // 4
     profile = (
         *outlines.line((0, 0), (radius, 0), (radius, 0.4)),
         *outlines.arc((0.025, 0.4), 0.05, 0, 90, steps),
         *outlines.line((0.025, 0.45), (0.02, 0.5), (0, 0.5)),
     )
-    hose = shop.tube(
-        shop.smooth([(0, 0, 0.48), (0.09, -0.02, 0.46), (0.11, -0.02, 0.25), (0.1, -0.03, 0.1)]),
+    hose = cad.tube(
+        cad.smooth([(0, 0, 0.48), (0.09, -0.02, 0.46), (0.11, -0.02, 0.25), (0.1, -0.03, 0.1)]),
         0.01,
     )
-    lever = shop.box(0.02, 0.14, 0.02).at(y=-0.05, z=0.5, tilt=10)
-    body = shop.turned(profile) + hose + lever
+    lever = cad.box(0.02, 0.14, 0.02).at(y=-0.05, z=0.5, tilt=10)
+    body = cad.turned(profile) + hose + lever
     return clutter(
-        "extinguisher", body.at(y=-0.09, z=0.75), shop.box(0.06, 0.03, 0.2).at(y=-0.015, z=0.9)
+        "extinguisher", body.at(y=-0.09, z=0.75), cad.box(0.06, 0.03, 0.2).at(y=-0.015, z=0.9)
     )
 
 
-def coat_rack(shop: Workshop) -> Item:
+def coat_rack(cad: Modeller) -> Item:
     """Row of hooks on a board."""
     hooks = []
     for x in np.linspace(-0.4, 0.4, 5):
-        path = shop.smooth(
-            [(x, -0.02, 1.7), (x, -0.09, 1.66), (x, -0.12, 1.7), (x, -0.11, 1.74)], 5
-        )
-        hooks += [shop.tube(path, 0.007), shop.sphere(0.014).at(*path[-1])]
-    return clutter("coat_rack", shop.box(1.0, 0.02, 0.1).at(y=-0.01, z=1.66), *hooks)
+        path = cad.smooth([(x, -0.02, 1.7), (x, -0.09, 1.66), (x, -0.12, 1.7), (x, -0.11, 1.74)], 5)
+        hooks += [cad.tube(path, 0.007), cad.sphere(0.014).at(*path[-1])]
+    return clutter("coat_rack", cad.box(1.0, 0.02, 0.1).at(y=-0.01, z=1.66), *hooks)
 
 
-def wall_shelf(shop: Workshop) -> Item:
+def wall_shelf(cad: Modeller) -> Item:
     """Board on two brackets."""
-    board = shop.box(0.9, 0.22, 0.02).at(y=-0.11, z=1.6)
-    arms = [shop.rod((x, -0.19, 1.595), (x, -0.005, 1.44), 0.008) for x in (-0.3, 0.3)]
+    board = cad.box(0.9, 0.22, 0.02).at(y=-0.11, z=1.6)
+    arms = [cad.rod((x, -0.19, 1.595), (x, -0.005, 1.44), 0.008) for x in (-0.3, 0.3)]
     balls = [
-        shop.sphere(0.07).at(-0.25, -0.11, 1.69),
-        shop.cone(0.07, 0.0, 0.2).at(0.0, -0.11, 1.62),
+        cad.sphere(0.07).at(-0.25, -0.11, 1.69),
+        cad.cone(0.07, 0.0, 0.2).at(0.0, -0.11, 1.62),
     ]
     return clutter(
-        "wall_shelf", board, *arms, *balls, shop.cylinder(0.05, 0.18).at(0.25, -0.11, 1.62)
+        "wall_shelf", board, *arms, *balls, cad.cylinder(0.05, 0.18).at(0.25, -0.11, 1.62)
     )
 
 
-def screen(shop: Workshop, width: float = 3.0) -> Item:
+def screen(cad: Modeller, width: float = 3.0) -> Item:
     """Projection screen rolled down from its case."""
-    case = shop.rod((-width / 2, -0.1, 2.6), (width / 2, -0.1, 2.6), 0.06)
-    cloth = shop.box(width - 0.1, 0.006, 1.7).at(y=-0.1, z=0.9)
-    bar = shop.rod((-width / 2 + 0.04, -0.1, 0.89), (width / 2 - 0.04, -0.1, 0.89), 0.015)
+    case = cad.rod((-width / 2, -0.1, 2.6), (width / 2, -0.1, 2.6), 0.06)
+    cloth = cad.box(width - 0.1, 0.006, 1.7).at(y=-0.1, z=0.9)
+    bar = cad.rod((-width / 2 + 0.04, -0.1, 0.89), (width / 2 - 0.04, -0.1, 0.89), 0.015)
     return [Piece("screen", "board", join([case, cloth, bar]))]
 
 
-def switches(shop: Workshop) -> Item:
+def switches(cad: Modeller) -> Item:
     """Light switch."""
     return clutter(
         "switch",
-        shop.box(0.08, 0.01, 0.08).at(y=-0.005, z=1.05),
-        shop.box(0.04, 0.008, 0.05).at(y=-0.012, z=1.065),
+        cad.box(0.08, 0.01, 0.08).at(y=-0.005, z=1.05),
+        cad.box(0.04, 0.008, 0.05).at(y=-0.012, z=1.065),
     )
 
 
-def round_column(shop: Workshop, height: float, radius: float = 0.22) -> Item:
+def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
     """Round column with a torus base ring."""
-    ring = shop.torus(radius, 0.035).at(z=0.035)
-    return [Piece("column", "column", shop.cylinder(radius, height) + ring)]
+    ring = cad.torus(radius, 0.035).at(z=0.035)
+    return [Piece("column", "column", cad.cylinder(radius, height) + ring)]
 
 
-def square_column(shop: Workshop, height: float, size: float = 0.4) -> Item:
+def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
     """Square column with a plinth."""
     return [
         Piece(
             "column",
             "column",
-            shop.box(size, size, height) + shop.box(size + 0.04, size + 0.04, 0.1),
+            cad.box(size, size, height) + cad.box(size + 0.04, size + 0.04, 0.1),
         )
     ]
 
 
-def beam(shop: Workshop, length: float, depth: float = 0.3) -> Item:
+def beam(cad: Modeller, length: float, depth: float = 0.3) -> Item:
     """Ceiling beam along x."""
-    return [Piece("beam", "beam", shop.box(length, 0.25, depth).at(z=-depth))]
+    return [Piece("beam", "beam", cad.box(length, 0.25, depth).at(z=-depth))]
 
 
-def plinth(shop: Workshop) -> Item:
+def plinth(cad: Modeller) -> Item:
     """Plinth with a geometric body on it: a showpiece of curved primitives."""
-    height = shop.between(0.6, 0.95)
+    height = cad.between(0.6, 0.95)
     bodies: tuple[Callable[[], Surface], ...] = (
-        lambda: shop.sphere(0.22).at(z=0.22),
-        lambda: shop.torus(0.2, 0.07).at(z=0.27, tilt=90),
-        lambda: shop.cone(0.2, 0.0, 0.5),
-        lambda: shop.superquadric((0.22, 0.22, 0.25), (0.4, 0.4)).at(z=0.25),
-        lambda: shop.superquadric((0.22, 0.18, 0.28), (1.8, 1.8)).at(z=0.28),
-        lambda: shop.superquadric((0.2, 0.14, 0.3), (1.0, 1.0)).at(z=0.3),
-        lambda: shop.cylinder(0.16, 0.4),
-        lambda: shop.superquadric((0.2, 0.2, 0.25), (0.3, 1.0)).at(z=0.25),
+        lambda: cad.sphere(0.22).at(z=0.22),
+        lambda: cad.torus(0.2, 0.07).at(z=0.27, tilt=90),
+        lambda: cad.cone(0.2, 0.0, 0.5),
+        lambda: cad.superquadric((0.22, 0.22, 0.25), (0.4, 0.4)).at(z=0.25),
+        lambda: cad.superquadric((0.22, 0.18, 0.28), (1.8, 1.8)).at(z=0.28),
+        lambda: cad.superquadric((0.2, 0.14, 0.3), (1.0, 1.0)).at(z=0.3),
+        lambda: cad.cylinder(0.16, 0.4),
+        lambda: cad.superquadric((0.2, 0.2, 0.25), (0.3, 1.0)).at(z=0.25),
     )
-    body = shop.pick(bodies)().at(z=height, turn=shop.between(0, 360))
-    base = shop.pick((shop.box(0.5, 0.5, height), shop.cylinder(0.27, height)))
+    body = cad.pick(bodies)().at(z=height, turn=cad.between(0, 360))
+    base = cad.pick((cad.box(0.5, 0.5, height), cad.cylinder(0.27, height)))
     return [Piece("plinth", "clutter", base), Piece("sculpture", "clutter", body)]

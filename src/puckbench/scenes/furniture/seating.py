@@ -1,4 +1,4 @@
-"""Things to sit on."""
+"""Chairs, stools, sofas and auditorium seats."""
 
 from __future__ import annotations
 
@@ -6,73 +6,72 @@ import numpy as np
 
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import extrude, sheet
 from puckbench.scenes.surfaces import Surface, join
-from puckbench.scenes.workshop import Workshop
 
 
-def office_chair(shop: Workshop) -> Item:
+def office_chair(cad: Modeller) -> Item:
     """Swivel chair: five-star base with castors, gas column, cushions and armrests."""
-    height = shop.between(0.43, 0.5)
-    arms = [_castor_arm(shop).at(turn=72.0 * k + 18) for k in range(5)]
-    column = [shop.cylinder(0.03, 0.2).at(z=0.08), shop.cylinder(0.018, height - 0.2).at(z=0.2)]
-    hub = shop.cone(0.05, 0.035, 0.06).at(z=0.07)
-    plate = shop.box(0.2, 0.2, 0.03).at(z=height - 0.03)
-    seat = shop.cushion(0.5, 0.48, 0.1, 0.4).at(z=height)
-    spine = shop.pipe(
+    height = cad.between(0.43, 0.5)
+    arms = [_castor_arm(cad).at(turn=72.0 * k + 18) for k in range(5)]
+    column = [cad.cylinder(0.03, 0.2).at(z=0.08), cad.cylinder(0.018, height - 0.2).at(z=0.2)]
+    hub = cad.cone(0.05, 0.035, 0.06).at(z=0.07)
+    plate = cad.box(0.2, 0.2, 0.03).at(z=height - 0.03)
+    seat = cad.cushion(0.5, 0.48, 0.1, 0.4).at(z=height)
+    spine = cad.pipe(
         [(0, 0.1, height - 0.01), (0, 0.3, height - 0.01), (0, 0.29, height + 0.4)], 0.02, 0.05
     )
-    back = shop.cushion(0.46, 0.1, shop.between(0.5, 0.7), 0.4).at(y=0.24, z=height + 0.16, tilt=-6)
+    back = cad.cushion(0.46, 0.1, cad.between(0.5, 0.7), 0.4).at(y=0.24, z=height + 0.16, tilt=-6)
     parts = [*arms, *column, hub, plate, seat, spine, back]
-    if shop.chance(0.7):
-        rest = _armrest(shop, height)
+    if cad.chance(0.7):
+        rest = _armrest(cad, height)
         parts += [rest, rest.mirrored()]
     return [Piece("office_chair", "chair", join(parts))]
 
 
-def _castor_arm(shop: Workshop) -> Surface:
+def _castor_arm(cad: Modeller) -> Surface:
     """One arm of a swivel chair's base along x, with its castor."""
-    arm = shop.cone(0.03, 0.018, 0.3).at(roll=90).at(z=0.1, roll=5)
-    wheel = shop.cylinder(0.028, 0.018).at(tilt=90)
+    arm = cad.cone(0.03, 0.018, 0.3).at(roll=90).at(z=0.1, roll=5)
+    wheel = cad.cylinder(0.028, 0.018).at(tilt=90)
     wheels = [wheel.at(0.29, y, 0.028) for y in (0.03, -0.012)]
-    return join([arm, shop.cylinder(0.008, 0.06).at(x=0.29, z=0.03), *wheels])
+    return join([arm, cad.cylinder(0.008, 0.06).at(x=0.29, z=0.03), *wheels])
 
 
-def _armrest(shop: Workshop, height: float) -> Surface:
+def _armrest(cad: Modeller, height: float) -> Surface:
     frame = [(0.2, 0.02, height - 0.02), (0.29, 0.02, height - 0.02), (0.29, 0.02, height + 0.22)]
-    pad = shop.slab(0.08, 0.26, 0.03, 0.035).at(x=0.29, y=0.02, z=height + 0.21)
-    return shop.pipe(frame, 0.014, 0.04) + pad
+    pad = cad.slab(0.08, 0.26, 0.03, 0.035).at(x=0.29, y=0.02, z=height + 0.21)
+    return cad.pipe(frame, 0.014, 0.04) + pad
 
 
-def chair(shop: Workshop) -> Item:
+def chair(cad: Modeller) -> Item:
     """Plain chair: four legs, a seat and a curved back on two posts."""
     width, depth, height = (
-        shop.between(0.4, 0.46),
-        shop.between(0.4, 0.46),
-        shop.between(0.43, 0.47),
+        cad.between(0.4, 0.46),
+        cad.between(0.4, 0.46),
+        cad.between(0.43, 0.47),
     )
-    seat = shop.slab(width, depth, 0.035, 0.06).at(z=height - 0.035)
+    seat = cad.slab(width, depth, 0.035, 0.06).at(z=height - 0.035)
     x, y = width / 2 - 0.045, depth / 2 - 0.045
     feet = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
     legs = [
-        shop.rod((a * x * 1.1, b * y * 1.1, 0), (a * x, b * y, height - 0.03), 0.014)
+        cad.rod((a * x * 1.1, b * y * 1.1, 0), (a * x, b * y, height - 0.03), 0.014)
         for a, b in feet
     ]
     posts = [
-        shop.rod((a * x, y, height - 0.01), (a * x, y + 0.09, height + 0.42), 0.012)
-        for a in (-1, 1)
+        cad.rod((a * x, y, height - 0.01), (a * x, y + 0.09, height + 0.42), 0.012) for a in (-1, 1)
     ]
     back = [
-        _curved_back(shop, width, 0.11).at(y=y + 0.04 + 0.045 * k, z=height + 0.16 + 0.15 * k)
+        _curved_back(cad, width, 0.11).at(y=y + 0.04 + 0.045 * k, z=height + 0.16 + 0.15 * k)
         for k in range(2)
     ]
-    rungs = [shop.rod((a * x, -y, 0.2), (a * x, y, 0.2), 0.009) for a in (-1, 1)]
+    rungs = [cad.rod((a * x, -y, 0.2), (a * x, y, 0.2), 0.009) for a in (-1, 1)]
     return [Piece("chair", "chair", join([seat, *legs, *posts, *back, *rungs]))]
 
 
-def _curved_back(shop: Workshop, width: float, height: float) -> Surface:
+def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
     """A board bent around a vertical cylinder, its hollow to the front."""
-    radius, steps = width * 0.9, max(4, shop.steps(width) // 6)
+    radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
     outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
     inner = outlines.arc((0, -radius), radius, 122, 58, steps)
     ends = [outlines.line(_end(a), _start(b)) for a, b in ((outer, inner), (inner, outer))]
@@ -89,11 +88,11 @@ def _start(outline: outlines.Outline) -> outlines.Point:
     return (float(x), float(y))
 
 
-def shell_chair(shop: Workshop) -> Item:
+def shell_chair(cad: Modeller) -> Item:
     """Chair with a moulded freeform shell on crossed or slanted legs."""
-    side = np.linspace(-1, 1, max(9, shop.steps(0.2) // 3))
-    half, top = shop.between(0.21, 0.24), shop.between(0.76, 0.88)
-    profile = shop.smooth(
+    side = np.linspace(-1, 1, max(9, cad.steps(0.2) // 3))
+    half, top = cad.between(0.21, 0.24), cad.between(0.76, 0.88)
+    profile = cad.smooth(
         [(-0.24, 0.43), (-0.2, 0.455), (0.05, 0.43), (0.17, 0.47), (0.2, 0.62), (0.25, top)]
     )
     across = half * (1 - 0.15 * np.linspace(0, 1, len(profile)) ** 2)
@@ -103,55 +102,45 @@ def shell_chair(shop: Workshop) -> Item:
     y = profile[:, :1] - forward
     z = profile[:, 1:] + lift * np.linspace(1.0, 0.2, len(profile))[:, None]
     shell = sheet(np.stack([x, y + 0 * x, z], axis=-1).swapaxes(0, 1), 0.012)
-    legs = [
-        shop.rod((a * 0.23, b * 0.22, 0), (a * 0.1, b * 0.1, 0.43), 0.013)
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    legs = cad.legs((0.23, 0.22), (0.1, 0.1), 0.43, 0.013)
     return [Piece("shell_chair", "chair", join([shell, *legs]))]
 
 
-def stool(shop: Workshop) -> Item:
+def stool(cad: Modeller) -> Item:
     """Round stool on a single column."""
-    height = shop.between(0.45, 0.72)
-    base = shop.turned(outlines.line((0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.04), (0, 0.04)))
-    column = shop.cylinder(0.025, height - 0.08).at(z=0.03)
-    seat = shop.superquadric((0.18, 0.18, 0.035), (0.5, 1.0)).at(z=height - 0.035)
-    ring = shop.torus(0.13, 0.01).at(z=0.22)
-    spokes = [
-        shop.rod((0, 0, 0.22), (0.13 * np.cos(t), 0.13 * np.sin(t), 0.22), 0.006)
-        for t in np.radians((0, 120, 240))
-    ]
+    height = cad.between(0.45, 0.72)
+    base = cad.turned(outlines.line((0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.04), (0, 0.04)))
+    column = cad.cylinder(0.025, height - 0.08).at(z=0.03)
+    seat = cad.superquadric((0.18, 0.18, 0.035), (0.5, 1.0)).at(z=height - 0.035)
+    ring = cad.torus(0.13, 0.01).at(z=0.22)
+    ends = outlines.polar(0.13, np.radians((0, 120, 240)))
+    spokes = [cad.rod((0, 0, 0.22), (x, y, 0.22), 0.006) for x, y in ends]
     return [Piece("stool", "chair", join([base, column, seat, ring, *spokes]))]
 
 
-def sofa(shop: Workshop, seats: int = 2) -> Item:
+def sofa(cad: Modeller, seats: int = 2) -> Item:
     """Upholstered sofa (an armchair for one seat): base, feet, cushions and rolled arms."""
-    seat, depth, arm = shop.between(0.58, 0.68), 0.85, 0.17
+    seat, depth, arm = cad.between(0.58, 0.68), 0.85, 0.17
     width = seats * seat + 2 * arm
-    parts = [shop.slab(width - 0.02, depth, 0.2, 0.04).at(z=0.1)]
-    parts += [
-        shop.cone(0.02, 0.03, 0.1).at(a * (width / 2 - 0.1), b * (depth / 2 - 0.08))
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
-    parts.append(shop.cushion(width - 2 * arm, 0.22, 0.55).at(y=depth / 2 - 0.12, z=0.25))
+    parts = [cad.slab(width - 0.02, depth, 0.2, 0.04).at(z=0.1)]
+    parts += cad.cone(0.02, 0.03, 0.1).at_corners(width / 2 - 0.1, depth / 2 - 0.08)
+    parts.append(cad.cushion(width - 2 * arm, 0.22, 0.55).at(y=depth / 2 - 0.12, z=0.25))
     for k in range(seats):
         x = (k - (seats - 1) / 2) * seat
-        parts.append(shop.cushion(seat - 0.01, 0.62, 0.17, 0.3).at(x, -0.1, 0.29))
-        parts.append(shop.cushion(seat - 0.02, 0.17, 0.42, 0.5).at(x, 0.15, 0.44, tilt=-12))
-    roll = shop.cylinder(arm / 2, depth).at(y=depth / 2, tilt=90)
+        parts.append(cad.cushion(seat - 0.01, 0.62, 0.17, 0.3).at(x, -0.1, 0.29))
+        parts.append(cad.cushion(seat - 0.02, 0.17, 0.42, 0.5).at(x, 0.15, 0.44, tilt=-12))
+    roll = cad.cylinder(arm / 2, depth).at(y=depth / 2, tilt=90)
     for side in (-1, 1):
         x = side * (width / 2 - arm / 2)
-        parts += [shop.box(arm * 0.86, depth - 0.02, 0.32).at(x, 0, 0.25), roll.at(x=x, z=0.57)]
+        parts += [cad.box(arm * 0.86, depth - 0.02, 0.32).at(x, 0, 0.25), roll.at(x=x, z=0.57)]
     return [Piece("sofa" if seats > 1 else "armchair", "sofa", join(parts))]
 
 
-def row_seat(shop: Workshop) -> Item:
+def row_seat(cad: Modeller) -> Item:
     """Auditorium seat: side panels, folded seat cushion and shell back."""
-    high, lean = shop.between(0.5, 0.6), -shop.between(7, 13)
-    sides = [shop.slab(0.05, 0.4, 0.6, 0.02).at(x=x) for x in (-0.27, 0.27)]
-    seat = shop.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)
-    back = shop.cushion(0.47, 0.09, high, 0.3).at(y=0.2, z=0.4, tilt=lean)
-    pads = [shop.cushion(0.07, 0.3, 0.04, 0.5).at(x, -0.03, 0.59) for x in (-0.27, 0.27)]
+    high, lean = cad.between(0.5, 0.6), -cad.between(7, 13)
+    sides = [cad.slab(0.05, 0.4, 0.6, 0.02).at(x=x) for x in (-0.27, 0.27)]
+    seat = cad.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)
+    back = cad.cushion(0.47, 0.09, high, 0.3).at(y=0.2, z=0.4, tilt=lean)
+    pads = [cad.cushion(0.07, 0.3, 0.04, 0.5).at(x, -0.03, 0.59) for x in (-0.27, 0.27)]
     return [Piece("seat", "chair", join([*sides, seat, back, *pads]))]

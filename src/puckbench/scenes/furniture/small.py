@@ -1,4 +1,4 @@
-"""Small things that lie and stand about: screens, keyboards, books, mugs, bottles, boxes, balls."""
+"""Small objects on tables, shelves and floors: screens, books, mugs, bottles, boxes, balls."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece, moved
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import Point
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
-from puckbench.scenes.workshop import Workshop
 
 BOTTLES: tuple[tuple[Point, ...], ...] = (
     ((0.036, 0.0), (0.037, 0.1), (0.036, 0.17), (0.016, 0.22), (0.013, 0.27)),
@@ -24,86 +24,86 @@ def clutter(kind: str, *parts: Surface) -> Item:
     return [Piece(kind, "clutter", join(list(parts)))]
 
 
-def monitor(shop: Workshop) -> Item:
+def monitor(cad: Modeller) -> Item:
     """Flat screen on a foot."""
-    width = shop.between(0.48, 0.62)
+    width = cad.between(0.48, 0.62)
     height, lift = width * 0.58, 0.12
-    frame = shop.slab(width, height, 0.03, 0.01).at(y=0.015, z=lift + height / 2, tilt=90)
-    screen = shop.box(width - 0.03, 0.004, height - 0.03).at(y=-0.016, z=lift + 0.015)
-    foot = shop.slab(0.24, 0.18, 0.012, 0.05).at(y=0.03)
-    stem = shop.cylinder(0.02, lift + 0.08).at(y=0.045, z=0.01)
+    frame = cad.slab(width, height, 0.03, 0.01).at(y=0.015, z=lift + height / 2, tilt=90)
+    screen = cad.box(width - 0.03, 0.004, height - 0.03).at(y=-0.016, z=lift + 0.015)
+    foot = cad.slab(0.24, 0.18, 0.012, 0.05).at(y=0.03)
+    stem = cad.cylinder(0.02, lift + 0.08).at(y=0.045, z=0.01)
     return clutter("monitor", frame, screen, foot, stem)
 
 
-def keyboard(shop: Workshop) -> Item:
+def keyboard(cad: Modeller) -> Item:
     """Keyboard with rows of keys."""
-    board = shop.slab(0.44, 0.14, 0.015, 0.01)
+    board = cad.slab(0.44, 0.14, 0.015, 0.01)
     keys = [
-        shop.box(0.016, 0.016, 0.006).at(x, y, 0.015)
+        cad.box(0.016, 0.016, 0.006).at(x, y, 0.015)
         for y in np.linspace(-0.055, 0.055, 6)
         for x in np.linspace(-0.205, 0.205, 21)
     ]
     return clutter("keyboard", board, *keys)
 
 
-def mouse(shop: Workshop) -> Item:
+def mouse(cad: Modeller) -> Item:
     """Computer mouse."""
-    return clutter("mouse", shop.superquadric((0.032, 0.055, 0.018), (0.7, 0.8)).at(z=0.018))
+    return clutter("mouse", cad.superquadric((0.032, 0.055, 0.018), (0.7, 0.8)).at(z=0.018))
 
 
-def laptop(shop: Workshop) -> Item:
+def laptop(cad: Modeller) -> Item:
     """Open laptop."""
-    base = shop.slab(0.33, 0.23, 0.016, 0.012)
-    lid = shop.slab(0.33, 0.22, 0.008, 0.012).at(y=-0.11).at(y=0.115, z=0.014, tilt=-75)
+    base = cad.slab(0.33, 0.23, 0.016, 0.012)
+    lid = cad.slab(0.33, 0.22, 0.008, 0.012).at(y=-0.11).at(y=0.115, z=0.014, tilt=-75)
     keys = [
-        shop.box(0.017, 0.015, 0.003).at(x, y, 0.016)
+        cad.box(0.017, 0.015, 0.003).at(x, y, 0.016)
         for y in np.linspace(-0.01, 0.08, 5)
         for x in np.linspace(-0.135, 0.135, 14)
     ]
-    return clutter("laptop", base, lid, *keys, shop.box(0.1, 0.06, 0.002).at(y=-0.07, z=0.016))
+    return clutter("laptop", base, lid, *keys, cad.box(0.1, 0.06, 0.002).at(y=-0.07, z=0.016))
 
 
-def mug(shop: Workshop) -> Item:
+def mug(cad: Modeller) -> Item:
     """Mug with a handle."""
-    radius, height = shop.between(0.036, 0.043), shop.between(0.085, 0.1)
-    body = shop.turned(
+    radius, height = cad.between(0.036, 0.043), cad.between(0.085, 0.1)
+    body = cad.turned(
         outlines.line(
             (0, 0), (radius, 0), (radius, height), (radius - 0.004, height),
             (radius - 0.004, 0.006), (0, 0.006),
         )
     )  # fmt: skip
-    section = outlines.arc((0.026, 0), 0.005, 0, 360, shop.steps(0.01))
-    handle = shop.turned(section, 180).at(turn=-90).at(radius - 0.001, 0, height / 2, tilt=90)
+    section = outlines.arc((0.026, 0), 0.005, 0, 360, cad.steps(0.01))
+    handle = cad.turned(section, 180).at(turn=-90).at(radius - 0.001, 0, height / 2, tilt=90)
     return clutter("mug", body, handle)
 
 
-def bottle(shop: Workshop) -> Item:
+def bottle(cad: Modeller) -> Item:
     """Bottle with a cap."""
-    profile = shop.pick(BOTTLES)
+    profile = cad.pick(BOTTLES)
     radius, top = profile[-1]
     body = (
         *outlines.line((0, 0), profile[0]),
-        *outlines.curve(profile, max(3, shop.steps(0.1) // 8)),
+        *outlines.curve(profile, max(3, cad.steps(0.1) // 8)),
         *outlines.line((radius, top), (0, top)),
     )
-    cap = shop.cylinder(radius + 0.003, 0.018).at(z=top - 0.002)
-    return clutter("bottle", shop.turned(body), cap)
+    cap = cad.cylinder(radius + 0.003, 0.018).at(z=top - 0.002)
+    return clutter("bottle", cad.turned(body), cap)
 
 
-def book(shop: Workshop, height: float = 0.24, thickness: float = 0.03) -> Item:
+def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
     """Book lying flat: two boards, a rounded spine at -x and the block of pages."""
     width = height * 0.72
-    boards = [shop.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
-    pages = shop.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)
-    arc = outlines.arc((0, 0), thickness / 2, 90, 270, max(4, shop.steps(0.01) // 2))
+    boards = [cad.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
+    pages = cad.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)
+    arc = outlines.arc((0, 0), thickness / 2, 90, 270, max(4, cad.steps(0.01) // 2))
     half = extrude((*arc, *outlines.line((0, -thickness / 2), (0, thickness / 2))), height)
     spine = half.at(-width / 2 + 0.002, height / 2, thickness / 2, tilt=90)
     return clutter("book", *boards, pages, spine)
 
 
-def standing_book(shop: Workshop, height: float, thickness: float) -> Item:
+def standing_book(cad: Modeller, height: float, thickness: float) -> Item:
     """Book standing with its spine to the front, its thickness along x."""
-    return moved(book(shop, height, thickness), _upright(height, thickness))
+    return moved(book(cad, height, thickness), _upright(height, thickness))
 
 
 def _upright(height: float, thickness: float) -> Floats:
@@ -111,73 +111,71 @@ def _upright(height: float, thickness: float) -> Floats:
     return pose(thickness / 2, 0, height / 2, turn=90) @ pose(tilt=90)
 
 
-def books(shop: Workshop) -> Item:
+def books(cad: Modeller) -> Item:
     """Small stack of lying books."""
     item: Item = []
     z = 0.0
-    for _ in range(int(shop.rng.integers(2, 5))):
-        thickness = shop.between(0.015, 0.045)
-        one = book(shop, shop.between(0.2, 0.28), thickness)
-        item += moved(one, pose(0, 0, z, turn=shop.between(-25, 25)))
+    for _ in range(int(cad.rng.integers(2, 5))):
+        thickness = cad.between(0.015, 0.045)
+        one = book(cad, cad.between(0.2, 0.28), thickness)
+        item += moved(one, pose(0, 0, z, turn=cad.between(-25, 25)))
         z += thickness
     return item
 
 
-def papers(shop: Workshop) -> Item:
+def papers(cad: Modeller) -> Item:
     """Stack of paper, a little askew."""
     sheets = [
-        shop.box(0.21, 0.297, 0.006).at(0, 0, 0.006 * k, turn=shop.between(-4, 4))
-        for k in range(int(shop.rng.integers(2, 6)))
+        cad.box(0.21, 0.297, 0.006).at(0, 0, 0.006 * k, turn=cad.between(-4, 4))
+        for k in range(int(cad.rng.integers(2, 6)))
     ]
     return clutter("papers", *sheets)
 
 
-def carton(shop: Workshop, size: float = 0.4) -> Item:
+def carton(cad: Modeller, size: float = 0.4) -> Item:
     """Cardboard box with a strip of tape and flaps that meet in the middle."""
-    x, y, z = (size * shop.between(0.6, 1.0) for _ in range(3))
-    flaps = [shop.box(x, y / 2 - 0.002, 0.004).at(y=s * (y / 4 + 0.001), z=z) for s in (-1, 1)]
-    tape = shop.box(x * 0.9, 0.05, 0.001).at(z=z + 0.004)
-    return clutter("box", shop.box(x, y, z), *flaps, tape)
+    x, y, z = (size * cad.between(0.6, 1.0) for _ in range(3))
+    flaps = [cad.box(x, y / 2 - 0.002, 0.004).at(y=s * (y / 4 + 0.001), z=z) for s in (-1, 1)]
+    tape = cad.box(x * 0.9, 0.05, 0.001).at(z=z + 0.004)
+    return clutter("box", cad.box(x, y, z), *flaps, tape)
 
 
-def carton_stack(shop: Workshop) -> Item:
+def carton_stack(cad: Modeller) -> Item:
     """Cartons on top of each other, the larger below."""
     item: Item = []
     z = 0.0
-    for size in np.sort([shop.between(0.3, 0.6) for _ in range(int(shop.rng.integers(2, 5)))])[
-        ::-1
-    ]:
-        one = carton(shop, float(size))
-        item += moved(one, pose(0, 0, z, turn=shop.between(-12, 12)))
+    for size in np.sort([cad.between(0.3, 0.6) for _ in range(int(cad.rng.integers(2, 5)))])[::-1]:
+        one = carton(cad, float(size))
+        item += moved(one, pose(0, 0, z, turn=cad.between(-12, 12)))
         z += float(one[0].surface.bounds()[1, 2])
     return item
 
 
-def ball(shop: Workshop, radius: float | None = None) -> Item:
+def ball(cad: Modeller, radius: float | None = None) -> Item:
     """Ball lying on the ground."""
-    size = shop.between(0.05, 0.14) if radius is None else radius
-    return clutter("ball", shop.sphere(size).at(z=size))
+    size = cad.between(0.05, 0.14) if radius is None else radius
+    return clutter("ball", cad.sphere(size).at(z=size))
 
 
-def bin_(shop: Workshop) -> Item:
+def bin_(cad: Modeller) -> Item:
     """Waste bin: an open cone frustum with a rolled rim."""
-    low, high, height = 0.1, shop.between(0.13, 0.16), shop.between(0.28, 0.4)
+    low, high, height = 0.1, cad.between(0.13, 0.16), cad.between(0.28, 0.4)
     wall = 0.004
     profile = outlines.line(
         (0, 0), (low, 0), (high, height), (high - wall, height), (low - wall, wall), (0, wall)
     )
-    return clutter("bin", shop.turned(profile), shop.torus(high, 0.006).at(z=height))
+    return clutter("bin", cad.turned(profile), cad.torus(high, 0.006).at(z=height))
 
 
-def desk_lamp(shop: Workshop) -> Item:
+def desk_lamp(cad: Modeller) -> Item:
     """Lamp with a round foot, two arms and a conical shade."""
-    rise, reach = shop.between(0.24, 0.34), shop.between(0.08, 0.15)
-    elbow, head = (0.0, reach, rise), (0.0, -reach, rise + shop.between(0.1, 0.2))
-    foot = shop.cylinder(shop.between(0.07, 0.09), 0.02)
-    arms = [shop.rod((0, 0, 0.01), elbow, 0.008), shop.rod(elbow, head, 0.008)]
-    joints = [shop.sphere(0.014).at(*point) for point in (elbow, head)]
-    cover = shop.turned(_shade_profile()).at(0, -0.03, -0.03, tilt=-25).at(*head)
-    bulb = shop.sphere(0.025).at(0, -0.03, -0.04).at(*head)
+    rise, reach = cad.between(0.24, 0.34), cad.between(0.08, 0.15)
+    elbow, head = (0.0, reach, rise), (0.0, -reach, rise + cad.between(0.1, 0.2))
+    foot = cad.cylinder(cad.between(0.07, 0.09), 0.02)
+    arms = [cad.rod((0, 0, 0.01), elbow, 0.008), cad.rod(elbow, head, 0.008)]
+    joints = [cad.sphere(0.014).at(*point) for point in (elbow, head)]
+    cover = cad.turned(_shade_profile()).at(0, -0.03, -0.03, tilt=-25).at(*head)
+    bulb = cad.sphere(0.025).at(0, -0.03, -0.04).at(*head)
     return clutter("desk_lamp", foot, *arms, *joints, cover, bulb)
 
 
@@ -188,64 +186,64 @@ def _shade_profile() -> outlines.Outline:
     )
 
 
-def telephone(shop: Workshop) -> Item:
+def telephone(cad: Modeller) -> Item:
     """Desk telephone: a wedge with keys and a handset."""
     wedge = extrude(outlines.polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17).at(
         y=0.085, tilt=90
     )
     body = wedge.at(turn=90)
     keys = [
-        shop.box(0.014, 0.014, 0.008).at(0.02 + 0.022 * i, -0.06 + 0.03 * j, 0.036 + 0.0075 * j)
+        cad.box(0.014, 0.014, 0.008).at(0.02 + 0.022 * i, -0.06 + 0.03 * j, 0.036 + 0.0075 * j)
         for i in range(3)
         for j in range(4)
     ]
-    handset = shop.rod((-0.05, -0.1, 0.062), (-0.05, 0.1, 0.112), 0.018)
-    ears = [shop.cylinder(0.027, 0.035).at(-0.05, y, 0.04 + 0.25 * y) for y in (-0.075, 0.075)]
+    handset = cad.rod((-0.05, -0.1, 0.062), (-0.05, 0.1, 0.112), 0.018)
+    ears = [cad.cylinder(0.027, 0.035).at(-0.05, y, 0.04 + 0.25 * y) for y in (-0.075, 0.075)]
     return clutter("telephone", body, *keys, handset, *ears)
 
 
-def vase(shop: Workshop) -> Item:
+def vase(cad: Modeller) -> Item:
     """Vase."""
-    a, b = shop.between(0.05, 0.09), shop.between(0.03, 0.05)
+    a, b = cad.between(0.05, 0.09), cad.between(0.03, 0.05)
     outside = ((0.04, 0.0), (a, 0.1), (b, 0.22), (b + 0.02, 0.27))
-    return clutter("vase", shop.vessel(outside, 0.005))
+    return clutter("vase", cad.vessel(outside, 0.005))
 
 
-def bowl(shop: Workshop) -> Item:
+def bowl(cad: Modeller) -> Item:
     """Bowl with a few round fruits."""
-    dish = shop.vessel(((0.05, 0.0), (0.1, 0.03), (0.14, 0.08)), 0.006)
-    spots = [(0.05 * np.cos(t), 0.05 * np.sin(t)) for t in np.radians((0, 120, 240))]
-    return clutter("bowl", dish, *(shop.sphere(0.038).at(x, y, 0.055) for x, y in spots))
+    dish = cad.vessel(((0.05, 0.0), (0.1, 0.03), (0.14, 0.08)), 0.006)
+    spots = outlines.polar(0.05, np.radians((0, 120, 240)))
+    return clutter("bowl", dish, *(cad.sphere(0.038).at(x, y, 0.055) for x, y in spots))
 
 
-def bucket(shop: Workshop) -> Item:
+def bucket(cad: Modeller) -> Item:
     """Bucket with a bail handle."""
     profile = outlines.line(
         (0, 0), (0.11, 0), (0.15, 0.28), (0.145, 0.28), (0.106, 0.005), (0, 0.005)
     )
-    angles = np.linspace(0, np.pi, max(9, shop.steps(0.15) // 2))
+    angles = np.linspace(0, np.pi, max(9, cad.steps(0.15) // 2))
     bail = np.column_stack(
         [0.15 * np.cos(angles), 0.06 * np.sin(angles), 0.26 + 0.12 * np.sin(angles)]
     )
-    return clutter("bucket", shop.turned(profile), shop.tube(bail, 0.004))
+    return clutter("bucket", cad.turned(profile), cad.tube(bail, 0.004))
 
 
-def printer(shop: Workshop) -> Item:
+def printer(cad: Modeller) -> Item:
     """Desk printer."""
-    body = shop.cushion(0.42, 0.36, 0.22, 0.15)
+    body = cad.cushion(0.42, 0.36, 0.22, 0.15)
     return clutter(
         "printer",
         body,
-        shop.box(0.24, 0.14, 0.01).at(y=-0.22, z=0.07),
-        shop.box(0.22, 0.012, 0.16).at(y=0.14, z=0.2, tilt=-20),
+        cad.box(0.24, 0.14, 0.01).at(y=-0.22, z=0.07),
+        cad.box(0.22, 0.012, 0.16).at(y=0.14, z=0.2, tilt=-20),
     )
 
 
-def microwave(shop: Workshop) -> Item:
+def microwave(cad: Modeller) -> Item:
     """Microwave oven."""
-    body = shop.box(0.48, 0.36, 0.28).at(z=0.012)
-    feet = [shop.cylinder(0.015, 0.013).at(x, y) for x in (-0.2, 0.2) for y in (-0.14, 0.14)]
-    door = shop.slab(0.34, 0.24, 0.012, 0.02).at(-0.05, -0.18, 0.15, tilt=90)
-    knobs = [shop.cylinder(0.02, 0.02).at(0.18, -0.18, z, tilt=90) for z in (0.1, 0.18)]
-    handle = shop.rod((0.1, -0.21, 0.06), (0.1, -0.21, 0.24), 0.008)
+    body = cad.box(0.48, 0.36, 0.28).at(z=0.012)
+    feet = cad.cylinder(0.015, 0.013).at_corners(0.2, 0.14)
+    door = cad.slab(0.34, 0.24, 0.012, 0.02).at(-0.05, -0.18, 0.15, tilt=90)
+    knobs = [cad.cylinder(0.02, 0.02).at(0.18, -0.18, z, tilt=90) for z in (0.1, 0.18)]
+    handle = cad.rod((0.1, -0.21, 0.06), (0.1, -0.21, 0.24), 0.008)
     return clutter("microwave", body, *feet, door, *knobs, handle)

@@ -7,53 +7,49 @@ import numpy as np
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece, bounds, moved
 from puckbench.scenes.furniture import small
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
-from puckbench.scenes.workshop import Workshop
 
 SHELF_MAKERS = (small.carton, small.bottle, small.ball, small.vase, small.papers, small.books)
 RACK_MAKERS = (small.carton, small.carton, small.bucket, small.bottle, small.ball, small.printer)
 
 
-def bookcase(shop: Workshop, width: float = 0.9, levels: int = 5) -> Item:
-    """Bookcase with rows of books, gaps, and odd things."""
+def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
+    """Bookcase with rows of books, gaps, and other objects."""
     depth, height = 0.3, 0.12 + 0.37 * levels
-    sides = [shop.box(0.02, depth, height).at(x=s * (width / 2 - 0.01)) for s in (-1, 1)]
+    sides = [cad.box(0.02, depth, height).at(x=s * (width / 2 - 0.01)) for s in (-1, 1)]
     heights = [0.07 + 0.37 * k for k in range(levels)]
-    shelves = [
-        shop.box(width - 0.04, depth - 0.01, 0.02).at(z=z) for z in [*heights, height - 0.02]
-    ]
-    back = shop.box(width - 0.04, 0.008, height - 0.07).at(y=depth / 2 - 0.004, z=0.07)
-    plinth = shop.box(width - 0.04, 0.02, 0.07).at(y=-depth / 2 + 0.04)
+    shelves = [cad.box(width - 0.04, depth - 0.01, 0.02).at(z=z) for z in [*heights, height - 0.02]]
+    back = cad.box(width - 0.04, 0.008, height - 0.07).at(y=depth / 2 - 0.004, z=0.07)
+    plinth = cad.box(width - 0.04, 0.02, 0.07).at(y=-depth / 2 + 0.04)
     item = [Piece("bookcase", "bookcase", join([*sides, *shelves, back, plinth]))]
     for z in heights:
-        content = _row_of_books if shop.chance(0.65) else _odd_things
-        item += moved(content(shop, width - 0.06), pose(0, 0, z + 0.02))
+        content = _row_of_books if cad.chance(0.65) else _other_objects
+        item += moved(content(cad, width - 0.06), pose(0, 0, z + 0.02))
     return item
 
 
-def _row_of_books(shop: Workshop, width: float) -> Item:
+def _row_of_books(cad: Modeller, width: float) -> Item:
     """Books side by side from the left, the last one leaning."""
     item: Item = []
     x = -width / 2
-    end = width / 2 - shop.between(0.08, 0.4)
+    end = width / 2 - cad.between(0.08, 0.4)
     while x < end:
-        height, thickness = shop.between(0.2, 0.31), shop.between(0.018, 0.05)
-        one = small.standing_book(shop, height, thickness)
-        item += moved(one, pose(x, shop.between(-0.02, 0.02), 0))
+        height, thickness = cad.between(0.2, 0.31), cad.between(0.018, 0.05)
+        one = small.standing_book(cad, height, thickness)
+        item += moved(one, pose(x, cad.between(-0.02, 0.02), 0))
         x += thickness + 0.001
-    lean = small.standing_book(shop, 0.24, 0.03)
+    lean = small.standing_book(cad, 0.24, 0.03)
     return item + moved(lean, pose(x + 0.062, 0, 0.0, roll=-14))
 
 
-def _odd_things(shop: Workshop, width: float) -> Item:
+def _other_objects(cad: Modeller, width: float) -> Item:
     item: Item = []
     for x in (-width * 0.32, 0.0, width * 0.32):
-        if shop.chance(0.85):
-            one = shop.pick(SHELF_MAKERS)(shop)
-            item += moved(
-                _fitted(one, (0.26, 0.24, 0.3)), pose(x, 0, 0, turn=shop.between(-20, 20))
-            )
+        if cad.chance(0.85):
+            one = cad.pick(SHELF_MAKERS)(cad)
+            item += moved(_fitted(one, (0.26, 0.24, 0.3)), pose(x, 0, 0, turn=cad.between(-20, 20)))
     return item
 
 
@@ -63,154 +59,138 @@ def _fitted(item: Item, size: tuple[float, float, float]) -> Item:
     return moved(item, pose(scale=min(1.0, float(np.min(np.array(size) / (high - low))))))
 
 
-def rack(shop: Workshop, width: float = 1.2, levels: int = 4) -> Item:
+def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
     """Steel rack with boxes and containers."""
     depth, height = 0.5, 2.0
-    posts = [
-        shop.box(0.035, 0.035, height).at(a * (width / 2 - 0.02), b * (depth / 2 - 0.02))
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    posts = cad.box(0.035, 0.035, height).at_corners(width / 2 - 0.02, depth / 2 - 0.02)
     heights = np.linspace(0.12, height - 0.05, levels + 1)
-    boards = [shop.box(width - 0.01, depth - 0.01, 0.03).at(z=z) for z in heights]
+    boards = [cad.box(width - 0.01, depth - 0.01, 0.03).at(z=z) for z in heights]
     braces = [
-        shop.rod((-x, depth / 2 - 0.02, 0.2), (x, depth / 2 - 0.02, height - 0.2), 0.006)
+        cad.rod((-x, depth / 2 - 0.02, 0.2), (x, depth / 2 - 0.02, height - 0.2), 0.006)
         for x in (-width / 2 + 0.03, width / 2 - 0.03)
     ]
     item = [Piece("rack", "bookcase", join([*posts, *boards, *braces]))]
     gap = float(heights[1] - heights[0]) - 0.06
     for z in heights[:-1]:
         for x in (np.arange(3) - 1) * width / 3.2:
-            if shop.chance(0.85):
-                one = _fitted(shop.pick(RACK_MAKERS)(shop), (width / 3.6, depth - 0.1, gap))
-                item += moved(one, pose(float(x), 0, float(z) + 0.03, turn=shop.between(-8, 8)))
+            if cad.chance(0.85):
+                one = _fitted(cad.pick(RACK_MAKERS)(cad), (width / 3.6, depth - 0.1, gap))
+                item += moved(one, pose(float(x), 0, float(z) + 0.03, turn=cad.between(-8, 8)))
     return item
 
 
-def cabinet(shop: Workshop, width: float = 0.9, height: float = 1.9) -> Item:
+def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     """Cabinet with two doors, bar handles and a box on top."""
     depth = 0.42
-    body = shop.box(width, depth, height - 0.05).at(z=0.05)
-    plinth = shop.box(width - 0.06, depth - 0.06, 0.05)
+    body = cad.box(width, depth, height - 0.05).at(z=0.05)
+    plinth = cad.box(width - 0.06, depth - 0.06, 0.05)
     y = -depth / 2 - 0.009
     doors = [
-        shop.box(width / 2 - 0.006, 0.018, height - 0.08).at(s * width / 4, y, 0.065)
+        cad.box(width / 2 - 0.006, 0.018, height - 0.08).at(s * width / 4, y, 0.065)
         for s in (-1, 1)
     ]
     low, high = height * 0.45, height * 0.62
     handles = [
-        shop.pipe(
-            [
-                (s * 0.04, y, low),
-                (s * 0.04, y - 0.045, low),
-                (s * 0.04, y - 0.045, high),
-                (s * 0.04, y, high),
-            ],
-            0.006,
-            0.012,
-        )
-        for s in (-1, 1)
+        cad.handle((s * 0.04, y, low), (s * 0.04, y, high), y - 0.045, 0.006) for s in (-1, 1)
     ]
     item = [Piece("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
-    if shop.chance(0.6):
-        top = _fitted(shop.pick((small.carton, small.papers, small.vase))(shop), (0.4, 0.4, 0.35))
-        item += moved(top, pose(shop.between(-0.15, 0.15), 0, height, turn=shop.between(-15, 15)))
+    if cad.chance(0.6):
+        top = _fitted(cad.pick((small.carton, small.papers, small.vase))(cad), (0.4, 0.4, 0.35))
+        item += moved(top, pose(cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15)))
     return item
 
 
-def sideboard(shop: Workshop) -> Item:
-    """Low cabinet with things on it."""
-    item = cabinet(shop, 1.2, 0.8)[:1]
+def sideboard(cad: Modeller) -> Item:
+    """Low cabinet with objects on it."""
+    item = cabinet(cad, 1.2, 0.8)[:1]
     for x in (-0.4, 0.0, 0.4):
-        one = shop.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(shop)
-        item += moved(_fitted(one, (0.4, 0.36, 0.6)), pose(x, 0, 0.8, turn=shop.between(-15, 15)))
+        one = cad.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(cad)
+        item += moved(_fitted(one, (0.4, 0.36, 0.6)), pose(x, 0, 0.8, turn=cad.between(-15, 15)))
     return item
 
 
-def lockers(shop: Workshop, columns: int = 4) -> Item:
+def lockers(cad: Modeller, columns: int = 4) -> Item:
     """Row of lockers with slatted doors and knobs."""
     width, depth, height = 0.38, 0.48, 1.85
-    parts = [shop.box(columns * width, depth, height)]
+    parts = [cad.box(columns * width, depth, height)]
     for k in range(columns):
         x = (k - (columns - 1) / 2) * width
-        parts.append(shop.box(width - 0.012, 0.014, height - 0.06).at(x, -depth / 2 - 0.007, 0.03))
+        parts.append(cad.box(width - 0.012, 0.014, height - 0.06).at(x, -depth / 2 - 0.007, 0.03))
         parts += [
-            shop.box(0.2, 0.01, 0.012).at(x, -depth / 2 - 0.019, z)
+            cad.box(0.2, 0.01, 0.012).at(x, -depth / 2 - 0.019, z)
             for z in height - 0.2 - 0.035 * np.arange(5)
         ]
-        parts.append(shop.cylinder(0.014, 0.03).at(x + 0.13, -depth / 2 - 0.014, 1.0, tilt=90))
+        parts.append(cad.cylinder(0.014, 0.03).at(x + 0.13, -depth / 2 - 0.014, 1.0, tilt=90))
     return [Piece("lockers", "clutter", join(parts))]
 
 
-def copier(shop: Workshop) -> Item:
+def copier(cad: Modeller) -> Item:
     """Floor-standing copier with lid, trays and panel."""
-    body = shop.slab(0.65, 0.6, 0.72, 0.03).at(z=0.06)
-    feet = [shop.cylinder(0.03, 0.06).at(a * 0.26, b * 0.24) for a in (-1, 1) for b in (-1, 1)]
-    trays = [shop.box(0.6, 0.02, 0.13).at(y=-0.308, z=0.1 + 0.15 * k) for k in range(4)]
+    body = cad.slab(0.65, 0.6, 0.72, 0.03).at(z=0.06)
+    feet = cad.cylinder(0.03, 0.06).at_corners(0.26, 0.24)
+    trays = [cad.box(0.6, 0.02, 0.13).at(y=-0.308, z=0.1 + 0.15 * k) for k in range(4)]
     grips = [
-        shop.rod((-0.1, -0.325, 0.2 + 0.15 * k), (0.1, -0.325, 0.2 + 0.15 * k), 0.01)
+        cad.rod((-0.1, -0.325, 0.2 + 0.15 * k), (0.1, -0.325, 0.2 + 0.15 * k), 0.01)
         for k in range(4)
     ]
-    head = shop.slab(0.62, 0.55, 0.14, 0.04).at(y=0.02, z=0.92)
+    head = cad.slab(0.62, 0.55, 0.14, 0.04).at(y=0.02, z=0.92)
     neck = [
-        shop.box(0.14, 0.5, 0.15).at(x=-0.23, y=0.03, z=0.78),
-        shop.box(0.6, 0.12, 0.15).at(y=0.22, z=0.78),
+        cad.box(0.14, 0.5, 0.15).at(x=-0.23, y=0.03, z=0.78),
+        cad.box(0.6, 0.12, 0.15).at(y=0.22, z=0.78),
     ]
-    lid = shop.cushion(0.58, 0.5, 0.12, 0.25).at(y=0.03, z=1.05)
-    panel = shop.slab(0.24, 0.15, 0.02, 0.02).at(0.16, -0.31, 1.04, tilt=25)
-    tray = shop.box(0.3, 0.4, 0.015).at(x=0.47, z=0.6, roll=-15)
+    lid = cad.cushion(0.58, 0.5, 0.12, 0.25).at(y=0.03, z=1.05)
+    panel = cad.slab(0.24, 0.15, 0.02, 0.02).at(0.16, -0.31, 1.04, tilt=25)
+    tray = cad.box(0.3, 0.4, 0.015).at(x=0.47, z=0.6, roll=-15)
     return small.clutter("copier", body, *feet, *trays, *grips, head, *neck, lid, panel, tray)
 
 
-def water_cooler(shop: Workshop) -> Item:
+def water_cooler(cad: Modeller) -> Item:
     """Water cooler with its bottle upside down."""
-    body = shop.slab(0.32, 0.32, 0.95, 0.05)
-    taps = [shop.cylinder(0.012, 0.06).at(x, -0.16, 0.8, tilt=90) for x in (-0.06, 0.06)]
-    drip = shop.slab(0.22, 0.08, 0.02, 0.02).at(y=-0.19, z=0.62)
+    body = cad.slab(0.32, 0.32, 0.95, 0.05)
+    taps = [cad.cylinder(0.012, 0.06).at(x, -0.16, 0.8, tilt=90) for x in (-0.06, 0.06)]
+    drip = cad.slab(0.22, 0.08, 0.02, 0.02).at(y=-0.19, z=0.62)
     profile = (
         *outlines.line((0, 0.95), (0.04, 0.95), (0.04, 1.0)),
         *outlines.curve([(0.04, 1.0), (0.12, 1.06), (0.135, 1.12), (0.13, 1.2), (0.135, 1.3)], 6),
         *outlines.line((0.135, 1.3), (0.135, 1.38)),
-        *outlines.arc((0.105, 1.38), 0.03, 0, 90, max(3, shop.steps(0.03) // 4)),
+        *outlines.arc((0.105, 1.38), 0.03, 0, 90, max(3, cad.steps(0.03) // 4)),
         *outlines.line((0.105, 1.41), (0, 1.41)),
     )
-    return small.clutter("water_cooler", body, *taps, drip, shop.turned(profile))
+    return small.clutter("water_cooler", body, *taps, drip, cad.turned(profile))
 
 
-def fridge(shop: Workshop) -> Item:
+def fridge(cad: Modeller) -> Item:
     """Refrigerator with two doors and bar handles."""
-    body = shop.slab(0.6, 0.58, 1.75, 0.03).at(z=0.03)
+    body = cad.slab(0.6, 0.58, 1.75, 0.03).at(z=0.03)
     doors = [
-        shop.slab(0.59, z, 0.04, 0.02).at(y=-0.29, z=at + z / 2, tilt=90)
+        cad.slab(0.59, z, 0.04, 0.02).at(y=-0.29, z=at + z / 2, tilt=90)
         for at, z in ((0.06, 1.1), (1.18, 0.58))
     ]
     bars = [
-        shop.pipe(
-            [(-0.24, -0.33, a), (-0.24, -0.38, a), (-0.24, -0.38, b), (-0.24, -0.33, b)], 0.01, 0.02
-        )
-        for a, b in ((0.7, 1.1), (1.24, 1.5))
+        cad.handle((-0.24, -0.33, low), (-0.24, -0.33, high), -0.38, 0.01)
+        for low, high in ((0.7, 1.1), (1.24, 1.5))
     ]
-    feet = [shop.cylinder(0.03, 0.03).at(a * 0.22, b * 0.2) for a in (-1, 1) for b in (-1, 1)]
+    feet = cad.cylinder(0.03, 0.03).at_corners(0.22, 0.2)
     return small.clutter("fridge", body, *doors, *bars, *feet)
 
 
-def kitchenette(shop: Workshop) -> Item:
-    """Counter with cupboards, a sunk basin, a bent tap, and things on it."""
+def kitchenette(cad: Modeller) -> Item:
+    """Counter with cupboards, a sunk basin, a bent tap, and objects on it."""
     width, depth, height = 1.8, 0.6, 0.9
-    base = shop.box(width, depth - 0.04, height - 0.04).at(y=0.02)
+    base = cad.box(width, depth - 0.04, height - 0.04).at(y=0.02)
     doors = [
-        shop.box(0.44, 0.016, 0.68).at(-0.675 + 0.45 * k, -depth / 2 + 0.032, 0.1) for k in range(4)
+        cad.box(0.44, 0.016, 0.68).at(-0.675 + 0.45 * k, -depth / 2 + 0.032, 0.1) for k in range(4)
     ]
-    knobs = [shop.sphere(0.014).at(-0.53 + 0.45 * k, -depth / 2 + 0.012, 0.7) for k in range(4)]
-    hole = outlines.rounded_rectangle(0.44, 0.36, 0.06, max(3, shop.steps(0.06) // 4))
+    knobs = [cad.sphere(0.014).at(-0.53 + 0.45 * k, -depth / 2 + 0.012, 0.7) for k in range(4)]
+    hole = outlines.rounded_rectangle(0.44, 0.36, 0.06, max(3, cad.steps(0.06) // 4))
     counter = _counter_top(width, depth, hole).at(z=height - 0.04)
-    basin = _basin(shop).at(0.45, -0.02, height - 0.04)
-    tap = shop.pipe([(0, 0.22, 0), (0, 0.22, 0.3), (0, 0.02, 0.3), (0, 0.02, 0.2)], 0.013, 0.07)
-    lever = shop.rod((0.02, 0.22, 0.08), (0.1, 0.2, 0.12), 0.008)
+    basin = _basin(cad).at(0.45, -0.02, height - 0.04)
+    tap = cad.pipe([(0, 0.22, 0), (0, 0.22, 0.3), (0, 0.02, 0.3), (0, 0.02, 0.2)], 0.013, 0.07)
+    lever = cad.rod((0.02, 0.22, 0.08), (0.1, 0.2, 0.12), 0.008)
     body = join([base, *doors, *knobs, counter, basin, (tap + lever).at(x=0.45, z=height)])
     item = [Piece("kitchenette", "clutter", body)]
     for maker, x in ((small.microwave, -0.6), (small.bottle, -0.2), (small.mug, -0.05)):
-        item += moved(maker(shop), pose(x, 0.02, height, turn=shop.between(-10, 10)))
+        item += moved(maker(cad), pose(x, 0.02, height, turn=cad.between(-10, 10)))
     return item
 
 
@@ -219,43 +199,39 @@ def _counter_top(width: float, depth: float, hole: outlines.Outline) -> Surface:
     return extrude(outlines.rectangle(width, depth), 0.04, [outlines.shifted(hole, 0.45, -0.02)])
 
 
-def _basin(shop: Workshop) -> Surface:
+def _basin(cad: Modeller) -> Surface:
     """Bottom of the sink, seen through the counter's hole."""
-    steps = max(3, shop.steps(0.06) // 4)
+    steps = max(3, cad.steps(0.06) // 4)
     return extrude(outlines.rounded_rectangle(0.44, 0.36, 0.06, steps), 0.002).at(z=-0.002)
 
 
-def drum(shop: Workshop) -> Item:
+def drum(cad: Modeller) -> Item:
     """Barrel with rolled hoops."""
-    hoops = [shop.torus(0.285, 0.012).at(z=z) for z in (0.012, 0.3, 0.58, 0.868)]
-    bung = shop.cylinder(0.03, 0.015).at(x=0.17, z=0.86)
-    return small.clutter("drum", shop.cylinder(0.285, 0.86), *hoops, bung)
+    hoops = [cad.torus(0.285, 0.012).at(z=z) for z in (0.012, 0.3, 0.58, 0.868)]
+    bung = cad.cylinder(0.03, 0.015).at(x=0.17, z=0.86)
+    return small.clutter("drum", cad.cylinder(0.285, 0.86), *hoops, bung)
 
 
-def gas_bottle(shop: Workshop) -> Item:
+def gas_bottle(cad: Modeller) -> Item:
     """Pressure bottle with a domed top and a valve wheel."""
     radius, height = 0.115, 1.2
     profile = (
         *outlines.line((0, 0), (radius, 0), (radius, height)),
-        *outlines.arc((0, height), radius, 0, 70, shop.steps(radius) // 4),
+        *outlines.arc((0, height), radius, 0, 70, cad.steps(radius) // 4),
     )
     r, z = profile[-1].points[-1]
     neck = outlines.line(
         (float(r), float(z)), (0.02, float(z) + 0.04), (0.02, float(z) + 0.09), (0, float(z) + 0.09)
     )
-    wheel = shop.torus(0.035, 0.007).at(z=float(z) + 0.1)
-    return small.clutter("gas_bottle", shop.turned((*profile, *neck)), wheel)
+    wheel = cad.torus(0.035, 0.007).at(z=float(z) + 0.1)
+    return small.clutter("gas_bottle", cad.turned((*profile, *neck)), wheel)
 
 
-def ladder(shop: Workshop) -> Item:
+def ladder(cad: Modeller) -> Item:
     """Folding step ladder."""
-    rails = [
-        shop.rod((a * 0.22, b * 0.42, 0), (a * 0.17, b * 0.03, 1.5), 0.018)
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    rails = cad.legs((0.22, 0.42), (0.17, 0.03), 1.5, 0.018)
     treads = [
-        shop.box(0.42 - 0.06 * t, 0.09, 0.025).at(y=-0.42 + 0.39 * t, z=1.5 * t - 0.012)
+        cad.box(0.42 - 0.06 * t, 0.09, 0.025).at(y=-0.42 + 0.39 * t, z=1.5 * t - 0.012)
         for t in (0.2, 0.4, 0.6, 0.8)
     ]
-    return small.clutter("ladder", *rails, *treads, shop.box(0.36, 0.16, 0.03).at(z=1.49))
+    return small.clutter("ladder", *rails, *treads, cad.box(0.36, 0.16, 0.03).at(z=1.49))

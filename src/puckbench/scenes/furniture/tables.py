@@ -9,11 +9,11 @@ import numpy as np
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece, moved
 from puckbench.scenes.furniture import small
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
-from puckbench.scenes.workshop import Workshop
 
-Maker = Callable[[Workshop], Item]
+Maker = Callable[[Modeller], Item]
 DESK_CLUTTER: tuple[Maker, ...] = (
     small.mug, small.papers, small.books, small.desk_lamp, small.telephone, small.bottle,
     small.ball, small.vase,
@@ -27,35 +27,35 @@ TABLE_CLUTTER: tuple[Maker, ...] = (
 )
 
 
-def desk(shop: Workshop) -> Item:
+def desk(cad: Modeller) -> Item:
     """Desk with a drawer unit, a screen or two, a keyboard and clutter."""
-    width, depth, height = shop.between(1.3, 1.7), shop.between(0.7, 0.8), shop.between(0.71, 0.76)
-    top = shop.slab(width, depth, 0.028, 0.03).at(z=height - 0.028)
-    frame = shop.pick((_panel_legs, _tube_legs))(shop, width, depth, height - 0.028)
-    drawers = _drawer_unit(shop, 0.42, depth - 0.15, height - 0.09)
-    side = shop.pick((-1, 1))
+    width, depth, height = cad.between(1.3, 1.7), cad.between(0.7, 0.8), cad.between(0.71, 0.76)
+    top = cad.slab(width, depth, 0.028, 0.03).at(z=height - 0.028)
+    frame = cad.pick((_panel_legs, _tube_legs))(cad, width, depth, height - 0.028)
+    drawers = _drawer_unit(cad, 0.42, depth - 0.15, height - 0.09)
+    side = cad.pick((-1, 1))
     unit = [Piece("drawers", "clutter", drawers.at(x=side * (width / 2 - 0.29)))]
-    screens = 2 if width > 1.5 and shop.chance(0.5) else 1
+    screens = 2 if width > 1.5 and cad.chance(0.5) else 1
     item = [Piece("desk", "table", join([top, *frame])), *unit]
     for k in range(screens):
         x = (k - (screens - 1) / 2) * 0.62
-        turn = -18 * (2 * k - 1) if screens > 1 else shop.between(-8, 8)
-        item += _on(small.monitor(shop), x, 0.16, height, turn)
-    item += _on(small.keyboard(shop), 0.0, -0.14, height, shop.between(-5, 5))
-    item += _on(small.mouse(shop), 0.32, -0.15, height, shop.between(-20, 20))
+        turn = -18 * (2 * k - 1) if screens > 1 else cad.between(-8, 8)
+        item += _on(small.monitor(cad), x, 0.16, height, turn)
+    item += _on(small.keyboard(cad), 0.0, -0.14, height, cad.between(-5, 5))
+    item += _on(small.mouse(cad), 0.32, -0.15, height, cad.between(-20, 20))
     spots = [(-width / 2 + 0.17, -0.1), (width / 2 - 0.17, -0.12)]
     spots += [(-width / 2 + 0.17, 0.2), (width / 2 - 0.17, 0.2)] if screens == 1 else []
-    return item + scattered(shop, DESK_CLUTTER, spots, height)
+    return item + scattered(cad, DESK_CLUTTER, spots, height)
 
 
 def scattered(
-    shop: Workshop, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
+    cad: Modeller, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
 ) -> Item:
-    """Random small things on most of the spots (x, y) at a height."""
+    """Random small objects on most of the spots (x, y) at a height."""
     item: Item = []
     for x, y in spots:
-        if shop.chance(0.8):
-            item += _on(shop.pick(makers)(shop), x, y, height, shop.between(-30, 30))
+        if cad.chance(0.8):
+            item += _on(cad.pick(makers)(cad), x, y, height, cad.between(-30, 30))
     return item
 
 
@@ -63,64 +63,53 @@ def _on(item: Item, x: float, y: float, z: float, turn: float) -> Item:
     return moved(item, pose(x, y, z, turn=turn))
 
 
-def _panel_legs(shop: Workshop, width: float, depth: float, height: float) -> list[Surface]:
-    sides = [shop.box(0.025, depth - 0.04, height).at(x=s * (width / 2 - 0.04)) for s in (-1, 1)]
-    return [*sides, shop.box(width - 0.1, 0.018, 0.4).at(y=depth / 2 - 0.06, z=height - 0.4)]
+def _panel_legs(cad: Modeller, width: float, depth: float, height: float) -> list[Surface]:
+    sides = [cad.box(0.025, depth - 0.04, height).at(x=s * (width / 2 - 0.04)) for s in (-1, 1)]
+    return [*sides, cad.box(width - 0.1, 0.018, 0.4).at(y=depth / 2 - 0.06, z=height - 0.4)]
 
 
-def _tube_legs(shop: Workshop, width: float, depth: float, height: float) -> list[Surface]:
+def _tube_legs(cad: Modeller, width: float, depth: float, height: float) -> list[Surface]:
     x, y = width / 2 - 0.06, depth / 2 - 0.06
-    legs = [shop.cylinder(0.025, height).at(a * x, b * y) for a in (-1, 1) for b in (-1, 1)]
-    beams = [
-        shop.rod((-x, b * y, height - 0.04), (x, b * y, height - 0.04), 0.015) for b in (-1, 1)
-    ]
+    legs = cad.cylinder(0.025, height).at_corners(x, y)
+    beams = [cad.rod((-x, b * y, height - 0.04), (x, b * y, height - 0.04), 0.015) for b in (-1, 1)]
     return [*legs, *beams]
 
 
-def _drawer_unit(shop: Workshop, width: float, depth: float, height: float) -> Surface:
+def _drawer_unit(cad: Modeller, width: float, depth: float, height: float) -> Surface:
     """Drawer fronts with handles on a body, on small castors."""
-    body = shop.box(width, depth, height - 0.06).at(z=0.06)
-    wheels = [
-        shop.sphere(0.03).at(a * (width / 2 - 0.05), b * (depth / 2 - 0.05), 0.03)
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    body = cad.box(width, depth, height - 0.06).at(z=0.06)
+    wheels = cad.sphere(0.03).at_corners(width / 2 - 0.05, depth / 2 - 0.05, 0.03)
     parts = [body, *wheels]
     step = (height - 0.08) / 3
     for k in range(3):
         z = 0.07 + k * step
-        parts.append(shop.box(width - 0.02, 0.016, step - 0.012).at(y=-depth / 2 - 0.008, z=z))
+        parts.append(cad.box(width - 0.02, 0.016, step - 0.012).at(y=-depth / 2 - 0.008, z=z))
         bar, y = z + step * 0.6, -depth / 2
-        path = [
-            (-0.06, y - 0.015, bar),
-            (-0.06, y - 0.04, bar),
-            (0.06, y - 0.04, bar),
-            (0.06, y - 0.015, bar),
-        ]
-        parts.append(shop.pipe(path, 0.005, 0.01))
+        ends = ((-0.06, y - 0.015, bar), (0.06, y - 0.015, bar))
+        parts.append(cad.handle(*ends, y - 0.04, 0.005))
     return join(parts)
 
 
-def meeting_table(shop: Workshop, length: float = 2.4, width: float = 1.1) -> Item:
-    """Long table, boat-shaped or with rounded ends, on two pedestals; things lie on it."""
+def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Item:
+    """Long table, boat-shaped or with rounded ends, on two pedestals, with objects on it."""
     height = 0.74
-    steps = max(4, shop.steps(width) // 8)
-    if shop.chance(0.5):
+    steps = max(4, cad.steps(width) // 8)
+    if cad.chance(0.5):
         outline = outlines.rounded_rectangle(length, width, width * 0.32, steps)
     else:
         outline = _boat(length, width, steps)
     top = extrude(outline, 0.03).at(z=height - 0.03)
     pedestals = [
-        shop.cone(0.09, 0.06, height - 0.05).at(x=s * length * 0.28, z=0.02) for s in (-1, 1)
+        cad.cone(0.09, 0.06, height - 0.05).at(x=s * length * 0.28, z=0.02) for s in (-1, 1)
     ]
-    feet = [shop.slab(0.12, width * 0.65, 0.03, 0.05).at(x=s * length * 0.28) for s in (-1, 1)]
-    beam = shop.rod((-length * 0.28, 0, height - 0.08), (length * 0.28, 0, height - 0.08), 0.03)
+    feet = [cad.slab(0.12, width * 0.65, 0.03, 0.05).at(x=s * length * 0.28) for s in (-1, 1)]
+    beam = cad.rod((-length * 0.28, 0, height - 0.08), (length * 0.28, 0, height - 0.08), 0.03)
     count = int(length / 0.7)
     spots = [
         ((k + 0.5 - count / 2) * 0.65, s * width * 0.27) for k in range(count) for s in (-1, 1)
     ]
     item = [Piece("meeting_table", "table", join([top, *pedestals, *feet, beam]))]
-    return item + scattered(shop, TABLE_CLUTTER, spots, height)
+    return item + scattered(cad, TABLE_CLUTTER, spots, height)
 
 
 def _boat(length: float, width: float, steps: int) -> outlines.Outline:
@@ -133,7 +122,7 @@ def _boat(length: float, width: float, steps: int) -> outlines.Outline:
     return (*low, *outlines.line((x, -end), (x, end)), *high, *outlines.line((-x, end), (-x, -end)))
 
 
-def round_table(shop: Workshop, radius: float = 0.5, height: float = 0.74) -> Item:
+def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Item:
     """Round table on a trumpet foot."""
     foot = (
         *outlines.line((0, 0), (radius * 0.6, 0), (radius * 0.6, 0.012)),
@@ -142,46 +131,39 @@ def round_table(shop: Workshop, radius: float = 0.5, height: float = 0.74) -> It
         ),
         *outlines.line((0.035, height - 0.03), (0, height - 0.03)),
     )
-    rim = outlines.arc((radius - 0.015, 0.015), 0.015, -90, 90, max(4, shop.steps(0.015) // 2))
+    rim = outlines.arc((radius - 0.015, 0.015), 0.015, -90, 90, max(4, cad.steps(0.015) // 2))
     profile = (
         *outlines.line((0, 0), (radius - 0.015, 0)),
         *rim,
         *outlines.line((radius - 0.015, 0.03), (0, 0.03)),
     )
-    top = shop.turned(profile).at(z=height - 0.03)
-    item = [Piece("round_table", "table", shop.turned(foot) + top)]
+    top = cad.turned(profile).at(z=height - 0.03)
+    item = [Piece("round_table", "table", cad.turned(foot) + top)]
     spots = [(radius * 0.5, 0.0), (-radius * 0.3, radius * 0.4), (-radius * 0.3, -radius * 0.4)]
-    return item + scattered(shop, (small.mug, small.vase, small.bowl, small.bottle), spots, height)
+    return item + scattered(cad, (small.mug, small.vase, small.bowl, small.bottle), spots, height)
 
 
-def coffee_table(shop: Workshop) -> Item:
+def coffee_table(cad: Modeller) -> Item:
     """Low table with a shelf."""
-    width, depth, height = shop.between(0.9, 1.2), 0.55, 0.42
-    top = shop.slab(width, depth, 0.025, 0.08).at(z=height - 0.025)
-    shelf = shop.slab(width - 0.12, depth - 0.12, 0.016, 0.05).at(z=0.14)
-    legs = [
-        shop.cone(0.014, 0.024, height - 0.02).at(a * (width / 2 - 0.07), b * (depth / 2 - 0.07))
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    width, depth, height = cad.between(0.9, 1.2), 0.55, 0.42
+    top = cad.slab(width, depth, 0.025, 0.08).at(z=height - 0.025)
+    shelf = cad.slab(width - 0.12, depth - 0.12, 0.016, 0.05).at(z=0.14)
+    leg = cad.cone(0.014, 0.024, height - 0.02)
+    legs = leg.at_corners(width / 2 - 0.07, depth / 2 - 0.07)
     item = [Piece("coffee_table", "table", join([top, shelf, *legs]))]
     makers = (small.books, small.bowl, small.mug, small.papers)
-    return item + scattered(shop, makers, [(-0.25, 0.0), (0.05, 0.08), (0.3, -0.05)], height)
+    return item + scattered(cad, makers, [(-0.25, 0.0), (0.05, 0.08), (0.3, -0.05)], height)
 
 
-def workbench(shop: Workshop) -> Item:
+def workbench(cad: Modeller) -> Item:
     """Plain four-legged table with stretchers."""
-    width, depth, height = shop.between(1.2, 1.8), 0.7, 0.78
-    top = shop.slab(width, depth, 0.04, 0.02).at(z=height - 0.04)
+    width, depth, height = cad.between(1.2, 1.8), 0.7, 0.78
+    top = cad.slab(width, depth, 0.04, 0.02).at(z=height - 0.04)
     x, y = width / 2 - 0.05, depth / 2 - 0.05
-    legs = [
-        shop.slab(0.06, 0.06, height - 0.04, 0.012).at(a * x, b * y)
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
-    beams = [shop.box(width - 0.16, 0.03, 0.08).at(y=b * y, z=height - 0.12) for b in (-1, 1)]
+    legs = cad.slab(0.06, 0.06, height - 0.04, 0.012).at_corners(x, y)
+    beams = [cad.box(width - 0.16, 0.03, 0.08).at(y=b * y, z=height - 0.12) for b in (-1, 1)]
     item = [Piece("workbench", "table", join([top, *legs, *beams]))]
     spots = [(-width * 0.35, 0.05), (-width * 0.1, 0.05), (width * 0.15, 0.05), (width * 0.37, 0.0)]
     return item + scattered(
-        shop, (small.bucket, small.papers, small.bottle, small.printer), spots, height
+        cad, (small.bucket, small.papers, small.bottle, small.printer), spots, height
     )

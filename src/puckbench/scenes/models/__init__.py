@@ -1,1 +1,1 @@
-"""Parametric objects, one function per class: (workshop, member number) -> item of any size."""
+"""Parametric objects, one function per class: (modeller, member number) -> item of any size."""

@@ -9,12 +9,12 @@ from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.furniture import fixtures, seating, small, tables
 from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join
-from puckbench.scenes.workshop import Workshop
 
 
-def chair(shop: Workshop, member: int) -> Item:
+def chair(cad: Modeller, member: int) -> Item:
     """Office chair, plain chair, moulded chair, stool, armchair or auditorium seat."""
     makers = (
         seating.office_chair,
@@ -24,14 +24,14 @@ def chair(shop: Workshop, member: int) -> Item:
         _armchair,
         seating.row_seat,
     )
-    return makers[member % len(makers)](shop)
+    return makers[member % len(makers)](cad)
 
 
-def _armchair(shop: Workshop) -> Item:
-    return seating.sofa(shop, 1)
+def _armchair(cad: Modeller) -> Item:
+    return seating.sofa(cad, 1)
 
 
-def table(shop: Workshop, member: int) -> Item:
+def table(cad: Modeller, member: int) -> Item:
     """Bare table: round, coffee, meeting, workbench, desk or trestle."""
     makers = (
         _round,
@@ -41,123 +41,117 @@ def table(shop: Workshop, member: int) -> Item:
         tables.desk,
         _trestle,
     )
-    return makers[member % len(makers)](shop)[:1]
+    return makers[member % len(makers)](cad)[:1]
 
 
-def _round(shop: Workshop) -> Item:
-    return tables.round_table(shop, shop.between(0.35, 0.7), shop.between(0.5, 1.05))
+def _round(cad: Modeller) -> Item:
+    return tables.round_table(cad, cad.between(0.35, 0.7), cad.between(0.5, 1.05))
 
 
-def _meeting(shop: Workshop) -> Item:
-    return tables.meeting_table(shop, shop.between(1.8, 3.4), shop.between(0.9, 1.4))
+def _meeting(cad: Modeller) -> Item:
+    return tables.meeting_table(cad, cad.between(1.8, 3.4), cad.between(0.9, 1.4))
 
 
-def _trestle(shop: Workshop) -> Item:
+def _trestle(cad: Modeller) -> Item:
     """Board on two A-shaped trestles."""
-    width, height = shop.between(1.4, 2.0), shop.between(0.7, 0.8)
-    top = shop.slab(width, 0.75, 0.03, 0.12).at(z=height)
-    legs = [
-        shop.rod((a * width * 0.34, b * 0.32, 0), (a * width * 0.34, b * 0.08, height), 0.022)
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    width, height = cad.between(1.4, 2.0), cad.between(0.7, 0.8)
+    top = cad.slab(width, 0.75, 0.03, 0.12).at(z=height)
+    legs = cad.legs((width * 0.34, 0.32), (width * 0.34, 0.08), height, 0.022)
     bars = [
-        shop.rod((a * width * 0.34, -0.24, 0.22), (a * width * 0.34, 0.24, 0.22), 0.015)
+        cad.rod((a * width * 0.34, -0.24, 0.22), (a * width * 0.34, 0.24, 0.22), 0.015)
         for a in (-1, 1)
     ]
-    beam = shop.rod((-width * 0.34, 0, 0.22), (width * 0.34, 0, 0.22), 0.018)
+    beam = cad.rod((-width * 0.34, 0, 0.22), (width * 0.34, 0, 0.22), 0.018)
     return [Piece("trestle_table", "table", join([top, *legs, *bars, beam]))]
 
 
-def lamp(shop: Workshop, member: int) -> Item:
+def lamp(cad: Modeller, member: int) -> Item:
     """Desk lamp, pendant, floor lamp, table lamp, globe or lantern."""
     makers = (small.desk_lamp, fixtures.pendant_lamp, _floor_lamp, _table_lamp, _arc_lamp, _lantern)
-    return makers[member % len(makers)](shop)
+    return makers[member % len(makers)](cad)
 
 
-def _open_shade(shop: Workshop, low: float, high: float, height: float) -> Surface:
+def _open_shade(cad: Modeller, low: float, high: float, height: float) -> Surface:
     """Lampshade open at both ends."""
     wall = 0.004
     ring = outlines.line((low, 0), (high, height), (high - wall, height), (low - wall, 0), (low, 0))
-    return shop.turned(ring)
+    return cad.turned(ring)
 
 
-def _floor_lamp(shop: Workshop) -> Item:
-    height = shop.between(1.3, 1.6)
-    foot = shop.turned(
+def _floor_lamp(cad: Modeller) -> Item:
+    height = cad.between(1.3, 1.6)
+    foot = cad.turned(
         (
             *outlines.line((0, 0), (0.15, 0)),
             *outlines.arc((0.13, 0.0), 0.02, 0, 90, 6),
             *outlines.line((0.13, 0.02), (0.0, 0.03)),
         )
     )
-    shade = _open_shade(shop, shop.between(0.18, 0.24), shop.between(0.1, 0.17), 0.26).at(z=height)
-    spokes = [
-        shop.rod((0, 0, height + 0.05), (0.17 * np.cos(t), 0.17 * np.sin(t), height + 0.05), 0.004)
-        for t in np.radians((0, 120, 240))
-    ]
+    shade = _open_shade(cad, cad.between(0.18, 0.24), cad.between(0.1, 0.17), 0.26).at(z=height)
+    ends = outlines.polar(0.17, np.radians((0, 120, 240)))
+    spokes = [cad.rod((0, 0, height + 0.05), (x, y, height + 0.05), 0.004) for x, y in ends]
     return clutter(
         "floor_lamp",
         foot,
-        shop.cylinder(0.013, height + 0.06),
+        cad.cylinder(0.013, height + 0.06),
         shade,
         *spokes,
-        shop.sphere(0.04).at(z=height + 0.1),
+        cad.sphere(0.04).at(z=height + 0.1),
     )
 
 
-def _table_lamp(shop: Workshop) -> Item:
-    a, b = shop.between(0.07, 0.12), shop.between(0.03, 0.06)
-    body = shop.turned(
+def _table_lamp(cad: Modeller) -> Item:
+    a, b = cad.between(0.07, 0.12), cad.between(0.03, 0.06)
+    body = cad.turned(
         (
             *outlines.line((0, 0), (0.08, 0)),
             *outlines.curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10),
             *outlines.line((0.02, 0.28), (0, 0.28)),
         )
     )
-    shade = _open_shade(shop, 0.17, shop.between(0.08, 0.17), 0.2).at(z=0.27)
-    bar = shop.rod((-0.165, 0, 0.3), (0.165, 0, 0.3), 0.004)
+    shade = _open_shade(cad, 0.17, cad.between(0.08, 0.17), 0.2).at(z=0.27)
+    bar = cad.rod((-0.165, 0, 0.3), (0.165, 0, 0.3), 0.004)
     return clutter(
         "table_lamp",
         body,
         shade,
         bar,
-        shop.cylinder(0.006, 0.1).at(z=0.27),
-        shop.sphere(0.035).at(z=0.38),
+        cad.cylinder(0.006, 0.1).at(z=0.27),
+        cad.sphere(0.035).at(z=0.38),
     )
 
 
-def _arc_lamp(shop: Workshop) -> Item:
-    path = shop.smooth([(0, 0, 0.02), (0, 0, 0.9), (0.25, 0, 1.6), (0.75, 0, 1.75), (1.05, 0, 1.4)])
-    globe = shop.sphere(shop.between(0.14, 0.2)).at(1.07, 0, 1.25)
-    return clutter("arc_lamp", shop.cylinder(0.17, 0.04), shop.tube(path, 0.014), globe)
+def _arc_lamp(cad: Modeller) -> Item:
+    path = cad.smooth([(0, 0, 0.02), (0, 0, 0.9), (0.25, 0, 1.6), (0.75, 0, 1.75), (1.05, 0, 1.4)])
+    globe = cad.sphere(cad.between(0.14, 0.2)).at(1.07, 0, 1.25)
+    return clutter("arc_lamp", cad.cylinder(0.17, 0.04), cad.tube(path, 0.014), globe)
 
 
-def _lantern(shop: Workshop) -> Item:
+def _lantern(cad: Modeller) -> Item:
     """Lantern: a glass body between a foot and a conical roof on posts, with a ring above."""
-    high, wide = shop.between(0.13, 0.2), shop.between(0.05, 0.068)
+    high, wide = cad.between(0.13, 0.2), cad.between(0.05, 0.068)
     foot = outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05))
-    glass = shop.superquadric((wide, wide, high / 2), (0.7, 1.0)).at(z=0.045 + high / 2)
-    roof = shop.cone(0.09, 0.03, 0.06).at(z=0.045 + high)
-    post = shop.cylinder(0.005, high + 0.03).at(x=0.08, z=0.02)
-    ring = shop.torus(0.03, 0.005).at(z=0.13 + high, tilt=90)
+    glass = cad.superquadric((wide, wide, high / 2), (0.7, 1.0)).at(z=0.045 + high / 2)
+    roof = cad.cone(0.09, 0.03, 0.06).at(z=0.045 + high)
+    post = cad.cylinder(0.005, high + 0.03).at(x=0.08, z=0.02)
+    ring = cad.torus(0.03, 0.005).at(z=0.13 + high, tilt=90)
     posts = [post.at(turn=90.0 * k) for k in range(4)]
-    return clutter("lantern", shop.turned(foot), glass, roof, *posts, ring)
+    return clutter("lantern", cad.turned(foot), glass, roof, *posts, ring)
 
 
-def bottle(shop: Workshop, member: int) -> Item:
+def bottle(cad: Modeller, member: int) -> Item:
     """Bottle: wine, beer, flask, jar with lid, canister with a handle, or spray bottle."""
-    neck = shop.between(0.012, 0.018)
-    body = shop.between(0.034, 0.05)
-    waist = body * shop.between(0.75, 1.0)
+    neck = cad.between(0.012, 0.018)
+    body = cad.between(0.034, 0.05)
+    waist = body * cad.between(0.75, 1.0)
     points: list[outlines.Point] = [
         (body * 0.92, 0.0),
         (body, 0.02),
         (waist, 0.08),
-        (body, shop.between(0.12, 0.17)),
-        (neck * 1.3, shop.between(0.2, 0.23)),
+        (body, cad.between(0.12, 0.17)),
+        (neck * 1.3, cad.between(0.2, 0.23)),
         (neck, 0.25),
-        (neck, shop.between(0.27, 0.31)),
+        (neck, cad.between(0.27, 0.31)),
     ]
     if member % 3 == 2:
         points = [
@@ -168,9 +162,9 @@ def bottle(shop: Workshop, member: int) -> Item:
             (body * 0.78, 0.15),
         ]
     top = points[-1]
-    parts = [shop.vessel(points, 0.003), shop.torus(top[0], 0.0025).at(z=top[1] - 0.012)]
+    parts = [cad.vessel(points, 0.003), cad.torus(top[0], 0.0025).at(z=top[1] - 0.012)]
     if member % 3 != 1:
-        parts.append(shop.cylinder(top[0] + 0.003, 0.025).at(z=top[1] - 0.006))
+        parts.append(cad.cylinder(top[0] + 0.003, 0.025).at(z=top[1] - 0.006))
     if member % 4 == 3:
         high, out = top[1] * 0.62, body + 0.035
         grip = [
@@ -179,18 +173,18 @@ def bottle(shop: Workshop, member: int) -> Item:
             (out, 0, high - 0.02),
             (_radius(points, high) - 0.003, 0, high),
         ]
-        parts.append(shop.tube(shop.smooth(grip), 0.007))
+        parts.append(cad.tube(cad.smooth(grip), 0.007))
     return clutter("bottle", *parts)
 
 
-def cup(shop: Workshop, member: int) -> Item:
+def cup(cad: Modeller, member: int) -> Item:
     """Cup with a handle: straight, tapered or bellied; some on a saucer."""
     low, rim, height = (
-        shop.between(0.025, 0.038),
-        shop.between(0.036, 0.05),
-        shop.between(0.06, 0.1),
+        cad.between(0.025, 0.038),
+        cad.between(0.036, 0.05),
+        cad.between(0.06, 0.1),
     )
-    belly = max(low, rim) * shop.between(0.95, 1.15)
+    belly = max(low, rim) * cad.between(0.95, 1.15)
     shapes: tuple[list[outlines.Point], ...] = (
         [(rim, 0.0), (rim, height * 0.5), (rim, height)],
         [(low, 0.0), ((low + rim) / 2, height * 0.5), (rim, height)],
@@ -198,7 +192,7 @@ def cup(shop: Workshop, member: int) -> Item:
     )
     points = shapes[member % 3]
     upper, lower = (_radius(points, share * height) - 0.002 for share in (0.82, 0.25))
-    out = max(upper, lower) + shop.between(0.02, 0.032)
+    out = max(upper, lower) + cad.between(0.02, 0.032)
     ear = [
         (upper, 0, height * 0.82),
         (upper + 0.7 * (out - upper), 0, height * 0.87),
@@ -206,9 +200,9 @@ def cup(shop: Workshop, member: int) -> Item:
         (lower + 0.6 * (out - lower), 0, height * 0.27),
         (lower, 0, height * 0.25),
     ]
-    parts = [shop.vessel(points, 0.003), shop.tube(shop.smooth(ear), 0.0045)]
+    parts = [cad.vessel(points, 0.003), cad.tube(cad.smooth(ear), 0.0045)]
     if member % 2:
-        plate = shop.vessel([(0.03, 0.0), (0.05, 0.004), (0.075, 0.014)], 0.0025)
+        plate = cad.vessel([(0.03, 0.0), (0.05, 0.004), (0.075, 0.014)], 0.0025)
         parts = [plate, *(part.at(z=0.0025) for part in parts)]
     return clutter("cup", *parts)
 
@@ -219,17 +213,17 @@ def _radius(points: list[outlines.Point], height: float) -> float:
     return float(np.interp(height, smooth[:, 1], smooth[:, 0]))
 
 
-def vase(shop: Workshop, member: int) -> Item:
+def vase(cad: Modeller, member: int) -> Item:
     """Vase: plain, fluted, twisted or two-handled."""
     heights = (0.0, 0.08, 0.18, 0.26, 0.32)
     radii = [
-        shop.between(*span)
+        cad.between(*span)
         for span in ((0.04, 0.06), (0.07, 0.12), (0.06, 0.12), (0.025, 0.05), (0.04, 0.08))
     ]
-    body = shop.vessel(list(zip(radii, heights, strict=True)), 0.005)
+    body = cad.vessel(list(zip(radii, heights, strict=True)), 0.005)
     style = member % 4
     if style in (1, 2):
-        waves, twist = int(shop.rng.integers(5, 12)), (8.0 if style == 2 else 0.0)
+        waves, twist = int(cad.rng.integers(5, 12)), (8.0 if style == 2 else 0.0)
         body = body.deformed(lambda points: _fluted(points, waves, twist))
     if style == 3:
         x = radii[3]
@@ -239,7 +233,7 @@ def vase(shop: Workshop, member: int) -> Item:
             (x + 0.055, 0, 0.22),
             (radii[2] * 0.93, 0, 0.19),
         ]
-        handle = shop.tube(shop.smooth(ear), 0.006)
+        handle = cad.tube(cad.smooth(ear), 0.006)
         body = join([body, handle, handle.mirrored()])
     return clutter("vase", body)
 
@@ -250,13 +244,13 @@ def _fluted(points: Floats, waves: int, twist: float) -> Floats:
     return points * np.column_stack([swell, swell, np.ones(len(points))])
 
 
-def guitar(shop: Workshop, member: int) -> Item:
+def guitar(cad: Modeller, member: int) -> Item:
     """Guitar: acoustic with a sound hole, or electric with cutaways and pick-ups."""
     electric = member % 2 == 1
     lower, waist, upper = (
-        shop.between(0.18, 0.21),
-        shop.between(0.11, 0.13),
-        shop.between(0.13, 0.155),
+        cad.between(0.18, 0.21),
+        cad.between(0.11, 0.13),
+        cad.between(0.13, 0.155),
     )
     half = [
         (0.0, -0.26),
@@ -269,55 +263,53 @@ def guitar(shop: Workshop, member: int) -> Item:
     half += [(0.09, 0.3), (0.035, 0.2)] if electric else [(0.04, 0.255)]
     ring = [*half, *((-x, y) for x, y in half[:0:-1])]
     depth = 0.045 if electric else 0.1
-    steps = max(4, shop.steps(0.1) // 6)
-    hole = [] if electric else [outlines.circle(0.05, shop.steps(0.05), (0.0, 0.08))]
+    steps = max(4, cad.steps(0.1) // 6)
+    hole = [] if electric else [outlines.circle(0.05, cad.steps(0.05), (0.0, 0.08))]
     body = extrude(outlines.closed_curve(ring, steps), depth, hole)
-    parts = [body, *_neck(shop, depth), shop.slab(0.14, 0.03, 0.012, 0.01).at(y=-0.12, z=depth)]
+    parts = [body, *_neck(cad, depth), cad.slab(0.14, 0.03, 0.012, 0.01).at(y=-0.12, z=depth)]
     if electric:
-        parts += [shop.slab(0.09, 0.035, 0.01, 0.012).at(y=y, z=depth) for y in (-0.03, 0.08)]
-        parts += [shop.cylinder(0.012, 0.015).at(0.12, y, depth) for y in (-0.12, -0.17)]
+        parts += [cad.slab(0.09, 0.035, 0.01, 0.012).at(y=y, z=depth) for y in (-0.03, 0.08)]
+        parts += [cad.cylinder(0.012, 0.015).at(0.12, y, depth) for y in (-0.12, -0.17)]
     else:
-        parts.append(shop.torus(0.055, 0.004).at(y=0.08, z=depth))
+        parts.append(cad.torus(0.055, 0.004).at(y=0.08, z=depth))
     return clutter("guitar", *parts)
 
 
-def _neck(shop: Workshop, depth: float) -> list[Surface]:
+def _neck(cad: Modeller, depth: float) -> list[Surface]:
     """Neck, frets, head with pegs and the strings of a guitar whose top is at `depth`."""
     half = extrude(
         (
-            *outlines.arc((0, 0), 0.026, 180, 360, shop.steps(0.03) // 2),
+            *outlines.arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2),
             *outlines.line((0.026, 0), (-0.026, 0)),
         ),
         0.5,
     )
     parts = [half.at(tilt=90).at(y=0.68, z=depth + 0.012)]
     frets = 0.68 - 0.62 * (1 - 2 ** (-np.arange(1, 18) / 12))
-    parts += [
-        shop.box(0.05, 0.002, 0.003).at(y=float(y), z=depth + 0.011) for y in frets if y > 0.2
-    ]
-    parts.append(shop.slab(0.085, 0.17, 0.016, 0.015).at(y=0.76, z=depth - 0.008))
+    parts += [cad.box(0.05, 0.002, 0.003).at(y=float(y), z=depth + 0.011) for y in frets if y > 0.2]
+    parts.append(cad.slab(0.085, 0.17, 0.016, 0.015).at(y=0.76, z=depth - 0.008))
     for k in range(3):
         for side in (-1, 1):
             y = 0.71 + 0.045 * k
-            parts.append(shop.cylinder(0.005, 0.016).at(side * 0.028, y, depth + 0.006))
-            parts.append(shop.superquadric((0.012, 0.008, 0.006)).at(side * 0.055, y, depth))
+            parts.append(cad.cylinder(0.005, 0.016).at(side * 0.028, y, depth + 0.006))
+            parts.append(cad.superquadric((0.012, 0.008, 0.006)).at(side * 0.055, y, depth))
     parts += [
-        shop.rod((0.0075 * s, -0.12, depth + 0.015), (0.0065 * s, 0.7, depth + 0.015), 0.0008)
+        cad.rod((0.0075 * s, -0.12, depth + 0.015), (0.0065 * s, 0.7, depth + 0.015), 0.0008)
         for s in (-2.5, -1.5, -0.5, 0.5, 1.5, 2.5)
     ]
     return parts
 
 
-def spectacles(shop: Workshop, member: int) -> Item:
+def spectacles(cad: Modeller, member: int) -> Item:
     """Spectacles with round or squarish rims, bridge, temples and, for some, lenses."""
-    width, height = shop.between(0.022, 0.028), shop.between(0.016, 0.024)
+    width, height = cad.between(0.022, 0.028), cad.between(0.016, 0.024)
     power = (1.0, 0.6, 0.45)[member % 3]
-    angles = np.linspace(0, 2 * np.pi, shop.steps(0.03), endpoint=False)
+    angles = np.linspace(0, 2 * np.pi, cad.steps(0.03), endpoint=False)
     x = width * np.sign(np.cos(angles)) * np.abs(np.cos(angles)) ** power
     z = height * np.sign(np.sin(angles)) * np.abs(np.sin(angles)) ** power
     rim = np.column_stack([x + width + 0.009, np.zeros_like(x), z])
-    thick = shop.between(0.0012, 0.0024)
-    right = [shop.tube(rim, thick, closed=True)]
+    thick = cad.between(0.0012, 0.0024)
+    right = [cad.tube(rim, thick, closed=True)]
     outer = 2 * width + 0.009
     temple = [
         (outer, 0, height * 0.5),
@@ -326,8 +318,8 @@ def spectacles(shop: Workshop, member: int) -> Item:
         (outer + 0.003, 0.115, height * 0.3),
         (outer, 0.135, -height * 0.8),
     ]
-    right.append(shop.tube(shop.smooth(temple), thick))
-    right.append(shop.superquadric((0.0015, 0.004, 0.006)).at(0.006, 0.006, -0.002))
+    right.append(cad.tube(cad.smooth(temple), thick))
+    right.append(cad.superquadric((0.0015, 0.004, 0.006)).at(0.006, 0.006, -0.002))
     if member % 2:
         lens = extrude(
             outlines.closed_curve(
@@ -337,8 +329,8 @@ def spectacles(shop: Workshop, member: int) -> Item:
         )
         right.append(lens.at(tilt=90).at(y=0.0005))
     side = join(right)
-    bridge = shop.tube(
-        shop.smooth(
+    bridge = cad.tube(
+        cad.smooth(
             [
                 (-0.0092, 0, 0.003),
                 (-0.004, -0.001, 0.007),

@@ -9,34 +9,34 @@ from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.plants import leaf
 from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, frame_along, join
-from puckbench.scenes.workshop import Workshop
 
 
-def airplane(shop: Workshop, member: int) -> Item:
+def airplane(cad: Modeller, member: int) -> Item:
     """Airliner with two or four jets, propeller plane, or glider; its nose to +x."""
     style = member % 4
-    radius = (1.9, 1.7, 0.7, 0.5)[style] * shop.between(0.9, 1.1)
-    length = (34.0, 40.0, 9.0, 8.0)[style] * shop.between(0.9, 1.1)
-    span = (0.48, 0.5, 0.55, 1.05)[style] * length * shop.between(0.9, 1.1)
+    radius = (1.9, 1.7, 0.7, 0.5)[style] * cad.between(0.9, 1.1)
+    length = (34.0, 40.0, 9.0, 8.0)[style] * cad.between(0.9, 1.1)
+    span = (0.48, 0.5, 0.55, 1.05)[style] * length * cad.between(0.9, 1.1)
     sweep = (0.5, 0.55, 0.05, 0.02)[style]
     chord = length * (0.17, 0.18, 0.17, 0.1)[style]
-    parts = [_fuselage(shop, radius, length)]
+    parts = [_fuselage(cad, radius, length)]
     low = -0.55 * radius if style < 2 else 0.75 * radius
-    wing = _wing(shop, chord, chord * 0.35, span, sweep).at(x=length * 0.58, z=low)
-    tail = _wing(shop, chord * 0.55, chord * 0.25, span * 0.36, sweep).at(
+    wing = _wing(cad, chord, chord * 0.35, span, sweep).at(x=length * 0.58, z=low)
+    tail = _wing(cad, chord * 0.55, chord * 0.25, span * 0.36, sweep).at(
         x=length * 0.1, z=radius * 0.3
     )
     fin = (
-        _wing(shop, chord * 0.7, chord * 0.3, span * 0.3 + radius, max(sweep, 0.3))
+        _wing(cad, chord * 0.7, chord * 0.3, span * 0.3 + radius, max(sweep, 0.3))
         .at(tilt=90)
         .at(x=length * 0.11)
     )
     side = [wing, tail]
     if style < 2:
         side += [
-            _nacelle(shop, radius * 0.55).at(
+            _nacelle(cad, radius * 0.55).at(
                 length * 0.6 - sweep * span * at, span * at, low - radius * 0.6
             )
             for at in ((0.33,), (0.3, 0.58))[style]
@@ -44,11 +44,11 @@ def airplane(shop: Workshop, member: int) -> Item:
     half = join(side)
     parts += [half, half.mirrored(1), fin]
     if style == 2:
-        parts += _propeller(shop, radius, length)
+        parts += _propeller(cad, radius, length)
     return clutter("airplane", *parts)
 
 
-def _fuselage(shop: Workshop, radius: float, length: float) -> Surface:
+def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
     """Body turned about x from the tail at x = 0 to the nose at x = length."""
     shares = [
         (0.0, 0.0),
@@ -61,15 +61,15 @@ def _fuselage(shop: Workshop, radius: float, length: float) -> Surface:
         (0.35, 0.985),
         (0.0, 1.0),
     ]
-    smooth = outlines.catmull_rom(np.array(shares) * (radius, length), max(4, shop.steps(1) // 12))
+    smooth = outlines.catmull_rom(np.array(shares) * (radius, length), max(4, cad.steps(1) // 12))
     smooth[:, 0] = np.maximum(smooth[:, 0], 0.0)
-    return shop.turned((outlines.Stretch("curve", smooth),)).at(roll=90)
+    return cad.turned((outlines.Segment("curve", smooth),)).at(roll=90)
 
 
-def _wing(shop: Workshop, root: float, tip: float, span: float, sweep: float) -> Surface:
+def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
     """Wing along +y from the origin, its nose to +x, swept back and slightly raised."""
-    angles = np.linspace(0, 2 * np.pi, max(16, shop.steps(1) // 2), endpoint=False)
-    at = np.linspace(0, 1, max(6, round(12 * shop.detail)))
+    angles = np.linspace(0, 2 * np.pi, max(16, cad.steps(1) // 2), endpoint=False)
+    at = np.linspace(0, 1, max(6, round(12 * cad.detail)))
     chord = (root + (tip - root) * at) * np.append(np.ones(len(at) - 1), 0.8)
     thick = 0.12 * np.sin(angles) * (0.55 + 0.45 * np.cos(angles))
     sections = np.empty((len(at), len(angles), 3))
@@ -79,7 +79,7 @@ def _wing(shop: Workshop, root: float, tip: float, span: float, sweep: float) ->
     return loft(sections)
 
 
-def _nacelle(shop: Workshop, radius: float) -> Surface:
+def _nacelle(cad: Modeller, radius: float) -> Surface:
     """Jet engine along x with an open intake and a cone in it."""
     length = radius * 3.2
     ring = (
@@ -100,24 +100,24 @@ def _nacelle(shop: Workshop, radius: float) -> Surface:
             (0, length * 0.75),
         ),
     )
-    spinner = shop.cone(radius * 0.3, 0.0, length * 0.2).at(z=length * 0.75)
+    spinner = cad.cone(radius * 0.3, 0.0, length * 0.2).at(z=length * 0.75)
     pylon = (
-        shop.box(radius * 0.2, length * 0.6, radius * 1.2)
+        cad.box(radius * 0.2, length * 0.6, radius * 1.2)
         .at(turn=90)
         .at(x=length * 0.4, z=radius * 0.6)
     )
-    return (shop.turned(ring) + spinner).at(roll=90) + pylon
+    return (cad.turned(ring) + spinner).at(roll=90) + pylon
 
 
-def _propeller(shop: Workshop, radius: float, length: float) -> list[Surface]:
-    hub = shop.superquadric((0.2, 0.2, 0.4)).at(x=length, roll=90)
-    blade = shop.superquadric((0.04, 0.13, 0.85)).at(z=0.9, turn=25)
+def _propeller(cad: Modeller, radius: float, length: float) -> list[Surface]:
+    hub = cad.superquadric((0.2, 0.2, 0.4)).at(x=length, roll=90)
+    blade = cad.superquadric((0.04, 0.13, 0.85)).at(z=0.9, turn=25)
     blades = [blade.at(tilt=angle).at(x=length + 0.1) for angle in (0, 120, 240)]
     wheels = [
-        shop.torus(0.28, 0.12).at(length * 0.62, s * 0.8, -radius - 0.7, tilt=90) for s in (-1, 1)
+        cad.torus(0.28, 0.12).at(length * 0.62, s * 0.8, -radius - 0.7, tilt=90) for s in (-1, 1)
     ]
     struts = [
-        shop.rod(
+        cad.rod(
             (length * 0.62, s * 0.8, -radius - 0.7), (length * 0.62, s * 0.2, -radius * 0.8), 0.07
         )
         for s in (-1, 1)
@@ -139,34 +139,34 @@ _CAR_CABINS = (
 )
 
 
-def car(shop: Workshop, member: int) -> Item:
+def car(cad: Modeller, member: int) -> Item:
     """Saloon, hatchback, van or pick-up; its front to +x."""
     style = member % 4
-    stretch = shop.between(0.92, 1.08)
-    width = shop.between(1.65, 1.85)
-    steps = max(4, shop.steps(0.2) // 4)
+    stretch = cad.between(0.92, 1.08)
+    width = cad.between(1.65, 1.85)
+    steps = max(4, cad.steps(0.2) // 4)
     side, cabin = ([(x * stretch, z) for x, z in one[style]] for one in (_CAR_SIDES, _CAR_CABINS))
     axles = (-side[1][0] * 0.62, side[1][0] * 0.64)
-    body = extrude(_with_arches(shop, side, axles, 0.42, steps), width).at(y=width / 2, tilt=90)
+    body = extrude(_with_arches(cad, side, axles, 0.42, steps), width).at(y=width / 2, tilt=90)
     top = _tapered(outlines.rounded(cabin, 0.1, steps), width * 0.98, width * 0.8)
     wheels = [
-        _wheel(shop).at(x, s * (width / 2 - 0.1), 0.33, turn=0 if s > 0 else 180)
+        _wheel(cad).at(x, s * (width / 2 - 0.1), 0.33, turn=0 if s > 0 else 180)
         for x in axles
         for s in (-1, 1)
     ]
     front = side[2][0]
     lights = [
-        shop.superquadric((0.06, 0.17, 0.1)).at(front - 0.01, s * width * 0.33, 0.66)
+        cad.superquadric((0.06, 0.17, 0.1)).at(front - 0.01, s * width * 0.33, 0.66)
         for s in (-1, 1)
     ]
     mirrors = [
-        shop.superquadric((0.06, 0.12, 0.08)).at(
+        cad.superquadric((0.06, 0.12, 0.08)).at(
             cabin[1][0] - 0.35, s * (width / 2 + 0.08), cabin[0][1] + 0.1
         )
         for s in (-1, 1)
     ]
     bumpers = [
-        shop.pipe(
+        cad.pipe(
             [
                 (x * 0.97, -width / 2 + 0.05, 0.45),
                 (x * 1.03, -width / 2 + 0.05, 0.45),
@@ -181,17 +181,17 @@ def car(shop: Workshop, member: int) -> Item:
     parts = [body, top, *wheels, *lights, *mirrors, *bumpers]
     if style == 3:
         parts += [
-            shop.box(side[0][0] * -0.72, 0.06, 0.35).at(
+            cad.box(side[0][0] * -0.72, 0.06, 0.35).at(
                 side[0][0] * 0.62, s * (width / 2 - 0.03), 1.08
             )
             for s in (-1, 1)
         ]
-        parts.append(shop.box(0.06, width, 0.35).at(side[0][0] + 0.03, 0, 1.08))
+        parts.append(cad.box(0.06, width, 0.35).at(side[0][0] + 0.03, 0, 1.08))
     return clutter("car", *parts)
 
 
 def _with_arches(
-    shop: Workshop,
+    cad: Modeller,
     side: list[outlines.Point],
     axles: tuple[float, float],
     radius: float,
@@ -202,11 +202,11 @@ def _with_arches(
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
     end = float(np.degrees(np.arctan2(low - 0.33, half)))
-    cuts: list[outlines.Stretch] = []
+    cuts: list[outlines.Segment] = []
     x = side[0][0] + 0.09
     for axle in axles:
         cuts += outlines.line((x, low), (axle - half, low))
-        cuts += outlines.arc((axle, 0.33), radius, start, end, shop.steps(radius) // 2)
+        cuts += outlines.arc((axle, 0.33), radius, start, end, cad.steps(radius) // 2)
         x = axle + half
     whole = outlines.rounded(side, 0.09, steps)
     corners = [one for one in whole if one.kind == "arc"]
@@ -233,57 +233,55 @@ def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
     return loft(np.stack(sides))
 
 
-def _wheel(shop: Workshop) -> Surface:
+def _wheel(cad: Modeller) -> Surface:
     """Wheel with its outside to +y: tyre, rim, spokes and hub cap."""
-    tyre = shop.torus(0.24, 0.09).at(tilt=90)
-    rim = shop.cylinder(0.19, 0.12).at(y=0.06, tilt=90)
+    tyre = cad.torus(0.24, 0.09).at(tilt=90)
+    rim = cad.cylinder(0.19, 0.12).at(y=0.06, tilt=90)
     spokes = [
-        shop.box(0.035, 0.02, 0.17).at(roll=angle).at(y=0.065) for angle in np.arange(0, 360, 60.0)
+        cad.box(0.035, 0.02, 0.17).at(roll=angle).at(y=0.065) for angle in np.arange(0, 360, 60.0)
     ]
-    return join([tyre, rim, *spokes, shop.superquadric((0.05, 0.05, 0.03)).at(y=0.07, tilt=90)])
+    return join([tyre, rim, *spokes, cad.superquadric((0.05, 0.05, 0.03)).at(y=0.07, tilt=90)])
 
 
-def tree(shop: Workshop, member: int) -> Item:
+def tree(cad: Modeller, member: int) -> Item:
     """Conifer, leafy tree, bare tree or palm."""
-    return clutter("tree", *(_conifer, _leafy, _bare, _palm)[member % 4](shop))
+    return clutter("tree", *(_conifer, _leafy, _bare, _palm)[member % 4](cad))
 
 
-def _conifer(shop: Workshop) -> list[Surface]:
-    height, tiers = shop.between(3.0, 4.2), int(shop.rng.integers(4, 8))
-    parts = [shop.cone(0.16, 0.1, height * 0.3)]
+def _conifer(cad: Modeller) -> list[Surface]:
+    height, tiers = cad.between(3.0, 4.2), int(cad.rng.integers(4, 8))
+    parts = [cad.cone(0.16, 0.1, height * 0.3)]
     for k in range(tiers):
         share = k / tiers
-        radius = (1.15 - share) * shop.between(0.9, 1.1)
+        radius = (1.15 - share) * cad.between(0.9, 1.1)
         wall = outlines.line(
             (0, 0.1), (radius, 0), (0.03, height / tiers * 1.6), (0, height / tiers * 1.6)
         )
-        parts.append(
-            shop.turned(wall).at(z=height * (0.2 + 0.75 * share), tilt=shop.between(-3, 3))
-        )
+        parts.append(cad.turned(wall).at(z=height * (0.2 + 0.75 * share), tilt=cad.between(-3, 3)))
     return parts
 
 
 def _grow(
-    shop: Workshop, start: Floats, heading: Floats, length: float, thick: float, depth: int
+    cad: Modeller, start: Floats, heading: Floats, length: float, thick: float, depth: int
 ) -> tuple[list[Surface], list[Floats]]:
     """Branches and their tips: each branch bends a little and splits into two or three."""
-    middle = start + heading * length * 0.5 + shop.rng.normal(0, 0.05 * length, 3)
+    middle = start + heading * length * 0.5 + cad.rng.normal(0, 0.05 * length, 3)
     end = start + heading * length
-    path = shop.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)
-    parts = [shop.tube(path, np.linspace(thick, thick * 0.68, len(path)))]
+    path = cad.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)
+    parts = [cad.tube(path, np.linspace(thick, thick * 0.68, len(path)))]
     if depth == 0:
         return parts, [end]
     tips: list[Floats] = []
-    count = int(shop.rng.integers(2, 4))
+    count = int(cad.rng.integers(2, 4))
     for k in range(count):
-        turn = 2 * np.pi * k / count + shop.between(0, 1)
+        turn = 2 * np.pi * k / count + cad.between(0, 1)
         across = frame_along(heading, end)[:3, :2] @ [np.cos(turn), np.sin(turn)]
-        towards = heading + across * shop.between(0.5, 0.9) + (0.0, 0.0, 0.12)
+        towards = heading + across * cad.between(0.5, 0.9) + (0.0, 0.0, 0.12)
         more, ends = _grow(
-            shop,
+            cad,
             end - heading * thick * 0.3,
             towards / np.linalg.norm(towards),
-            length * shop.between(0.62, 0.8),
+            length * cad.between(0.62, 0.8),
             thick * 0.66,
             depth - 1,
         )
@@ -292,33 +290,33 @@ def _grow(
     return parts, tips
 
 
-def _leafy(shop: Workshop) -> list[Surface]:
-    parts, tips = _grow(shop, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.3, 0.14, 2)
+def _leafy(cad: Modeller) -> list[Surface]:
+    parts, tips = _grow(cad, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.3, 0.14, 2)
     for tip in tips:
-        size = shop.between(0.38, 0.6)
-        crown = shop.superquadric((size, size * 0.9, size * 0.75), (1.0, 1.0)).at(
-            *tip, turn=shop.between(0, 90)
+        size = cad.between(0.38, 0.6)
+        crown = cad.superquadric((size, size * 0.9, size * 0.75), (1.0, 1.0)).at(
+            *tip, turn=cad.between(0, 90)
         )
         parts.append(crown)
     return parts
 
 
-def _bare(shop: Workshop) -> list[Surface]:
-    parts, _ = _grow(shop, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, 0.13, 4)
+def _bare(cad: Modeller) -> list[Surface]:
+    parts, _ = _grow(cad, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, 0.13, 4)
     return parts
 
 
-def _palm(shop: Workshop) -> list[Surface]:
-    lean = shop.between(-0.5, 0.5)
-    path = shop.smooth([(0, 0, 0), (lean * 0.2, 0, 0.9), (lean * 0.6, 0, 1.9), (lean, 0, 2.7)], 12)
+def _palm(cad: Modeller) -> list[Surface]:
+    lean = cad.between(-0.5, 0.5)
+    path = cad.smooth([(0, 0, 0), (lean * 0.2, 0, 0.9), (lean * 0.6, 0, 1.9), (lean, 0, 2.7)], 12)
     rings = 0.13 - 0.04 * np.linspace(0, 1, len(path)) + 0.012 * (np.arange(len(path)) % 3 == 0)
     top = path[-1]
-    parts = [shop.tube(path, rings)]
-    for k in range(int(shop.rng.integers(11, 17))):
-        frond = leaf(shop, shop.between(1.2, 1.7), 0.32, shop.between(0.3, 0.8))
-        parts.append(frond.at(*top, turn=137.5 * k, roll=-shop.between(-10, 35)))
+    parts = [cad.tube(path, rings)]
+    for k in range(int(cad.rng.integers(11, 17))):
+        frond = leaf(cad, cad.between(1.2, 1.7), 0.32, cad.between(0.3, 0.8))
+        parts.append(frond.at(*top, turn=137.5 * k, roll=-cad.between(-10, 35)))
     parts += [
-        shop.sphere(0.1).at(top[0] + 0.12 * np.cos(t), top[1] + 0.12 * np.sin(t), top[2] - 0.1)
+        cad.sphere(0.1).at(top[0] + 0.12 * np.cos(t), top[1] + 0.12 * np.sin(t), top[2] - 0.1)
         for t in (0.0, 2.1, 4.2)
     ]
     return parts

@@ -7,24 +7,24 @@ import numpy as np
 from puckbench.scenes import outlines
 from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.small import clutter
+from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import Outline
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, grid, join
-from puckbench.scenes.workshop import Workshop
 
 
-def hammer(shop: Workshop, member: int) -> Item:
+def hammer(cad: Modeller, member: int) -> Item:
     """Claw hammer, ball-peen hammer, mallet or sledge, on a shaped handle."""
-    head = (_claw, _ball_peen, _mallet, _sledge)[member % 4](shop)
-    return clutter("hammer", _handle(shop, shop.between(0.26, 0.34)), head)
+    head = (_claw, _ball_peen, _mallet, _sledge)[member % 4](cad)
+    return clutter("hammer", _handle(cad, cad.between(0.26, 0.34)), head)
 
 
-def _handle(shop: Workshop, length: float) -> Surface:
+def _handle(cad: Modeller, length: float) -> Surface:
     """Wooden handle of oval sections along -z, its top at z = 0.015."""
     stations = np.array([0.0, 0.05, 0.3, 0.55, 0.8, 0.95, 1.0])
-    widths = np.array([0.010, 0.014, 0.011, 0.013, 0.017, 0.018, 0.012]) * shop.between(0.9, 1.15)
-    smooth = shop.smooth(np.column_stack([stations, widths]).tolist())
-    angles = np.linspace(0, 2 * np.pi, shop.steps(0.03), endpoint=False)
+    widths = np.array([0.010, 0.014, 0.011, 0.013, 0.017, 0.018, 0.012]) * cad.between(0.9, 1.15)
+    smooth = cad.smooth(np.column_stack([stations, widths]).tolist())
+    angles = np.linspace(0, 2 * np.pi, cad.steps(0.03), endpoint=False)
     sections = np.empty((len(smooth), len(angles), 3))
     sections[..., 0] = smooth[:, 1:] * 1.35 * np.cos(angles)
     sections[..., 1] = smooth[:, 1:] * np.sin(angles)
@@ -32,8 +32,8 @@ def _handle(shop: Workshop, length: float) -> Surface:
     return loft(sections[::-1])
 
 
-def _claw(shop: Workshop) -> Surface:
-    face = shop.turned(
+def _claw(cad: Modeller) -> Surface:
+    face = cad.turned(
         outlines.line(
             (0, 0),
             (0.012, 0),
@@ -44,18 +44,18 @@ def _claw(shop: Workshop) -> Surface:
             (0, 0.05),
         )
     )
-    block = shop.slab(0.04, 0.028, 0.03, 0.006).at(z=-0.015)
-    drop = shop.between(0.02, 0.035)
-    path = shop.smooth([(-0.015, 0, 0), (-0.04, 0, 0.002), (-0.07, 0, -0.01), (-0.09, 0, -drop)])
+    block = cad.slab(0.04, 0.028, 0.03, 0.006).at(z=-0.015)
+    drop = cad.between(0.02, 0.035)
+    path = cad.smooth([(-0.015, 0, 0), (-0.04, 0, 0.002), (-0.07, 0, -0.01), (-0.09, 0, -drop)])
     t = np.linspace(0, 1, len(path))[:, None]
     claws = []
     for side in (-1, 1):
         bent = path + np.column_stack([0 * t, side * (0.005 + 0.008 * t), 0 * t])
-        claws.append(shop.tube(bent, 0.009 - 0.006 * t[:, 0]))
+        claws.append(cad.tube(bent, 0.009 - 0.006 * t[:, 0]))
     return join([face.at(x=0.062, roll=-90), block, *claws])
 
 
-def _ball_peen(shop: Workshop) -> Surface:
+def _ball_peen(cad: Modeller) -> Surface:
     face = outlines.line(
         (0, 0),
         (0.014, 0),
@@ -66,14 +66,14 @@ def _ball_peen(shop: Workshop) -> Surface:
         (0.013, 0.056),
         (0.008, 0.064),
     )
-    ball = outlines.arc((0, 0.076), 0.0144, -56, 90, max(6, shop.steps(0.02) // 2))
-    return shop.turned((*face, *ball)).at(x=0.045, roll=-90)
+    ball = outlines.arc((0, 0.076), 0.0144, -56, 90, max(6, cad.steps(0.02) // 2))
+    return cad.turned((*face, *ball)).at(x=0.045, roll=-90)
 
 
-def _mallet(shop: Workshop) -> Surface:
-    radius, length = shop.between(0.03, 0.042), shop.between(0.1, 0.13)
+def _mallet(cad: Modeller) -> Surface:
+    radius, length = cad.between(0.03, 0.042), cad.between(0.1, 0.13)
     rounded = outlines.rounded([(-0.1, 0), (radius, 0), (radius, length), (-0.1, length)], 0.006, 6)
-    return shop.turned(_right_half(rounded)).at(x=length / 2, roll=-90)
+    return cad.turned(_right_half(rounded)).at(x=length / 2, roll=-90)
 
 
 def _right_half(outline: Outline) -> Outline:
@@ -89,26 +89,22 @@ def _right_half(outline: Outline) -> Outline:
     return (*lines[0], *kept, *lines[1])
 
 
-def _sledge(shop: Workshop) -> Surface:
-    size = shop.between(0.04, 0.055)
-    octagon = outlines.polygon(
-        *[
-            (size * 0.54 * float(np.cos(t)), size * 0.54 * float(np.sin(t)))
-            for t in np.radians(np.arange(22.5, 360, 45))
-        ]
-    )
+def _sledge(cad: Modeller) -> Surface:
+    size = cad.between(0.04, 0.055)
+    corners = outlines.polar(size * 0.54, np.radians(np.arange(22.5, 360, 45)))
+    octagon = outlines.polygon(*corners)
     body = extrude(octagon, size * 2.2).at(x=size * 1.1, roll=-90)
     caps = [
-        shop.superquadric((size * 0.46, size * 0.46, size * 0.12)).at(s * size * 1.1, roll=90)
+        cad.superquadric((size * 0.46, size * 0.46, size * 0.12)).at(s * size * 1.1, roll=90)
         for s in (-1, 1)
     ]
     return join([body, *caps])
 
 
-def screw(shop: Workshop, member: int) -> Item:
+def screw(cad: Modeller, member: int) -> Item:
     """Screw with a helical thread and a hexagonal, slotted, countersunk or socket head."""
-    radius, length = shop.between(0.07, 0.11), shop.between(0.6, 0.9)
-    pitch = radius * shop.between(0.32, 0.5)
+    radius, length = cad.between(0.07, 0.11), cad.between(0.6, 0.9)
+    pitch = radius * cad.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
     profile = outlines.line(
         (0, -point),
@@ -117,16 +113,16 @@ def screw(shop: Workshop, member: int) -> Item:
         (radius, length),
         (0, length),
     )
-    shank = shop.turned(profile[1:] if member % 3 == 2 else profile)
-    share = 1.0 if member % 2 else shop.between(0.55, 0.8)
-    head = (_hex_head, _slotted_head, _flat_head, _socket_head)[member % 4](shop, radius * 2)
-    return clutter("screw", shank, _thread(shop, radius, pitch, length * share), head.at(z=length))
+    shank = cad.turned(profile[1:] if member % 3 == 2 else profile)
+    share = 1.0 if member % 2 else cad.between(0.55, 0.8)
+    head = (_hex_head, _slotted_head, _flat_head, _socket_head)[member % 4](cad, radius * 2)
+    return clutter("screw", shank, _thread(cad, radius, pitch, length * share), head.at(z=length))
 
 
-def _thread(shop: Workshop, radius: float, pitch: float, length: float) -> Surface:
+def _thread(cad: Modeller, radius: float, pitch: float, length: float) -> Surface:
     """Ridge wound about a cylinder from z = 0 to `length`, running out at both ends."""
     turns = length / pitch
-    count = max(16, int(turns * shop.steps(0.03)))
+    count = max(16, int(turns * cad.steps(0.03)))
     along = np.linspace(0, 1, count)
     height = pitch * 0.55 * np.clip(np.minimum(along, 1 - along) * turns / 0.7, 0, 1)
     angle = 2 * np.pi * turns * along
@@ -139,32 +135,29 @@ def _thread(shop: Workshop, radius: float, pitch: float, length: float) -> Surfa
     return grid(points)
 
 
-def _hex_head(shop: Workshop, size: float) -> Surface:
-    corners = [
-        (size * float(np.cos(t)), size * float(np.sin(t)))
-        for t in np.radians(np.arange(0, 360, 60))
-    ]
-    washer = shop.cylinder(size * 1.15, size * 0.12)
+def _hex_head(cad: Modeller, size: float) -> Surface:
+    corners = outlines.polar(size, np.radians(np.arange(0, 360, 60)))
+    washer = cad.cylinder(size * 1.15, size * 0.12)
     return extrude(outlines.polygon(*corners), size * 0.7).at(z=size * 0.1) + washer
 
 
-def _slotted_head(shop: Workshop, size: float) -> Surface:
+def _slotted_head(cad: Modeller, size: float) -> Surface:
     """Round head with a fillet below and a slot above."""
     slot = [outlines.rectangle(size * 0.24, size * 1.7)]
-    rim = outlines.arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, shop.steps(size) // 8))
+    rim = outlines.arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, cad.steps(size) // 8))
     side = (
         *outlines.line((0, 0), (size * 0.8, 0)),
         *rim,
         *outlines.line((size, size * 0.2), (size, size * 0.3)),
     )
-    plate = extrude(outlines.circle(size, shop.steps(size)), size * 0.3, slot)
+    plate = extrude(outlines.circle(size, cad.steps(size)), size * 0.3, slot)
     floor = outlines.line((size, size * 0.3), (0, size * 0.3))
-    return shop.turned((*side, *floor)) + plate.at(z=size * 0.3)
+    return cad.turned((*side, *floor)) + plate.at(z=size * 0.3)
 
 
-def _flat_head(shop: Workshop, size: float) -> Surface:
+def _flat_head(cad: Modeller, size: float) -> Surface:
     """Countersunk head with a cross recess."""
-    side = shop.turned(
+    side = cad.turned(
         outlines.line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
     )
     a, b = size * 0.12, size * 0.5
@@ -182,56 +175,50 @@ def _flat_head(shop: Workshop, size: float) -> Surface:
         (-b, -a),
         (-a, -a),
     ]
-    plate = extrude(outlines.circle(size, shop.steps(size)), size * 0.2, [outlines.polygon(*cross)])
+    plate = extrude(outlines.circle(size, cad.steps(size)), size * 0.2, [outlines.polygon(*cross)])
     return side + plate.at(z=size * 0.05)
 
 
-def _socket_head(shop: Workshop, size: float) -> Surface:
-    corners = [
-        (size * 0.5 * float(np.cos(t)), size * 0.5 * float(np.sin(t)))
-        for t in np.radians(np.arange(0, 360, 60))
-    ]
+def _socket_head(cad: Modeller, size: float) -> Surface:
+    corners = outlines.polar(size * 0.5, np.radians(np.arange(0, 360, 60)))
     ring = extrude(
-        outlines.circle(size * 0.9, shop.steps(size)), size * 0.8, [outlines.polygon(*corners)]
+        outlines.circle(size * 0.9, cad.steps(size)), size * 0.8, [outlines.polygon(*corners)]
     )
-    return ring.at(z=size * 0.2) + shop.cylinder(size * 0.9, size * 0.2)
+    return ring.at(z=size * 0.2) + cad.cylinder(size * 0.9, size * 0.2)
 
 
-def gear(shop: Workshop, member: int) -> Item:
+def gear(cad: Modeller, member: int) -> Item:
     """Spur gear with a keyed bore, and a hub, lightening holes, a second gear or a shaft."""
-    teeth = int(shop.rng.integers(12, 34))
-    width = shop.between(0.08, 0.22)
-    bore, style = shop.between(0.08, 0.13), member % 4
-    holes: list[Outline] = [_keyed_bore(shop, bore)] if style != 3 else []
+    teeth = int(cad.rng.integers(12, 34))
+    width = cad.between(0.08, 0.22)
+    bore, style = cad.between(0.08, 0.13), member % 4
+    holes: list[Outline] = [_keyed_bore(cad, bore)] if style != 3 else []
     if style in (0, 1):
-        count = int(shop.rng.integers(4, 7))
-        spots = [
-            (0.27 * float(np.cos(t)), 0.27 * float(np.sin(t)))
-            for t in 2 * np.pi * np.arange(count) / count
-        ]
+        count = int(cad.rng.integers(4, 7))
+        spots = outlines.polar(0.27, 2 * np.pi * np.arange(count) / count)
         holes += [
-            outlines.circle(shop.between(0.05, 0.075), shop.steps(0.06), spot) for spot in spots
+            outlines.circle(cad.between(0.05, 0.075), cad.steps(0.06), spot) for spot in spots
         ]
-    parts = [extrude(_toothed(shop, teeth, 0.5), width, holes)]
+    parts = [extrude(_toothed(cad, teeth, 0.5), width, holes)]
     if style == 1:
         parts.append(
-            extrude(outlines.circle(bore * 1.6, shop.steps(bore)), width * 1.8, holes[:1]).at(
+            extrude(outlines.circle(bore * 1.6, cad.steps(bore)), width * 1.8, holes[:1]).at(
                 z=-width * 0.4
             )
         )
     if style == 2:
-        parts.append(extrude(_toothed(shop, max(9, teeth // 2), 0.28), width, holes).at(z=width))
+        parts.append(extrude(_toothed(cad, max(9, teeth // 2), 0.28), width, holes).at(z=width))
     if style == 3:
-        parts.append(shop.cylinder(bore, width * 5).at(z=-width * 2))
+        parts.append(cad.cylinder(bore, width * 5).at(z=-width * 2))
     return clutter("gear", *parts)
 
 
-def _toothed(shop: Workshop, teeth: int, radius: float) -> Outline:
+def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
     """Outline of a spur gear: root arcs, straight flanks and tip arcs."""
     step = 360.0 / teeth
     root = radius * (1 - 4.2 / (teeth + 6))
-    steps = max(2, shop.steps(radius) // (4 * teeth) + 1)
-    outline: list[outlines.Stretch] = []
+    steps = max(2, cad.steps(radius) // (4 * teeth) + 1)
+    outline: list[outlines.Segment] = []
     for k in range(teeth):
         start = k * step
         low = outlines.arc((0, 0), root, start, start + 0.36 * step, steps)
@@ -243,32 +230,32 @@ def _toothed(shop: Workshop, teeth: int, radius: float) -> Outline:
             high[0].points[-1],
             root * np.array([np.cos(following), np.sin(following)]),
         ]
-        up, down = (outlines.Stretch("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
+        up, down = (outlines.Segment("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
         outline += [*low, up, *high, down]
     return tuple(outline)
 
 
-def _keyed_bore(shop: Workshop, radius: float) -> Outline:
+def _keyed_bore(cad: Modeller, radius: float) -> Outline:
     """Round bore with a keyway, counter-clockwise."""
     half = radius * 0.25
     angle = float(np.degrees(np.arcsin(half / radius)))
     x = float(np.sqrt(radius**2 - half**2))
-    ring = outlines.arc((0, 0), radius, angle, 360 - angle, shop.steps(radius))
+    ring = outlines.arc((0, 0), radius, angle, 360 - angle, cad.steps(radius))
     return (
         *ring,
         *outlines.line((x, -half), (radius * 1.25, -half), (radius * 1.25, half), (x, half)),
     )
 
 
-def pipe_fitting(shop: Workshop, member: int) -> Item:
+def pipe_fitting(cad: Modeller, member: int) -> Item:
     """Elbow, tee, cross, reducer, flanged pipe or valve."""
     makers = (_elbow, _tee, _cross, _reducer, _flanged, _valve)
-    return clutter("pipe_fitting", makers[member % len(makers)](shop, shop.between(0.1, 0.15)))
+    return clutter("pipe_fitting", makers[member % len(makers)](cad, cad.between(0.1, 0.15)))
 
 
-def _collar(shop: Workshop, radius: float) -> Surface:
+def _collar(cad: Modeller, radius: float) -> Surface:
     """Socket with a blind bore: its mouth at z = 0, reaching down to z = -2 radius."""
-    outer, depth = radius * shop.pick((1.25, 1.35)), radius * 1.1
+    outer, depth = radius * cad.pick((1.25, 1.35)), radius * 1.1
     bead = outlines.line(
         (0, -depth),
         (outer, -depth),
@@ -278,78 +265,70 @@ def _collar(shop: Workshop, radius: float) -> Surface:
         (radius * 0.9, -depth * 0.85),
         (0, -depth * 0.85),
     )
-    return shop.turned(bead)
+    return cad.turned(bead)
 
 
-def _branch(shop: Workshop, radius: float, length: float) -> Surface:
+def _branch(cad: Modeller, radius: float, length: float) -> Surface:
     """Pipe along z from the origin with a collar at its end."""
-    return shop.cylinder(radius, length - radius * 0.5) + _collar(shop, radius).at(z=length)
+    return cad.cylinder(radius, length - radius * 0.5) + _collar(cad, radius).at(z=length)
 
 
-def _elbow(shop: Workshop, radius: float) -> Surface:
-    bend = radius * shop.between(1.5, 2.5)
+def _elbow(cad: Modeller, radius: float) -> Surface:
+    bend = radius * cad.between(1.5, 2.5)
     arm = bend + radius * 0.8
-    body = shop.pipe([(-arm, 0, 0), (0, 0, 0), (0, 0, arm)], radius, bend)
+    body = cad.pipe([(-arm, 0, 0), (0, 0, 0), (0, 0, arm)], radius, bend)
     collars = [
-        _collar(shop, radius).at(z=arm + radius * 0.8),
-        _collar(shop, radius).at(x=-arm - radius * 0.8, roll=-90),
+        _collar(cad, radius).at(z=arm + radius * 0.8),
+        _collar(cad, radius).at(x=-arm - radius * 0.8, roll=-90),
     ]
     return join([body, *collars])
 
 
-def _tee(shop: Workshop, radius: float) -> Surface:
-    length = radius * shop.between(2.6, 3.6)
-    side = radius * shop.between(0.7, 1.0)
-    arms = [_branch(shop, radius, length).at(roll=90), _branch(shop, radius, length).at(roll=-90)]
-    return join([*arms, _branch(shop, side, length)])
+def _tee(cad: Modeller, radius: float) -> Surface:
+    length = radius * cad.between(2.6, 3.6)
+    side = radius * cad.between(0.7, 1.0)
+    arms = [_branch(cad, radius, length).at(roll=90), _branch(cad, radius, length).at(roll=-90)]
+    return join([*arms, _branch(cad, side, length)])
 
 
-def _cross(shop: Workshop, radius: float) -> Surface:
-    length = radius * shop.between(2.6, 3.4)
-    arms = [_branch(shop, radius, length).at(roll=angle) for angle in (0, 90, 180, 270)]
-    return join([*arms, shop.sphere(radius * 1.15)])
+def _cross(cad: Modeller, radius: float) -> Surface:
+    length = radius * cad.between(2.6, 3.4)
+    arms = [_branch(cad, radius, length).at(roll=angle) for angle in (0, 90, 180, 270)]
+    return join([*arms, cad.sphere(radius * 1.15)])
 
 
-def _reducer(shop: Workshop, radius: float) -> Surface:
-    small, length = radius * shop.between(0.5, 0.7), radius * shop.between(1.5, 2.5)
+def _reducer(cad: Modeller, radius: float) -> Surface:
+    small, length = radius * cad.between(0.5, 0.7), radius * cad.between(1.5, 2.5)
     ends = [
-        _branch(shop, small, radius * 2).at(z=length),
-        _branch(shop, radius, radius * 2).at(tilt=180),
+        _branch(cad, small, radius * 2).at(z=length),
+        _branch(cad, radius, radius * 2).at(tilt=180),
     ]
-    return join([shop.cone(radius, small, length), *ends])
+    return join([cad.cone(radius, small, length), *ends])
 
 
-def _flange(shop: Workshop, radius: float, bolts: int) -> Surface:
+def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
     """Flange plate around a pipe, with bolt holes, standing on z = 0."""
-    spots = [
-        (1.65 * radius * float(np.cos(t)), 1.65 * radius * float(np.sin(t)))
-        for t in 2 * np.pi * np.arange(bolts) / bolts
-    ]
-    holes = [outlines.circle(radius * 0.8, shop.steps(radius))]
-    holes += [outlines.circle(radius * 0.2, shop.steps(radius * 0.2), spot) for spot in spots]
-    return extrude(outlines.circle(radius * 2.1, shop.steps(radius * 2)), radius * 0.4, holes)
+    spots = outlines.polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
+    holes = [outlines.circle(radius * 0.8, cad.steps(radius))]
+    holes += [outlines.circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]
+    return extrude(outlines.circle(radius * 2.1, cad.steps(radius * 2)), radius * 0.4, holes)
 
 
-def _flanged(shop: Workshop, radius: float) -> Surface:
-    length, bolts = radius * shop.between(3, 5), int(shop.rng.integers(4, 9))
+def _flanged(cad: Modeller, radius: float) -> Surface:
+    length, bolts = radius * cad.between(3, 5), int(cad.rng.integers(4, 9))
     tube = outlines.line(
         (radius, 0), (radius, length), (radius * 0.8, length), (radius * 0.8, 0), (radius, 0)
     )
-    flange = _flange(shop, radius, bolts)
-    return join([shop.turned(tube), flange, flange.at(z=length - radius * 0.4)])
+    flange = _flange(cad, radius, bolts)
+    return join([cad.turned(tube), flange, flange.at(z=length - radius * 0.4)])
 
 
-def _valve(shop: Workshop, radius: float) -> Surface:
+def _valve(cad: Modeller, radius: float) -> Surface:
     length = radius * 2.8
-    arms = [_branch(shop, radius, length).at(roll=90), _branch(shop, radius, length).at(roll=-90)]
-    stem = [shop.cylinder(radius * 0.6, radius * 1.6), shop.cylinder(radius * 0.25, radius * 3)]
-    wheel = shop.torus(radius * 1.3, radius * 0.16).at(z=radius * 2.9)
-    spokes = [
-        shop.rod(
-            (0, 0, radius * 2.9),
-            (radius * 1.3 * np.cos(t), radius * 1.3 * np.sin(t), radius * 2.9),
-            radius * 0.1,
-        )
-        for t in np.radians(np.arange(0, 360, 72))
-    ]
-    return join([*arms, shop.sphere(radius * 1.3), *stem, wheel, *spokes])
+    arms = [_branch(cad, radius, length).at(roll=90), _branch(cad, radius, length).at(roll=-90)]
+    stem = [cad.cylinder(radius * 0.6, radius * 1.6), cad.cylinder(radius * 0.25, radius * 3)]
+    wheel = cad.torus(radius * 1.3, radius * 0.16).at(z=radius * 2.9)
+    ends = outlines.polar(radius * 1.3, np.radians(np.arange(0, 360, 72)))
+    high = radius * 2.9
+    spokes = [cad.rod((0, 0, high), (x, y, high), radius * 0.1) for x, y in ends]
+    return join([*arms, cad.sphere(radius * 1.3), *stem, wheel, *spokes])

@@ -1,4 +1,4 @@
-"""The workshop that makes furniture and objects: solids at one fineness, and chance."""
+"""The modeller of furniture and objects: solids at one tessellation, and random choices."""
 
 from __future__ import annotations
 
@@ -17,11 +17,17 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Workshop:
-    """Solids whose curved faces are tessellated by size, and a source of random choices.
+class Modeller:
+    """Solids whose curved faces are tessellated by their size, and a source of random choices.
 
-    detail: factor on the number of segments (1: segments of about 12 mm, 16 to 96 per turn).
-    unit: size in metres of what is being made, when it is to be tessellated as if that large.
+    Parameters
+    ----------
+    rng
+        The random stream that all choices are drawn from, in the order of the calls.
+    detail
+        Factor on the number of segments (1: segments of about 12 mm, 16 to 96 per turn).
+    unit
+        Factor on the sizes that the number of segments follows, for models that are not in metres.
     """
 
     rng: np.random.Generator
@@ -66,6 +72,21 @@ class Workshop:
         """Pipe along a polyline with elbows of bend radius `bend`."""
         return solids.pipe(points, radius, bend, self.steps(radius))
 
+    def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
+        """Four rods from the corners (+-x, +-y) of `foot` on the floor to those of `top`."""
+        sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
+        return [
+            self.rod((a * foot[0], b * foot[1], 0), (a * top[0], b * top[1], height), radius)
+            for a, b in sides
+        ]
+
+    def handle(
+        self, start: Sequence[float], end: Sequence[float], y: float, radius: float
+    ) -> Surface:
+        """Bar handle between two points (x, y, z) of a front, its bar at `y` before it."""
+        path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
+        return self.pipe(path, radius, 2 * radius)
+
     def cone(self, bottom: float, top: float, height: float) -> Surface:
         """Cone or frustum standing on z = 0."""
         return solids.cone(bottom, top, height, self.steps(max(bottom, top)))
@@ -91,7 +112,7 @@ class Workshop:
 
     def turned(self, profile: Outline, degrees: float = 360.0) -> Surface:
         """Body turned about z from a profile of (r, z) points, the outside on its right hand."""
-        radius = max(float(stretch.points[:, 0].max()) for stretch in profile)
+        radius = max(float(segment.points[:, 0].max()) for segment in profile)
         return solids.revolve(profile, self.steps(radius), degrees)
 
     def vessel(self, points: Sequence[Point], wall: float) -> Surface:
@@ -106,9 +127,9 @@ class Workshop:
         low = float(inside[-1, 0])
         profile = (
             *outlines.line((0.0, z0), (r0, z0)),
-            outlines.Stretch("curve", outside),
+            outlines.Segment("curve", outside),
             *outlines.line((r1, z1), (r1 - wall, z1)),
-            outlines.Stretch("curve", np.concatenate([[(r1 - wall, z1)], inside])),
+            outlines.Segment("curve", np.concatenate([[(r1 - wall, z1)], inside])),
             *outlines.line((low, float(inside[-1, 1])), (low, floor), (0.0, floor)),
         )
         return self.turned(profile)
