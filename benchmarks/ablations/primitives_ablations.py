@@ -20,10 +20,15 @@ from typing import Any
 import numpy as np
 from benchmarks.ablations import primitives_rate_distortion as rd
 
-from puckbench.codecs.primitives import encoder, smooth, voxels
-from puckbench.codecs.primitives import grid_alignment as grids
-from puckbench.codecs.primitives import mode_decision as rivals
-from puckbench.codecs.primitives.manhattan_frame import rotation
+from puckbench.codecs.primitives import (
+    grid_alignment,
+    mode_decision,
+    preparation,
+    smoothing,
+    surface_mode,
+    voxel_mode,
+)
+from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.geometry.closest import mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
@@ -52,8 +57,8 @@ def line(label: str, found: rd.Room, rates: list[str], **changes: Any) -> None:
     shipped = codec_class("primitives").rates
     for rate in rates:
         parameters = {**shipped[rate], **changes}
-        if changes.get("largest") == 0:
-            parameters["largest"] = parameters["leaf"]
+        if changes.get("max_leaf_size") == 0:
+            parameters["max_leaf_size"] = parameters["min_leaf_size"]
         codec = open_codec("primitives", {"rates": {rate: parameters}})
         stream = codec.encode(found.scan.xyz, rate)
         to_scan, to_truth, _ = rd.errors(found, codec.decode(stream))
@@ -91,7 +96,7 @@ def thinned(found: rd.Room, points: int) -> rd.Room:
 
 def turned(found: rd.Room) -> rd.Room:
     """The room turned about the vertical."""
-    turn = rotation(_TURN).T
+    turn = rotation_matrix(_TURN).T
     scan, visible = (
         PointCloud(cloud.xyz @ turn, cloud.normals @ turn, labels=cloud.labels, about=cloud.about)
         for cloud in (found.scan, found.visible)
@@ -110,36 +115,39 @@ def switched(owner: Any, name: str, function: Any) -> Iterator[None]:
         setattr(owner, name, kept)
 
 
-_OWN_AXES = (grids, "best_turn", lambda normals: (0, 0, 0))
+_OWN_AXES = (grid_alignment, "estimate_manhattan_frame", lambda normals: (0, 0, 0))
 
 
 def ablate(found: rd.Room, rates: list[str]) -> None:
     """Print a line for each part switched off."""
     line("as shipped", found, rates)
-    line("no smoothing", found, rates, reach=0)
-    with switched(encoder, "spread", lambda points, cell: 0.0):
+    line("no smoothing", found, rates, smoothing_radius=0)
+    with switched(preparation, "estimate_noise", lambda points, cell: 0.0):
         line("no model of the noise", found, rates)
-    line("no larger leaves", found, rates, largest=0)
-    with switched(encoder, "_EDGE_BITS", 0.0):
-        line("bitmaps without a price", found, rates)
-    nothing_else = ("wins_in_sum", lambda match: False)
+    line("no larger leaves", found, rates, max_leaf_size=0)
+    with switched(surface_mode, "_EDGE_BITS", 0.0):
+        line("occupancy maps without edge costs", found, rates)
+    nothing_else = ("surface_is_better_by_product", lambda comparison: False)
     for label, *switches in (
-        ("one pass of smoothing", (smooth, "_PASSES", 1)),
-        ("no regions: each leaf's own plane", (encoder, "wholes", lambda moments, *_: moments)),
+        ("one pass of smoothing", (smoothing, "_PASSES", 1)),
+        (
+            "no regions: each leaf's own plane",
+            (surface_mode, "region_moments", lambda moments, *_: moments),
+        ),
         ("axes of the cloud, not of its walls", _OWN_AXES),
-        ("one place of the grid", (grids, "_coarse", lambda cloud: False)),
-        ("no cylinders, spheres, cones", (rivals, "round_surfaces", lambda cloud: ())),
-        ("voxels never", (rivals._Match, "wins", lambda match: True)),
+        ("one place of the grid", (grid_alignment, "_has_large_leaves", lambda cloud: False)),
+        ("no cylinders, spheres, cones", (mode_decision, "detect_surfaces", lambda cloud: ())),
+        ("voxels never", (mode_decision._Comparison, "surface_is_better", lambda comparison: True)),
         (
             "voxels always",
-            (rivals._Match, "wins", lambda match: False),
-            (rivals._Match, *nothing_else),
+            (mode_decision._Comparison, "surface_is_better", lambda comparison: False),
+            (mode_decision._Comparison, *nothing_else),
         ),
         (
             "voxels always, not moved",
-            (rivals._Match, "wins", lambda match: False),
-            (rivals._Match, *nothing_else),
-            (voxels, "_table", lambda *_: None),
+            (mode_decision._Comparison, "surface_is_better", lambda comparison: False),
+            (mode_decision._Comparison, *nothing_else),
+            (voxel_mode, "_displacements", lambda *_: None),
         ),
     ):
         with ExitStack() as changed:

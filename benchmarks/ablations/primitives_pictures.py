@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.ablations import primitives_rate_distortion as rd
 
 from puckbench.codecs.primitives.decoder import read_patches
-from puckbench.codecs.primitives.segments import labelled
-from puckbench.codecs.primitives.stream import Header, unpack
+from puckbench.codecs.primitives.segments import segment_points
+from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.registry import open_codec
 from puckbench.core.seeding import generator
 from puckbench.datasets.registry import open_scene_set
@@ -59,8 +59,8 @@ def by_error(points: Floats, truth: Mesh) -> Any:
 def panels(points: Floats, truth: Mesh, top: float, stream: bytes) -> list[Any]:
     """The four pictures."""
     header, bits = unpack(stream)
-    assert isinstance(header, Header), "the stream holds voxels: take a lower rate"
-    decoded, names = labelled(read_patches(header, bits))
+    assert isinstance(header, SurfaceHeader), "the stream holds voxels: take a lower rate"
+    decoded, names = segment_points(read_patches(header, bits))
     view = three_quarter_view(np.stack([points.min(axis=0), points.max(axis=0)]))
     palette = (generator(3, "palette").random((names.max() + 1, 3)) * 170 + 60).astype("u1")
     points, kept = points[points[:, 2] < top], decoded[:, 2] < top
@@ -88,7 +88,7 @@ def main() -> None:
     points, truth, top = cloud_of(options)
     stream = open_codec("primitives").encode(points, options.rate)
     header, bits = unpack(stream)
-    assert isinstance(header, Header), "the stream holds voxels: take a lower rate"
+    assert isinstance(header, SurfaceHeader), "the stream holds voxels: take a lower rate"
     patches = read_patches(header, bits)
     planes, rounds = int(patches.leaves.counts[1]), len(patches.rounds)
     print(f"{8 * len(stream) / len(points):.4f} bpp, {planes} planes, {rounds} round surfaces")

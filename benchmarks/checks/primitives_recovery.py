@@ -22,8 +22,8 @@ import numpy as np
 from benchmarks.ablations import primitives_rate_distortion as rd
 from numpy.typing import NDArray
 
-from puckbench.codecs.primitives.encoder import prepared
-from puckbench.codecs.primitives.settings import settings_of
+from puckbench.codecs.primitives.preparation import prepare
+from puckbench.codecs.primitives.settings import rate_settings
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.mesh import Primitive
 from puckbench.geometry.ransac import least_squares_plane
@@ -119,7 +119,7 @@ def growing(room: Scanned) -> Ints:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    cloud = prepared(room.scan.xyz, settings_of(open_codec("primitives").rates["r5"]))
+    cloud = prepare(room.scan.xyz, rate_settings(open_codec("primitives").rates["r5"]))
     xyz, normals = cloud.surface.xyz, cloud.surface.normals
     near = cKDTree(xyz).query(xyz, 9)[1]
     a, b = np.repeat(near[:, 0], 8), near[:, 1:].ravel()

@@ -11,12 +11,19 @@ from hypothesis import strategies as st
 from puckbench.cli import main
 from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_surface
-from puckbench.codecs.primitives.encoder import Way, encode_surface, prepared
-from puckbench.codecs.primitives.manhattan_frame import rotation
-from puckbench.codecs.primitives.noise import spread
+from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
+from puckbench.codecs.primitives.noise import estimate_noise
+from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.smooth import sampled, smoothed
-from puckbench.codecs.primitives.stream import Header, Voxels, pack_surface, pack_voxels, unpack
+from puckbench.codecs.primitives.smoothing import sample_cells, smooth_samples
+from puckbench.codecs.primitives.stream import (
+    SurfaceHeader,
+    VoxelHeader,
+    pack_surface,
+    pack_voxels,
+    unpack,
+)
+from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.io.meshes import read_mesh
@@ -52,7 +59,9 @@ def _small_stream(rate: str) -> bytes:
     """A stream of voxels for r8, else of surfaces."""
     if rate == "r8":
         return _codec().encode(_room(3000), rate)
-    coded = encode_surface(prepared(_room(3000), Settings(leaf=32, cell=16, price=600)), Way())
+    coded = encode_surface(
+        prepare(_room(3000), Settings(min_leaf_size=32, column_size=16, lmbda=600)), SurfaceMode()
+    )
     assert coded is not None
     return coded.stream
 
@@ -79,14 +88,14 @@ def test_the_whole_surface_comes_back(rate: str) -> None:
 
 def test_coordinates_in_metres_far_from_the_origin_come_back() -> None:
     points, codec = _room(), _codec()
-    placed = points * 0.006 + [4000.0, -250.0, 30.0]
-    decoded = (codec.decode(codec.encode(placed, "r4")) - [4000.0, -250.0, 30.0]) / 0.006
+    to_grid = points * 0.006 + [4000.0, -250.0, 30.0]
+    decoded = (codec.decode(codec.encode(to_grid, "r4")) - [4000.0, -250.0, 30.0]) / 0.006
     assert np.mean(_to_truth(decoded) ** 2) < 0.3 * NOISE**2
 
 
 def test_decoded_normals_are_those_of_the_sides() -> None:
     header, bits = unpack(_codec().encode(_room(), "r4"))
-    assert isinstance(header, Header)
+    assert isinstance(header, SurfaceHeader)
     decoded = decode_surface(header, bits)
     assert np.allclose(np.linalg.norm(decoded.normals, axis=1), 1)
     inner = np.sort(np.minimum(decoded.xyz, SIZE - decoded.xyz), axis=1)[:, 1] > 40
@@ -133,7 +142,7 @@ def test_the_highest_rate_is_fine_for_small_clouds_too() -> None:
 
 def test_a_turned_room_takes_no_more_bits() -> None:
     points, codec = _room(20_000), _codec()
-    turned = points @ rotation((1500, -4000, 7000)).T
+    turned = points @ rotation_matrix((1500, -4000, 7000)).T
     bits, bits_turned = (len(codec.encode(xyz, "r3")) for xyz in (points, turned))
     assert bits_turned < 1.15 * bits
 
@@ -147,14 +156,16 @@ def test_flat_rooms_need_few_planes() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1.0, 2.5])
 def test_the_noise_is_found(noise: float) -> None:
     # Cells whose faces lie in the surface cut the noise in half: the room is moved off them.
-    assert spread(_room(200_000, noise) + 10, 40.0) == pytest.approx(noise, rel=0.15, abs=0.01)
+    assert estimate_noise(_room(200_000, noise) + 10, 40.0) == pytest.approx(
+        noise, rel=0.15, abs=0.01
+    )
 
 
 def test_smoothing_moves_samples_onto_the_surface() -> None:
     rng = np.random.default_rng(6)
     points = np.column_stack([rng.random((40_000, 2)) * 200, 50 + rng.normal(0, 2, 40_000)])
-    samples = sampled(points, 6.0)
-    xyz, normals = smoothed(samples, 6.0, 25.0, 12.0)
+    samples = sample_cells(points, 6.0)
+    xyz, normals = smooth_samples(samples, 6.0, 25.0, 12.0)
     assert np.std(xyz[:, 2] - 50) < 0.25 * np.std(samples.xyz[:, 2] - 50)
     assert np.quantile(np.abs(normals[:, 2]), 0.05) > 0.98
 
@@ -166,7 +177,7 @@ def test_smoothing_keeps_an_edge() -> None:
     noise, level = rng.normal(0, 1.3, len(along)), np.arange(len(along)) % 2 == 0
     floor, wall = (along, across, noise), (noise, across, along)
     points = np.where(level[:, None], np.stack(floor, axis=1), np.stack(wall, axis=1)) + 300
-    xyz = smoothed(sampled(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
+    xyz = smooth_samples(sample_cells(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
     near = np.maximum(xyz[:, 0], xyz[:, 2]) < 15
     assert np.count_nonzero(near) > 500
     assert np.mean(np.minimum(xyz[near, 0] ** 2, xyz[near, 2] ** 2)) < 0.5
@@ -174,7 +185,7 @@ def test_smoothing_keeps_an_edge() -> None:
 
 def test_unknown_parameters_of_a_rate_are_refused() -> None:
     codec = open_codec("primitives", {"rates": {"r1": {"leafs": 3}}})
-    with pytest.raises(InputError, match="bad parameter leafs"):
+    with pytest.raises(InputError, match="unknown option 'leafs'"):
         codec.encode(_room(100), "r1")
 
 
@@ -189,7 +200,7 @@ def test_damage_behind_a_right_check_ends_in_an_error_or_points(
     for _ in range(data.draw(st.integers(0, 4))):
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
-    if isinstance(header, Voxels):
+    if isinstance(header, VoxelHeader):
         stream = pack_voxels(header.place, header.table, bytes(damaged))
     else:
         stream = pack_surface(header, bytes(damaged))

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.common.binary_coder import PAST_THE_END, POSITION, written
-from puckbench.codecs.primitives.columns import choose
 from puckbench.codecs.primitives.entropy import Coder, code_bit, code_number, reader, writer
-from puckbench.codecs.primitives.planes import plane_from, quantised
+from puckbench.codecs.primitives.occupancy_decision import optimise_map
+from puckbench.codecs.primitives.octree import build_octree, moments_of, prune_octree
+from puckbench.codecs.primitives.plane_coding import dequantise_plane, quantise_plane
 from puckbench.codecs.primitives.stream import (
-    BINS,
-    ROUND,
-    Header,
-    Place,
-    Table,
-    Voxels,
+    CLASSES,
+    REVOLUTION_BYTES,
+    DisplacementTable,
+    GridPlacement,
+    SurfaceHeader,
+    VoxelHeader,
     pack_surface,
     pack_voxels,
     unpack,
 )
-from puckbench.codecs.primitives.tree import build, moments_of, prune
 from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
 from puckbench.geometry.moments import fit_plane, squared_distance
@@ -118,8 +118,8 @@ def test_quantised_planes_stay_within_half_a_step_over_the_cube() -> None:
         normal /= np.linalg.norm(normal)
         plane = np.array([*normal, normal @ (cube[0] + rng.uniform(-4, 4, 3))])
         numbers, found = np.zeros(4, np.int64), np.empty(4)
-        quantised(plane, cube, numbers)
-        plane_from(numbers, cube, found)
+        quantise_plane(plane, cube, numbers)
+        dequantise_plane(numbers, cube, found)
         axis = int(numbers[0])
         corner = cube[0] + 8 * rng.choice([-1, 1], 3)
         heights = []
@@ -139,10 +139,10 @@ def _floor_and_wall() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(("price", "largest"), [(1e-6, False), (1e9, True)], ids=["low", "high"])
-def test_the_price_of_bits_decides_how_far_the_tree_is_split(price: float, largest: bool) -> None:
+def test_the_price_of_bits_decides_how_far_the_tree_is_split(lmbda: float, largest: bool) -> None:
     xyz, normals = _floor_and_wall()
-    levels = build(xyz, normals, np.full(len(xyz), 1 / len(xyz)), 0.5, 5)
-    prune(levels, price, 9.0, 5.0, 0, 5)
+    levels = build_octree(xyz, normals, np.full(len(xyz), 1 / len(xyz)), 0.5, 5)
+    prune_octree(levels, lmbda, 9.0, 5.0, 0, 5)
     assert levels[0].leaf[0] == largest
     # Away from the edge a quarter of the cube is flat: one plane explains it at no cost.
     assert levels[1].leaf[0]
@@ -154,47 +154,49 @@ def test_bitmaps_lose_lone_columns_and_close_holes() -> None:
     gains[3, 2] = -0.1
     gains[1, 6] = 0.1
     bits = np.zeros((7, 7), np.uint8)
-    choose(gains, 0.2, np.zeros((9, 9), np.int64), bits)
+    optimise_map(gains, 0.2, np.zeros((9, 9), np.int64), bits)
     expected = np.zeros((7, 7), np.uint8)
     expected[:, :4] = 1
     assert np.array_equal(bits, expected)
 
 
-HEADER = Header(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 1, 1, 100)
+HEADER = SurfaceHeader(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 1, 1, 100)
 
 
-PLACE = Place(np.array([1.0, -2.0, 0.5]), 0.25)
+PLACE = GridPlacement(np.array([1.0, -2.0, 0.5]), 0.25)
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), (300, -20000, 5)])
-@pytest.mark.parametrize("rounds", [b"", bytes(range(2 * ROUND))])
+@pytest.mark.parametrize("rounds", [b"", bytes(range(2 * REVOLUTION_BYTES))])
 def test_headers_come_back(turn: tuple[int, int, int], rounds: bytes) -> None:
-    header, bits = unpack(pack_surface(HEADER._replace(turn=turn, rounds=rounds), b"abc"))
-    assert isinstance(header, Header)
+    header, bits = unpack(pack_surface(HEADER._replace(rotation=turn, revolutions=rounds), b"abc"))
+    assert isinstance(header, SurfaceHeader)
     assert header[1:] == (*HEADER[1:-2], turn, rounds)
     assert np.array_equal(header.origin, HEADER.origin)
     assert bits == b"abc"
 
 
-@pytest.mark.parametrize("table", [None, Table(2, np.arange(BINS, dtype=np.int8) - 12)])
-def test_headers_of_voxels_come_back(table: Table | None) -> None:
+@pytest.mark.parametrize(
+    "table", [None, DisplacementTable(2, np.arange(CLASSES, dtype=np.int8) - 12)]
+)
+def test_headers_of_voxels_come_back(table: DisplacementTable | None) -> None:
     header, bits = unpack(pack_voxels(PLACE, table, b"abc"))
-    assert isinstance(header, Voxels)
+    assert isinstance(header, VoxelHeader)
     assert np.array_equal(header.place.origin, PLACE.origin)
-    assert header.place.unit == PLACE.unit
+    assert header.place.cell_size == PLACE.unit
     assert bits == b"abc"
     if table is None:
         assert header.table is None
     else:
         assert header.table is not None
-        assert header.table.block == table.block
-        assert np.array_equal(header.table.shares, table.shares)
+        assert header.table.block_size == table.block_size
+        assert np.array_equal(header.table.factors, table.factors)
 
 
 @pytest.mark.parametrize("block", [3, 200])
 def test_tables_that_make_no_sense_are_refused(block: int) -> None:
     with pytest.raises(InputError, match="damaged"):
-        unpack(pack_voxels(PLACE, Table(block, np.zeros(BINS, np.int8)), b"abc"))
+        unpack(pack_voxels(PLACE, DisplacementTable(block, np.zeros(CLASSES, np.int8)), b"abc"))
 
 
 def test_streams_of_another_version_are_refused() -> None:

@@ -4,11 +4,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.decision_error import Judge
-from puckbench.codecs.primitives.displacements import best_table, moved
-from puckbench.codecs.primitives.manhattan_frame import STEP, best_turn, rotation
-from puckbench.codecs.primitives.stream import BINS, Place, Table, Voxels, unpack
+from puckbench.codecs.primitives import voxel_mode
+from puckbench.codecs.primitives.displacements import displace, fit_displacements
+from puckbench.codecs.primitives.distortion import DistortionEstimator
+from puckbench.codecs.primitives.manhattan_frame import (
+    STEP,
+    estimate_manhattan_frame,
+    rotation_matrix,
+)
+from puckbench.codecs.primitives.stream import (
+    CLASSES,
+    DisplacementTable,
+    GridPlacement,
+    VoxelHeader,
+    unpack,
+)
 
 
 def _box_normals(count: int = 3000) -> np.ndarray:
@@ -21,13 +31,13 @@ def _box_normals(count: int = 3000) -> np.ndarray:
 @pytest.mark.parametrize("turn", [(0, 0, 0), (300, -4000, 17), (32767, 0, 0)])
 def test_rotations_are_those_of_rotation_vectors(turn: tuple[int, int, int]) -> None:
     expected = Rotation.from_rotvec(np.array(turn) * STEP).as_matrix()
-    assert np.allclose(rotation(turn), expected)
+    assert np.allclose(rotation_matrix(turn), expected)
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 30), (10, 5, 40), (3, -2, 1)])
 def test_a_turned_box_is_turned_back(degrees: tuple[float, float, float]) -> None:
     turned = Rotation.from_rotvec(degrees, degrees=True).as_matrix()
-    back = rotation(best_turn(_box_normals() @ turned.T)) @ turned
+    back = rotation_matrix(estimate_manhattan_frame(_box_normals() @ turned.T)) @ turned
     assert np.allclose(np.sort(np.abs(back), axis=1), [0, 0, 1], atol=0.01)
 
 
@@ -35,8 +45,8 @@ def test_boxes_along_the_axes_and_round_things_are_not_turned() -> None:
     rng = np.random.default_rng(1)
     round_ones = rng.normal(size=(4000, 3))
     round_ones /= np.linalg.norm(round_ones, axis=1, keepdims=True)
-    assert best_turn(_box_normals()) == (0, 0, 0)
-    assert best_turn(round_ones) == (0, 0, 0)
+    assert estimate_manhattan_frame(_box_normals()) == (0, 0, 0)
+    assert estimate_manhattan_frame(round_ones) == (0, 0, 0)
 
 
 def _askew_plane(noise: float = 0.0) -> np.ndarray:
@@ -52,60 +62,60 @@ def _off(points: np.ndarray) -> float:
 
 
 def test_moved_voxels_of_a_plane_are_nearer_to_it() -> None:
-    found = voxels.voxelised(_askew_plane())
-    table, gain = best_table(found.voxels, found.means, np.ones(len(found.voxels)))
+    found = voxel_mode.voxelised(_askew_plane())
+    table, gain = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
     assert gain > 0
-    assert _off(moved(found.voxels, table)) < 0.3 * _off(found.voxels)
+    assert _off(displace(found.voxels, table)) < 0.3 * _off(found.voxels)
 
 
 def test_voxels_within_the_noise_stay_where_they_are_but_for_a_little() -> None:
-    found = voxels.voxelised(_askew_plane(noise=6.0))
-    table, _ = best_table(found.voxels, found.means, np.ones(len(found.voxels)))
-    shift = np.linalg.norm(moved(found.voxels, table) - found.voxels, axis=1)
+    found = voxel_mode.voxelised(_askew_plane(noise=6.0))
+    table, _ = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
+    shift = np.linalg.norm(displace(found.voxels, table) - found.voxels, axis=1)
     assert np.quantile(shift, 0.95) < 0.5
 
 
 def test_the_table_saves_what_it_says() -> None:
-    found = voxels.voxelised(_askew_plane(noise=0.5))
+    found = voxel_mode.voxelised(_askew_plane(noise=0.5))
     weights = found.counts
-    table, gain = best_table(found.voxels, found.means, weights)
+    table, gain = fit_displacements(found.voxels, found.means, weights)
     before = (weights[:, None] * (found.voxels - found.means) ** 2).sum()
-    after = (weights[:, None] * (moved(found.voxels, table) - found.means) ** 2).sum()
+    after = (weights[:, None] * (displace(found.voxels, table) - found.means) ** 2).sum()
     assert before - after == pytest.approx(gain, rel=1e-9)
 
 
 def test_few_voxels_do_not_move() -> None:
     few = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0]])
-    assert np.array_equal(moved(few, Table(1, np.full(BINS, 64, np.int8))), few)
+    assert np.array_equal(displace(few, DisplacementTable(1, np.full(CLASSES, 64, np.int8))), few)
 
 
 @pytest.mark.parametrize("most", [300, 3000])
 def test_voxels_take_nearly_the_bytes_they_may(most: int) -> None:
-    stream = voxels.encode_within(_askew_plane(noise=0.5), most)
+    stream = voxel_mode.encode_within(_askew_plane(noise=0.5), most)
     assert 0.8 * most < len(stream) <= most
 
 
 def test_voxels_do_not_exceed_the_largest_side_whatever_they_take() -> None:
     points = _askew_plane()
-    header, _ = unpack(voxels.encode_within(points, 10, largest=8.0))
-    assert isinstance(header, Voxels)
-    assert header.place.unit <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
+    header, _ = unpack(voxel_mode.encode_within(points, 10, largest=8.0))
+    assert isinstance(header, VoxelHeader)
+    assert header.place.cell_size <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
 
 
 def test_voxels_without_a_table_are_the_cells_of_points() -> None:
     points = _askew_plane()
-    header, bits = unpack(voxels.encode_at(points, 2.0))
-    assert isinstance(header, Voxels)
-    plain = voxels.decode(header.place, None, bits)
+    header, bits = unpack(voxel_mode.encode_at(points, 2.0))
+    assert isinstance(header, VoxelHeader)
+    plain = voxel_mode.decode(header.place, None, bits)
     farthest = np.abs(points[:, None, :2] - plain[None, :400, :2]).min(axis=0).max()
-    assert len(plain) == len(voxels.voxelised((points - header.place.origin) / 2).voxels)
+    assert len(plain) == len(voxel_mode.voxelised((points - header.place.origin) / 2).voxels)
     assert farthest <= 1 + 1e-9
 
 
 def test_places_far_away_come_back_as_they_are_coded() -> None:
-    place = Place(np.array([4000.1, -250.3, 30.7]), 0.0123).rounded()
+    place = GridPlacement(np.array([4000.1, -250.3, 30.7]), 0.0123).rounded()
     assert np.array_equal(place.origin, place.rounded().origin)
-    assert place.unit == place.rounded().unit
+    assert place.cell_size == place.rounded().unit
 
 
 def test_the_judge_tells_noise_from_error() -> None:
@@ -115,8 +125,8 @@ def test_the_judge_tells_noise_from_error() -> None:
     noisy = true + noise[:, None] * [0.0, 0.0, 1.0]
     samples = true[::7]
     up = np.tile([0.0, 0.0, 1.0], (len(samples), 1))
-    judge = Judge.of(noisy, samples, up, np.full(len(samples), 1 / len(samples)))
-    same, smooth = judge.errors(noisy), judge.errors(true)
+    estimator = DistortionEstimator.of(noisy, samples, up, np.full(len(samples), 1 / len(samples)))
+    same, smooth = estimator.measure(noisy), estimator.measure(true)
     assert same.plane == same.point == 0
     assert smooth.plane == pytest.approx(0.04, rel=0.1)
     assert smooth.surface == 0
@@ -129,6 +139,6 @@ def test_the_judge_weighs_samples_by_their_points() -> None:
     dense = samples[:, 0] < 30
     shares = np.where(dense, 0.9, 0.1) / dense.sum()
     up = np.tile([0.0, 0.0, 1.0], (len(samples), 1))
-    judge = Judge.of(samples, samples, up, shares)
+    estimator = DistortionEstimator.of(samples, samples, up, shares)
     lifted = samples + np.where(dense, 0.0, 1.0)[:, None] * [0.0, 0.0, 1.0]
-    assert judge.to_surface(lifted) == pytest.approx((0.1 + 0.5) / 2, abs=0.01)
+    assert estimator.to_surface(lifted) == pytest.approx((0.1 + 0.5) / 2, abs=0.01)

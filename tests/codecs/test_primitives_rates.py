@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from puckbench.codecs.primitives.decision_error import Judge
-from puckbench.codecs.primitives.encoder import prepared
-from puckbench.codecs.primitives.grid_alignment import first_ways
-from puckbench.codecs.primitives.mode_decision import _best_surface, _tried
+from puckbench.codecs.primitives.distortion import DistortionEstimator
+from puckbench.codecs.primitives.grid_alignment import frame_candidates
+from puckbench.codecs.primitives.mode_decision import _best_surface, _evaluate
+from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.cloud import PointCloud
@@ -67,7 +67,7 @@ def test_more_bits_bring_a_room_nearer(noise: float, rates: tuple[str, ...]) -> 
 
 def test_a_grid_that_lies_badly_is_not_kept() -> None:
     _, _, points = _furnished(0.0)
-    cloud = prepared(points, Settings(leaf=32, cell=16, price=600, step=8))
-    judge = Judge.of(cloud.points, *cloud.surface[:3])
-    tried = [_tried(cloud, judge, way).cost for way in first_ways(cloud)]
-    assert _best_surface(cloud, judge).cost < 0.95 * min(tried)
+    cloud = prepare(points, Settings(min_leaf_size=32, column_size=16, lmbda=600, plane_step=8))
+    estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
+    tried = [_evaluate(cloud, estimator, mode).cost for mode in frame_candidates(cloud)]
+    assert _best_surface(cloud, estimator).cost < 0.95 * min(tried)

@@ -6,12 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from puckbench.codecs.primitives.decoder import read_patches
-from puckbench.codecs.primitives.layout import Leaves
-from puckbench.codecs.primitives.planes import _as_of, plane_from, quantised
-from puckbench.codecs.primitives.regions import Limits, joined, touching, wholes
-from puckbench.codecs.primitives.segments import joined_leaves
-from puckbench.codecs.primitives.stream import Header, unpack
-from puckbench.codecs.primitives.tree import moments_of
+from puckbench.codecs.primitives.octree import moments_of
+from puckbench.codecs.primitives.octree_arrays import Leaves
+from puckbench.codecs.primitives.plane_coding import _with_reach, dequantise_plane, quantise_plane
+from puckbench.codecs.primitives.region_merging import (
+    MergeLimits,
+    adjacent_leaves,
+    merge_regions,
+    region_moments,
+)
+from puckbench.codecs.primitives.segments import leaf_segments
+from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.registry import open_codec
 
 _RIGHT = float(np.cos(np.radians(45)))
@@ -40,13 +45,18 @@ def _row(*pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_what_goes_on_is_joined_and_what_turns_is_not() -> None:
-    regions = joined(*_row(_square(0), _square(10), _upright(20)), Limits(1.0, 0.0, _RIGHT))
+    regions = merge_regions(
+        *_row(_square(0), _square(10), _upright(20)), MergeLimits(1.0, 0.0, _RIGHT)
+    )
     assert regions[0] == regions[1] != regions[2]
 
 
 def test_pieces_that_do_not_touch_stay_apart() -> None:
     moments, _ = _row(_square(0), _square(10))
-    assert len(set(joined(moments, np.empty((0, 2), np.int64), Limits(1e9, 1e9, 0.0)))) == 2
+    assert (
+        len(set(merge_regions(moments, np.empty((0, 2), np.int64), MergeLimits(1e9, 1e9, 0.0))))
+        == 2
+    )
 
 
 @pytest.mark.parametrize(("step", "one"), [(1.0, True), (1.5, False)])
@@ -56,14 +66,14 @@ def test_a_region_grows_by_no_more_than_it_may(step: float, one: bool) -> None:
     moments, pairs = _row(_square(0), _square(10, step))
     added = 200 * step**2 / 4 / 4
     assert (added < 15) == one
-    assert (len(set(joined(moments, pairs, Limits(15.0, 0.0, 0.0)))) == 1) == one
-    assert (len(set(joined(moments, pairs, Limits(0.0, 0.15, 0.0)))) == 1) == one
+    assert (len(set(merge_regions(moments, pairs, MergeLimits(15.0, 0.0, 0.0)))) == 1) == one
+    assert (len(set(merge_regions(moments, pairs, MergeLimits(0.0, 0.15, 0.0)))) == 1) == one
 
 
 def test_the_least_step_is_joined_first() -> None:
     heights = (0.0, 1.0, 1.2)
     pieces = [_square(10 * k, height) for k, height in enumerate(heights)]
-    regions = joined(*_row(*pieces), Limits(10.0, 0.0, 0.0))
+    regions = merge_regions(*_row(*pieces), MergeLimits(10.0, 0.0, 0.0))
     assert regions[1] == regions[2] != regions[0]
 
 
@@ -77,13 +87,17 @@ def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> Leaves:
 def test_cubes_touch_by_faces_edges_and_corners(scale: int) -> None:
     cubes = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
     leaves = cubes._replace(corner=scale * cubes.corner, side=scale * cubes.side)
-    assert {tuple(pair) for pair in touching(leaves, scale * _SHAPE)} == {(0, 1), (0, 2), (1, 3)}
+    assert {tuple(pair) for pair in adjacent_leaves(leaves, scale * _SHAPE)} == {
+        (0, 1),
+        (0, 2),
+        (1, 3),
+    }
 
 
 def test_large_cubes_take_no_more_memory_than_their_grid() -> None:
     # A flat cloud's: cubes of half its extent stick out of it, beside one of a single cell.
     leaves = _leaves(((0, 0, 0), 4096), ((4096, 0, 0), 4096), ((4096, 4096, 0), 1))
-    pairs = touching(leaves, np.array([4097, 4097, 1]))
+    pairs = adjacent_leaves(leaves, np.array([4097, 4097, 1]))
     assert {tuple(pair) for pair in pairs} == {(0, 1), (0, 2), (1, 2)}
 
 
@@ -102,13 +116,13 @@ def test_touching_cubes_are_those_less_than_a_cell_apart(
         for j in range(i + 1, len(cubes))
         if (lows[i] <= highs[j]).all() and (lows[j] <= highs[i]).all()
     ]
-    assert sorted(tuple(pair) for pair in touching(_leaves(*cubes), _SHAPE)) == beside
+    assert sorted(tuple(pair) for pair in adjacent_leaves(_leaves(*cubes), _SHAPE)) == beside
 
 
 def test_leaves_of_a_region_have_its_moments() -> None:
     leaves = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
     moments = np.array([_square(0), _square(10), _upright(0)])
-    found = wholes(moments, leaves, _SHAPE, Limits(1.0, 0.0, _RIGHT))
+    found = region_moments(moments, leaves, _SHAPE, MergeLimits(1.0, 0.0, _RIGHT))
     np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
 
 
@@ -119,10 +133,10 @@ def test_a_plane_as_precise_as_a_larger_cubes_fits_farther_off() -> None:
     far = np.array([200.0, 150.0])
     off = []
     for larger in range(5):
-        cube = _as_of((np.full(3, 16.0), 4.0, 1.0), larger)
+        cube = _with_reach((np.full(3, 16.0), 4.0, 1.0), larger)
         numbers, found = np.zeros(4, np.int64), np.empty(4)
-        quantised(plane, cube, numbers)
-        plane_from(numbers, cube, found)
+        quantise_plane(plane, cube, numbers)
+        dequantise_plane(numbers, cube, found)
         heights = [(p[3] - p[:2] @ far) / p[2] for p in (plane, found)]
         off.append(abs(heights[0] - heights[1]))
     # Half a step of height and of slopes: the slopes' step is that of a side 2^larger as long.
@@ -137,8 +151,8 @@ def test_one_plane_serves_a_noisy_wall() -> None:
     height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
     points = np.column_stack([across, height])
     header, bits = unpack(open_codec("primitives").encode(points, "r6"))
-    assert isinstance(header, Header)
+    assert isinstance(header, SurfaceHeader)
     patches = read_patches(header, bits)
     leaves, planes = patches.leaves.counts
     assert planes <= 3 < leaves
-    assert len(set(joined_leaves(patches))) == 1
+    assert len(set(leaf_segments(patches))) == 1

@@ -1,1 +1,4 @@
-"""Codec of geometric primitives: noise-aware planes of all sizes in an octree that shares them."""
+"""Codec of geometric primitives: planes in an octree and surfaces of revolution, noise aware.
+
+`mode_decision.encode` codes points with `settings.Settings`, and `decoder.decode_stream` decodes.
+"""

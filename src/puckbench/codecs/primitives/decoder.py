@@ -1,4 +1,4 @@
-"""From a stream to points on planes, with their normals and the planes they lie on."""
+"""Decoder of the primitives codec: from a stream to patches, and to points with normals."""
 
 from __future__ import annotations
 
@@ -7,35 +7,47 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.common.binary_coder import PAST_THE_END, POSITION
-from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.columns import NO_CHOICE
+from puckbench.codecs.primitives import voxel_mode
 from puckbench.codecs.primitives.entropy import reader
-from puckbench.codecs.primitives.layout import Bytes, Frame, Ints, Leaves, Nodes, Owners
-from puckbench.codecs.primitives.manhattan_frame import rotation
-from puckbench.codecs.primitives.revolved import (
+from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
+from puckbench.codecs.primitives.occupancy_decision import NO_CRITERION
+from puckbench.codecs.primitives.occupancy_map import code_occupancy_maps
+from puckbench.codecs.primitives.octree_arrays import (
+    Bytes,
+    Ints,
+    LeafMap,
+    Leaves,
+    Nodes,
+    OctreeGeometry,
+)
+from puckbench.codecs.primitives.reconstruction import count_points, reconstruct_points
+from puckbench.codecs.primitives.revolution import (
     CONTEXTS,
     MIXERS,
-    Round,
-    code_round,
-    points_on,
-    unpacked,
+    RevolutionSurface,
+    code_unrolled_map,
+    sample_surface,
+    unpack_parameters,
 )
-from puckbench.codecs.primitives.stream import MOST_POINTS, MOST_ROUND_POINTS, Header, unpack
-from puckbench.codecs.primitives.support import code_support
-from puckbench.codecs.primitives.surface import count_points, fill
-from puckbench.codecs.primitives.traversal import code_tree
+from puckbench.codecs.primitives.stream import (
+    MAX_POINTS,
+    MAX_REVOLUTION_POINTS,
+    SurfaceHeader,
+    unpack,
+)
+from puckbench.codecs.primitives.traversal import code_octree
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
-_FINER_BY_LEVEL = 0.5
-"""Planes of larger leaves are more precise, by the size to this power."""
+_STEP_EXPONENT = 0.5
+"""Planes of larger leaves have finer steps, by the ratio of the sides to this power."""
 
 
-class Decoded(NamedTuple):
-    """What a stream holds.
+class DecodedSurface(NamedTuple):
+    """Points (m, 3) in the cloud's coordinates, unit normals (m, 3) of any sign, and planes (m,).
 
-    xyz: (m, 3) points in the cloud's coordinates. normals: (m, 3) unit normals, of any sign.
-    planes: (m,) which plane each lies on; leaves share planes.
+    A plane is the index of the plane or surface of revolution that a point lies on; leaves share
+    planes.
     """
 
     xyz: Floats
@@ -44,104 +56,127 @@ class Decoded(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """A stream's planes, before points are made on them."""
+    """A stream's surfaces before points are made on them.
 
-    header: Header
-    frame: Frame
+    occupancy: states of the cells that columns end in. revolutions: each with its occupancy map.
+    """
+
+    header: SurfaceHeader
+    geometry: OctreeGeometry
     leaves: Leaves
-    cover: Bytes
-    rounds: list[tuple[Round, Bytes]]
+    occupancy: Bytes
+    revolutions: list[tuple[RevolutionSurface, Bytes]]
 
 
 def decode_stream(stream: bytes) -> Floats:
-    """Points (m, 3) of a stream of surfaces or of voxels; InputError when it is damaged."""
+    """Decode a stream of either mode.
+
+    Returns
+    -------
+    ndarray
+        (m, 3) points in the coordinates of the encoded cloud.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged.
+    """
     header, bits = unpack(stream)
-    if isinstance(header, Header):
+    if isinstance(header, SurfaceHeader):
         return decode_surface(header, bits).xyz
-    return voxels.decode(header.place, header.table, bits)
+    return voxel_mode.decode(header.place, header.table, bits)
 
 
-def decode_surface(header: Header, bits: bytes) -> Decoded:
-    """Points of a stream; InputError when it is damaged."""
-    return decoded_of(read_patches(header, bits))
+def decode_surface(header: SurfaceHeader, bits: bytes) -> DecodedSurface:
+    """Points of a stream of surfaces; InputError if it is damaged."""
+    return points_and_normals(read_patches(header, bits))
 
 
-def decoded_of(patches: Patches) -> Decoded:
-    """Points of planes and of round surfaces; InputError for too many, or none."""
-    xyz, rows = points_of(patches)
-    planes = patches.leaves.plane[rows]
-    normals = patches.leaves.planes[planes, :3] @ rotation(patches.header.turn)
-    found = Decoded(xyz, normals, planes)
-    return _joined([found, *points_of_rounds(patches)])
+def points_and_normals(patches: Patches) -> DecodedSurface:
+    """Points of planes and surfaces of revolution; InputError for too many, or none."""
+    xyz, rows = plane_points(patches)
+    planes = patches.leaves.plane_index[rows]
+    normals = patches.leaves.planes[planes, :3] @ rotation_matrix(patches.header.rotation)
+    found = DecodedSurface(xyz, normals, planes)
+    return _concatenated([found, *revolution_points(patches)])
 
 
-def points_of_rounds(patches: Patches) -> list[Decoded]:
-    """Points of each round surface, numbered after the planes; InputError for too many."""
+def revolution_points(patches: Patches) -> list[DecodedSurface]:
+    """Points of each surface of revolution, its index after those of the planes."""
     header, found = patches.header, []
-    columns = sum(int(bits.sum()) for _, bits in patches.rounds)
-    if columns * header.fineness**2 > MOST_ROUND_POINTS:
-        raise InputError(f"the stream is damaged ({columns} columns of round surfaces)")
-    for k, (surface, bits) in enumerate(patches.rounds):
-        cells, normals = points_on(surface, bits, header.fineness, header.spread)
-        names = np.full(len(cells), int(patches.leaves.counts[1]) + k)
-        found.append(Decoded(header.in_cloud(cells), normals @ rotation(header.turn), names))
+    matrix = rotation_matrix(header.rotation)
+    columns = sum(int(bits.sum()) for _, bits in patches.revolutions)
+    if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
+        raise InputError(f"the stream is damaged ({columns} columns of surfaces of revolution)")
+    for k, (surface, bits) in enumerate(patches.revolutions):
+        cells, normals = sample_surface(surface, bits, header.points_across, header.column_spacing)
+        indices = np.full(len(cells), int(patches.leaves.counts[1]) + k)
+        found.append(DecodedSurface(header.in_cloud(cells), normals @ matrix, indices))
     return found
 
 
-def _joined(parts: list[Decoded]) -> Decoded:
+def _concatenated(parts: list[DecodedSurface]) -> DecodedSurface:
     xyz, normals, planes = (np.concatenate(part) for part in zip(*parts, strict=True))
-    if not 0 < len(xyz) <= MOST_POINTS:
+    if not 0 < len(xyz) <= MAX_POINTS:
         raise InputError(f"the stream is damaged ({len(xyz)} points)")
-    return Decoded(xyz, normals, planes)
+    return DecodedSurface(xyz, normals, planes)
 
 
-def points_of(patches: Patches) -> tuple[Floats, Ints]:
-    """Points (m, 3) of planes in the cloud's coordinates and the leaves (m,) they lie on."""
+def plane_points(patches: Patches) -> tuple[Floats, Ints]:
+    """Points (m, 3) of planes in the cloud's coordinates, and their leaves (m,)."""
     header = patches.header
-    surface = (patches.frame, patches.leaves, patches.cover, header.fineness, header.spread)
-    made = count_points(*surface)
-    if made > MOST_POINTS:
-        raise InputError(f"the stream is damaged ({made} points)")
-    xyz, rows = np.empty((made, 3)), np.empty(made, np.int64)
-    fill(*surface, xyz, rows)
+    surface = (
+        patches.geometry,
+        patches.leaves,
+        patches.occupancy,
+        header.points_across,
+        header.column_spacing,
+    )
+    count = count_points(*surface)
+    if count > MAX_POINTS:
+        raise InputError(f"the stream is damaged ({count} points)")
+    xyz, rows = np.empty((count, 3)), np.empty(count, np.int64)
+    reconstruct_points(*surface, xyz, rows)
     return header.in_cloud(xyz), rows
 
 
-def read_patches(header: Header, bits: bytes) -> Patches:
-    """Planes of a stream; InputError when it is damaged."""
-    frame = frame_of(header)
-    leaves, owner, cover = empty_leaves(header)
+def read_patches(header: SurfaceHeader, bits: bytes) -> Patches:
+    """Decode the surfaces of a stream; InputError if it is damaged."""
+    geometry = octree_geometry(header)
+    leaves, leaf_map, occupancy = empty_arrays(header)
     coder = reader(bits, CONTEXTS, MIXERS)
-    rounds = [
+    revolutions = [
         (surface, np.zeros(int(surface.columns().sum()), np.uint8))
-        for surface in unpacked(header.rounds)
+        for surface in unpack_parameters(header.revolutions)
     ]
-    whole = code_tree(coder, frame, _NO_NODES, leaves, owner)
+    whole = code_octree(coder, geometry, _NO_NODES, leaves, leaf_map)
     if whole:
-        code_support(coder, frame, leaves, owner, NO_CHOICE, cover)
-        for surface, columns in rounds:
-            code_round(coder, surface.columns(), columns)
+        code_occupancy_maps(coder, geometry, leaves, leaf_map, NO_CRITERION, occupancy)
+        for surface, columns in revolutions:
+            code_unrolled_map(coder, surface.columns(), columns)
     if not whole or coder.bits.registers[POSITION] > len(bits) + PAST_THE_END:
         raise InputError("the stream is damaged (it ends too early)")
-    return Patches(header, frame, leaves, cover, rounds)
+    return Patches(header, geometry, leaves, occupancy, revolutions)
 
 
-def frame_of(header: Header, price: float = 0.0) -> Frame:
-    """The geometry of the tree, in cells."""
-    below = np.maximum(header.finest - np.arange(header.depth + 1), 0)
-    steps = header.step / 16 * 2.0 ** (-_FINER_BY_LEVEL * below)
+def octree_geometry(header: SurfaceHeader, lmbda: float = 0.0) -> OctreeGeometry:
+    """Geometry of the octree that a header describes."""
+    levels_above_finest = np.maximum(header.finest_leaf_level - np.arange(header.depth + 1), 0)
+    steps = header.plane_step / 16 * 2.0 ** (-_STEP_EXPONENT * levels_above_finest)
     shape = np.array(header.shape, np.int64)
-    return Frame(header.depth, header.finest, header.coarsest, shape, steps, price)
+    return OctreeGeometry(
+        header.depth, header.finest_leaf_level, header.coarsest_leaf_level, shape, steps, lmbda
+    )
 
 
-def empty_leaves(header: Header) -> tuple[Leaves, Owners, Bytes]:
-    """Room for leaves, and grids: owners of least leaves (leaf + 1, 0 for none), cells' states."""
-    n = header.leaves
+def empty_arrays(header: SurfaceHeader) -> tuple[Leaves, LeafMap, Bytes]:
+    """Room for the leaves, the grid of the smallest leaves, and the grid of column states."""
+    n = header.leaf_capacity
     corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))
-    down = header.depth - header.finest
-    owner = np.zeros([((cells - 1) >> down) + 1 for cells in header.shape], np.int32)
-    return leaves, owner, np.zeros(header.shape, np.uint8)
+    down = header.depth - header.finest_leaf_level
+    leaf_map = np.zeros([((cells - 1) >> down) + 1 for cells in header.shape], np.int32)
+    return leaves, leaf_map, np.zeros(header.shape, np.uint8)
 
 
 _NO_NODES = Nodes(

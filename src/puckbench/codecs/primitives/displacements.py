@@ -1,9 +1,9 @@
-"""Voxels moved along the normals of their surroundings, as far as the encoder found to be right.
+"""Normal displacement of voxels: each moves along the normal of the voxels around it.
 
-A voxel on a wall is more often passed through on the side where the wall is: noise thins out away
-from it, and a coarse voxel is cut by it off its middle. How far a voxel should move depends on how
-far it is off the plane of the voxels around it and on how thick these lie; the encoder sends the
-mean for each class of both.
+Noise is less dense away from a wall, so a voxel that is off the plane of its neighbours is more
+often occupied by points on the side of the wall; and a plane cuts coarse voxels off their centres.
+How far to move depends on a voxel's distance from the local plane and on the thickness of the
+voxels around; the encoder sends the optimal share of the distance for each class of both.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.primitives.layout import Ints
-from puckbench.codecs.primitives.stream import BINS, BLOCKS, Table
+from puckbench.codecs.primitives.octree_arrays import Ints
+from puckbench.codecs.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.tangent_planes import tangents
 
@@ -22,42 +22,56 @@ _THICKNESSES = np.array([0.3, 0.5, 0.9])
 _ONE = 64
 
 
-class _Surroundings(NamedTuple):
-    """Planes around voxels: normals (m, 3), distances (m,) of the voxels off them, classes (m,)."""
+class _LocalPlanes(NamedTuple):
+    """Planes around voxels: normals (m, 3), the voxels' distances (m,), their classes (m,)."""
 
     normals: Floats
-    off: Floats
-    bins: Ints
+    distances: Floats
+    classes: Ints
 
 
-def moved(voxels: Ints, table: Table) -> Floats:
-    """Voxels (m, 3) with each moved along its normal, in voxels."""
-    around = _surroundings(voxels, table.block)
-    shift = table.shares[around.bins] / _ONE * around.off
-    return np.asarray(voxels - shift[:, None] * around.normals)
+def displace(voxels: Ints, table: DisplacementTable) -> Floats:
+    """Displaced centres (m, 3) of voxels (m, 3), in voxels."""
+    planes = _local_planes(voxels, table.block_size)
+    shift = table.factors[planes.classes] / _ONE * planes.distances
+    return np.asarray(voxels - shift[:, None] * planes.normals)
 
 
-def best_table(voxels: Ints, means: Floats, weights: Floats) -> tuple[Table, float]:
-    """The table that brings voxels (m, 3) nearest to the means (m, 3) of what they stand for.
+def fit_displacements(
+    voxels: Ints, means: Floats, weights: Floats
+) -> tuple[DisplacementTable, float]:
+    """Table of least squared error between displaced voxels and the points that they stand for.
 
-    Also the weighted squared error that it saves.
+    Parameters
+    ----------
+    voxels
+        (m, 3) integer coordinates.
+    means
+        (m, 3) means of each voxel's points, in voxels.
+    weights
+        (m,) weights of the squared errors.
+
+    Returns
+    -------
+    table, gain
+        The best table, and the weighted squared error that it saves.
     """
-    best, most = Table(1, np.zeros(BINS, np.int8)), 0.0
-    for block in BLOCKS:
-        around = _surroundings(voxels, block)
-        wanted = np.einsum("ij,ij->i", voxels - means, around.normals)
-        with_off = np.bincount(around.bins, weights * wanted * around.off, BINS)
-        squared = np.bincount(around.bins, weights * around.off**2, BINS)
-        shares = np.rint(_ONE * with_off / np.maximum(squared, 1e-12)).clip(-127, 127)
-        gain = float((2 * shares / _ONE * with_off - (shares / _ONE) ** 2 * squared).sum())
+    best, most = DisplacementTable(1, np.zeros(CLASSES, np.int8)), 0.0
+    for block_size in BLOCK_SIZES:
+        planes = _local_planes(voxels, block_size)
+        wanted = np.einsum("ij,ij->i", voxels - means, planes.normals)
+        products = np.bincount(planes.classes, weights * wanted * planes.distances, CLASSES)
+        squares = np.bincount(planes.classes, weights * planes.distances**2, CLASSES)
+        factors = np.rint(_ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
+        gain = float((2 * factors / _ONE * products - (factors / _ONE) ** 2 * squares).sum())
         if gain > most:
-            best, most = Table(block, shares.astype(np.int8)), gain
+            best, most = DisplacementTable(block_size, factors.astype(np.int8)), gain
     return best, most
 
 
-def _surroundings(voxels: Ints, block: int) -> _Surroundings:
-    """Planes of least squares of the voxels around each voxel (m, 3)."""
-    found = tangents(voxels, block)
+def _local_planes(voxels: Ints, block_size: int) -> _LocalPlanes:
+    """Least-squares planes of the voxels around each voxel (m, 3)."""
+    found = tangents(voxels, block_size)
     distance = np.searchsorted(_DISTANCES, np.abs(found.off))
-    bins = distance * (len(_THICKNESSES) + 1) + np.searchsorted(_THICKNESSES, found.thickness)
-    return _Surroundings(found.normals, found.off, bins)
+    thickness = np.searchsorted(_THICKNESSES, found.thickness)
+    return _LocalPlanes(found.normals, found.off, distance * (len(_THICKNESSES) + 1) + thickness)

@@ -1,4 +1,4 @@
-"""The axes that a cloud's surfaces keep to: walls and floors at right angles, turned or not."""
+"""Manhattan frame: the three orthogonal axes that walls and floors of a scene are aligned with."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 
-Turn = tuple[int, int, int]
-"""A rotation vector in steps of `STEP` radians."""
+RotationVector = tuple[int, int, int]
+"""A rotation vector (axis times angle) in steps of `STEP` radians."""
 STEP = np.pi / 32767
-_SEEN = 4000
+_MAX_NORMALS = 4000
 """Normals that are looked at."""
-_START_DEG = 7.5
-_SHARP_DEG = 2.0
-_WORTH = 0.02
-"""Share of the surface that has to come to lie along the axes for a turn to pay."""
+_INITIAL_STEP_DEG = 7.5
+_TOLERANCE_DEG = 2.0
+_MIN_GAIN = 0.02
+"""Alignment that a rotation has to gain."""
 
 
-def rotation(turn: Turn) -> Floats:
-    """The rotation (3, 3) of a turn, for column vectors (Rodrigues' formula)."""
-    vector = np.array(turn) * STEP
+def rotation_matrix(rotation_vector: RotationVector) -> Floats:
+    """Rotation matrix (3, 3), for column vectors, of a rotation vector (Rodrigues' formula)."""
+    vector = np.array(rotation_vector) * STEP
     angle = float(np.linalg.norm(vector))
     if angle == 0:
         return np.eye(3)
@@ -28,57 +28,68 @@ def rotation(turn: Turn) -> Floats:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
-def best_turn(normals: Floats) -> Turn:
-    """The turn after which most normals (n, 3) lie along the axes; none where it gains little."""
-    seen = normals[:: -(-len(normals) // _SEEN)]
-    best, most = (0, 0, 0), _aligned(seen, np.eye(3)) + _WORTH
+def estimate_manhattan_frame(normals: Floats) -> RotationVector:
+    """Rotation after which most normals are parallel to the axes.
+
+    Parameters
+    ----------
+    normals
+        (n, 3) unit normals of the surface.
+
+    Returns
+    -------
+    RotationVector
+        From the cloud's axes to the scene's; zeros where a rotation gains little.
+    """
+    subset = normals[:: -(-len(normals) // _MAX_NORMALS)]
+    best, best_share = (0, 0, 0), _alignment(subset, np.eye(3)) + _MIN_GAIN
     for axis in range(3):
-        for degrees in np.arange(0, 90, _START_DEG):
+        for degrees in np.arange(0, 90, _INITIAL_STEP_DEG):
             vector = np.zeros(3)
             vector[axis] = np.radians(degrees) / STEP
-            turn = _quantised(_refined(seen, rotation(_whole(vector))))
-            share = _aligned(seen, rotation(turn))
-            if share > most + 1e-9:
-                best, most = turn, share
+            rotation_vector = _quantise(_refine(subset, rotation_matrix(_rounded(vector))))
+            share = _alignment(subset, rotation_matrix(rotation_vector))
+            if share > best_share + 1e-9:
+                best, best_share = rotation_vector, share
     return best
 
 
-def _aligned(normals: Floats, turned: Floats) -> float:
-    """Share of the normals along an axis, those some degrees off for less."""
-    most = np.abs(normals @ turned.T).max(axis=1).clip(0, 1)
-    return float(np.mean(np.exp(-2 * (1 - most) / np.radians(_SHARP_DEG) ** 2)))
+def _alignment(normals: Floats, rotation: Floats) -> float:
+    """Share of the normals parallel to an axis, weighted by their angles to it."""
+    cosines = np.abs(normals @ rotation.T).max(axis=1).clip(0, 1)
+    return float(np.mean(np.exp(-2 * (1 - cosines) / np.radians(_TOLERANCE_DEG) ** 2)))
 
 
-def _refined(normals: Floats, turned: Floats) -> Floats:
-    """Rotation near to one given that brings the normals near an axis onto it (Kabsch 1976)."""
+def _refine(normals: Floats, rotation: Floats) -> Floats:
+    """Rotation near a given one that maps normals near an axis onto it (Kabsch 1976)."""
     for degrees in (20.0, 10.0, 5.0, 4.0, 3.0):
-        along = normals @ turned.T
-        rows, axis = np.arange(len(along)), np.abs(along).argmax(axis=1)
-        near = np.abs(along[rows, axis]) > np.cos(np.radians(degrees))
+        projections = normals @ rotation.T
+        rows, axis = np.arange(len(projections)), np.abs(projections).argmax(axis=1)
+        near = np.abs(projections[rows, axis]) > np.cos(np.radians(degrees))
         if not near.any():
             break
-        target = np.zeros_like(along)
-        target[rows, axis] = np.sign(along[rows, axis])
+        target = np.zeros_like(projections)
+        target[rows, axis] = np.sign(projections[rows, axis])
         u, _, v = np.linalg.svd(target[near].T @ normals[near])
-        turned = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-    return np.asarray(turned)
+        rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    return np.asarray(rotation)
 
 
-def _quantised(turned: Floats) -> Turn:
-    """The nearest turn, that of the least angle that maps the axes to the same lines."""
-    order = np.abs(turned).argmax(axis=1)
+def _quantise(rotation: Floats) -> RotationVector:
+    """The nearest rotation vector of least angle that maps the axes to the same lines."""
+    order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)
-        turned = turned[rows] * np.sign(turned[rows, np.arange(3)])[:, None]
-    if np.linalg.det(turned) < 0:
+        rotation = rotation[rows] * np.sign(rotation[rows, np.arange(3)])[:, None]
+    if np.linalg.det(rotation) < 0:
         return (0, 0, 0)
-    angle = np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1))
-    skew = np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0]])
-    skew = np.append(skew, turned[1, 0] - turned[0, 1])
+    angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
+    skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0]])
+    skew = np.append(skew, rotation[1, 0] - rotation[0, 1])
     length = np.linalg.norm(skew)
-    return _whole(skew / length * angle / STEP) if length > 0 else (0, 0, 0)
+    return _rounded(skew / length * angle / STEP) if length > 0 else (0, 0, 0)
 
 
-def _whole(vector: Floats) -> Turn:
+def _rounded(vector: Floats) -> RotationVector:
     x, y, z = np.rint(vector).astype(int).tolist()
     return (x, y, z)

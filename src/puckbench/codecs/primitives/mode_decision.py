@@ -1,179 +1,204 @@
-"""Ways to code a cloud: each is tried, judged by what it costs and by how near it comes.
+"""Mode decision: candidate modes of coding a cloud are coded, and the one of least cost is kept.
 
-Surfaces are coded along the cloud's axes and along its walls', with round surfaces and without.
-Voxels get the same number of bytes; the better is kept. Better is judged against the smoothed
-surface, for a decode that is nearer to the noisy points than their noise is reproduces noise. But a
-surface has also to be as near to the points themselves as the voxels are when they stay where G-PCC
-has them.
+Surfaces are coded along the cloud's axes and along its walls', with and without each detected
+surface of revolution; the cost is distortion + lambda * rate. The best is compared with voxels of
+as many bytes. Distortion is measured against the smoothed surface, since a decode nearer to the
+points than their noise reproduces the noise; but surfaces must also be as near to the points as
+G-PCC's voxels are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.primitives import voxels
-from puckbench.codecs.primitives.decision_error import Errors, Judge
-from puckbench.codecs.primitives.decoder import Patches, decode_stream, decoded_of
-from puckbench.codecs.primitives.encoder import (
-    Cloud,
-    Way,
-    encode_surface,
-    prepared,
-    round_surfaces,
+from puckbench.codecs.primitives import voxel_mode
+from puckbench.codecs.primitives.decoder import Patches, decode_stream, points_and_normals
+from puckbench.codecs.primitives.distortion import Distortion, DistortionEstimator
+from puckbench.codecs.primitives.grid_alignment import (
+    frame_candidates,
+    margin_candidates,
+    shift_candidates,
 )
-from puckbench.codecs.primitives.grid_alignment import first_ways, other_margins, shifted
+from puckbench.codecs.primitives.preparation import PreparedCloud, prepare
 from puckbench.codecs.primitives.settings import Settings
+from puckbench.codecs.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
 from puckbench.core.environment import allowed_threads
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
 
+_LAMBDA_FACTORS = (1.0, 2.0, 4.0)
+"""Multiples of the rate's lambda at which a surface is compared with voxels.
 
-def encode(points: Floats, settings: Settings) -> bytes:
-    """Code points (n, 3) as surfaces or as voxels."""
-    most = int(settings.bpp * len(points) / 8)
-    if float(np.ptp(points, axis=0).max()) == 0:
-        return voxels.encode_at(points, 1.0)
-    if settings.leaf == 0:
-        return voxels.encode_within(points, most, settings.voxel)
-    cloud = prepared(points, settings)
-    judge = Judge.of(cloud.points, *cloud.surface[:3])
-    best = _best_surface(cloud, judge)
-    if best.stream is None:
-        return voxels.encode_within(points, most)
-    return _surface_or_voxels(points, cloud, judge, best, most)
+With many bits voxels come nearer to noise and to scattered points, and surfaces do not; a surface
+of fewer bits may still be better than voxels of as few.
+"""
+_MAX_REFUSED = 3
+"""Surfaces of revolution in a row that cost more than they save, after which no more are tried."""
+_MIN_SAVING = 0.98
+"""Ratio of the costs below which the grid is moved: a smaller saving may be chance."""
+_POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
+"""Squared distance of a surface to the points, as a multiple of undisplaced voxels'.
 
-
-_DEARER = (1.0, 2.0, 4.0)
-"""Prices of bits, times the rate's, at which a surface is held against voxels.
-
-The more bits, the nearer voxels come to noise and to scattered points, and surfaces do not. A
-surface of fewer bits may still be ahead of voxels of as few.
+The position of points within the surface is not coded, and alone keeps them some distance off.
 """
 
 
-def _surface_or_voxels(points: Floats, cloud: Cloud, judge: Judge, best: _Try, most: int) -> bytes:
-    """The finest surface that is ahead of voxels of as many bytes in all; else voxels.
+def encode(points: Floats, settings: Settings) -> bytes:
+    """Code a cloud as surfaces or as voxels, whichever costs less.
 
-    Where the cheapest surface is ahead of them in one respect and behind in another, the product
-    of the errors decides.
+    Parameters
+    ----------
+    points
+        (n, 3) finite coordinates, n > 0.
+    settings
+        Parameters of the rate.
+
+    Returns
+    -------
+    bytes
+        A self-contained stream.
     """
-    rivals: list[bytes] = []
-    cheapest, match = b"", None
-    for dearer in _DEARER:
-        settings = replace(cloud.settings, price=dearer * cloud.settings.price)
-        cheaper = cloud._replace(settings=settings)
-        stream = best.stream if dearer == 1 else _stream_of(cheaper, best.way)
-        fits = stream is not None and len(stream) <= most
-        rivals.append(voxels.encode_within(points, len(stream) if stream and fits else most))
-        if stream and fits:
-            cheapest, match = stream, _Match.of(cloud, judge, stream, rivals[-1])
-            if match.wins():
-                return stream
-    return cheapest if match is not None and match.wins_in_sum() else rivals[0]
+    max_bytes = int(settings.max_bpp * len(points) / 8)
+    if float(np.ptp(points, axis=0).max()) == 0:
+        return voxel_mode.encode_voxel_size(points, 1.0)
+    if settings.min_leaf_size == 0:
+        return voxel_mode.encode_to_budget(points, max_bytes, settings.max_voxel_size)
+    cloud = prepare(points, settings)
+    estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
+    best = _best_surface(cloud, estimator)
+    if best.stream is None:
+        return voxel_mode.encode_to_budget(points, max_bytes)
+    return _surface_or_voxels(points, cloud, estimator, best, max_bytes)
 
 
-_MOST_REFUSED = 3
-"""Round surfaces in a row that cost more than they save, after which no more are tried."""
-
-
-_SAVING = 0.98
-"""Cost, times another's, below which the grid is moved: less may be chance."""
-
-
-def _stream_of(cloud: Cloud, way: Way) -> bytes | None:
-    coded = encode_surface(cloud, way)
-    return coded and coded.stream
-
-
-class _Try(NamedTuple):
-    """A way to code a surface, what it costs (error + price x bits), and the stream."""
+class _Candidate(NamedTuple):
+    """A candidate mode, its cost (distortion + lambda * rate), and its stream."""
 
     cost: float
-    way: Way
+    mode: SurfaceMode
     stream: bytes | None
 
 
-def _best_surface(cloud: Cloud, judge: Judge) -> _Try:
-    """The surface that costs least."""
-    best = _best_grid(cloud, judge)
-    waiting, refused = list(round_surfaces(cloud)), 0
-    while waiting and refused < _MOST_REFUSED:
-        # Several at once: those after one that is taken are tried again, beside it.
-        several = waiting[: min(allowed_threads(), _MOST_REFUSED - refused)]
-        ways = [best.way._replace(rounds=(*best.way.rounds, each)) for each in several]
-        tries = in_threads(partial(_tried, cloud, judge), ways)
-        for found in tries:
+def _surface_or_voxels(
+    points: Floats,
+    cloud: PreparedCloud,
+    estimator: DistortionEstimator,
+    best: _Candidate,
+    max_bytes: int,
+) -> bytes:
+    """The finest surface that is better than voxels of as many bytes in all respects; else voxels.
+
+    Where the surface of fewest bytes is better in one respect and worse in another, the product of
+    the errors decides.
+    """
+    voxel_streams: list[bytes] = []
+    smallest, comparison = b"", None
+    for factor in _LAMBDA_FACTORS:
+        weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
+        scaled = cloud._replace(settings=weighted)
+        stream = best.stream if factor == 1 else _stream_of(scaled, best.mode)
+        fits = stream is not None and len(stream) <= max_bytes
+        budget = len(stream) if stream and fits else max_bytes
+        voxel_streams.append(voxel_mode.encode_to_budget(points, budget))
+        if stream and fits:
+            smallest = stream
+            comparison = _Comparison.of(cloud, estimator, stream, voxel_streams[-1])
+            if comparison.surface_is_better():
+                return stream
+    surface_wins = comparison is not None and comparison.surface_is_better_by_product()
+    return smallest if surface_wins else voxel_streams[0]
+
+
+def _stream_of(cloud: PreparedCloud, mode: SurfaceMode) -> bytes | None:
+    coded = encode_surface(cloud, mode)
+    return coded and coded.stream
+
+
+def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
+    """The surface of least cost: the best grid, then surfaces of revolution while they save."""
+    best = _best_grid(cloud, estimator)
+    waiting, refused = list(detect_surfaces(cloud)), 0
+    while waiting and refused < _MAX_REFUSED:
+        # Several at once: those after an accepted one are tried again, together with it.
+        several = waiting[: min(allowed_threads(), _MAX_REFUSED - refused)]
+        accepted = best.mode.revolutions
+        modes = [best.mode._replace(revolutions=(*accepted, surface)) for surface in several]
+        for candidate in in_threads(partial(_evaluate, cloud, estimator), modes):
             waiting.pop(0)
-            if found.cost < best.cost:
-                best, refused = found, 0
+            if candidate.cost < best.cost:
+                best, refused = candidate, 0
                 break
             refused += 1
     return best
 
 
-def _best_grid(cloud: Cloud, judge: Judge) -> _Try:
-    """The best axes, then the best place of the grid along them."""
-    best = _best_of(cloud, judge, first_ways(cloud), None)
-    best = _best_of(cloud, judge, other_margins(cloud, best.way), best)
+def _best_grid(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
+    """The best axes, then the best position of the grid along them."""
+    best = _best_of(cloud, estimator, frame_candidates(cloud), None)
+    best = _best_of(cloud, estimator, margin_candidates(cloud, best.mode), best)
     for axis in range(3):
-        best = _best_of(cloud, judge, shifted(cloud, best.way, axis), best)
+        best = _best_of(cloud, estimator, shift_candidates(cloud, best.mode, axis), best)
     return best
 
 
-def _best_of(cloud: Cloud, judge: Judge, ways: Iterable[Way], known: _Try | None) -> _Try:
-    """The cheapest way of some; one that is known unless another saves enough."""
-    tries = in_threads(partial(_tried, cloud, judge), ways)
-    best = min([*tries, *([known] if known else [])], key=lambda found: found.cost)
-    return best if known is None or best.cost < _SAVING * known.cost else known
+def _best_of(
+    cloud: PreparedCloud,
+    estimator: DistortionEstimator,
+    modes: Iterable[SurfaceMode],
+    known: _Candidate | None,
+) -> _Candidate:
+    """The mode of least cost; a known candidate unless another one saves enough."""
+    candidates = in_threads(partial(_evaluate, cloud, estimator), modes)
+    best = min([*candidates, *([known] if known else [])], key=lambda candidate: candidate.cost)
+    return best if known is None or best.cost < _MIN_SAVING * known.cost else known
 
 
-def _tried(cloud: Cloud, judge: Judge, way: Way) -> _Try:
-    coded = encode_surface(cloud, way)
+def _evaluate(
+    cloud: PreparedCloud, estimator: DistortionEstimator, mode: SurfaceMode
+) -> _Candidate:
+    """Code a mode; infinite cost where it makes no points."""
+    coded = encode_surface(cloud, mode)
     if coded is None:
-        return _Try(np.inf, way, None)
-    error = judge.to_surface(cloud.in_units(_thinly_decoded(coded.patches)))
+        return _Candidate(np.inf, mode, None)
+    error = estimator.to_surface(cloud.in_units(_decoded_sparsely(coded.patches)))
     rate = 8 * len(coded.stream) / len(cloud.points)
-    return _Try(error + cloud.settings.price * rate, way, coded.stream)
+    return _Candidate(error + cloud.settings.lmbda * rate, mode, coded.stream)
 
 
-def _thinly_decoded(patches: Patches) -> Floats:
-    """Points of surfaces, fewer than the decoder makes."""
+def _decoded_sparsely(patches: Patches) -> Floats:
+    """Fewer points of the surfaces than the decoder makes, for a quick estimate."""
     header = patches.header
-    thin = header._replace(fineness=max(header.fineness // 3, 1))
-    return decoded_of(patches._replace(header=thin)).xyz
+    sparse = header._replace(points_across=max(header.points_across // 3, 1))
+    return points_and_normals(patches._replace(header=sparse)).xyz
 
 
-class _Match(NamedTuple):
-    """Errors of a surface, of voxels of as many bytes, and of these where G-PCC has them."""
+class _Comparison(NamedTuple):
+    """Distortions of a surface, of voxels of as many bytes, and of these without displacement."""
 
-    own: Errors
-    other: Errors
-    plain: Errors
+    surface: Distortion
+    voxels: Distortion
+    undisplaced: Distortion
 
     @classmethod
-    def of(cls, cloud: Cloud, judge: Judge, surface: bytes, rival: bytes) -> _Match:
-        """Decode both and measure them."""
-        decoded = (decode_stream(surface), decode_stream(rival), voxels.unmoved(rival))
-        return cls(*(judge.errors(cloud.in_units(xyz)) for xyz in decoded))
+    def of(
+        cls, cloud: PreparedCloud, estimator: DistortionEstimator, surface: bytes, voxels: bytes
+    ) -> _Comparison:
+        """Decode both streams and measure them."""
+        undisplaced = voxel_mode.decode_undisplaced(voxels)
+        decoded = (decode_stream(surface), decode_stream(voxels), undisplaced)
+        return cls(*(estimator.measure(cloud.in_units(xyz)) for xyz in decoded))
 
-    def wins(self) -> bool:
-        """Whether the surface is the nearer one to the smoothed samples and to the points."""
-        nearer = self.own.surface <= self.other.surface and self.own.plane <= self.plain.plane
-        return nearer and self.own.point <= _FARTHER * self.plain.point
+    def surface_is_better(self) -> bool:
+        """Whether the surface is nearer to the smoothed samples and to the points."""
+        nearer = self.surface.surface <= self.voxels.surface
+        nearer = nearer and self.surface.plane <= self.undisplaced.plane
+        return nearer and self.surface.point <= _POINT_TOLERANCE * self.undisplaced.point
 
-    def wins_in_sum(self) -> bool:
-        """Whether what the surface gains in some errors is more than it loses in the others."""
-        product = np.prod(self.own) <= np.prod(self.other)
-        return bool(product and self.own.point <= _FARTHEST * self.plain.point)
-
-
-_FARTHER, _FARTHEST = 1.05, 1.25
-"""Squared distance to the points, times unmoved voxels', that a surface may have.
-
-Where points lie on a surface is not coded, and chance alone keeps them some way off.
-"""
+    def surface_is_better_by_product(self) -> bool:
+        """Whether the surface gains more in some errors than it loses in the others."""
+        product = np.prod(self.surface) <= np.prod(self.voxels)
+        return bool(product and self.surface.point <= _MAX_POINT_RATIO * self.undisplaced.point)

@@ -1,29 +1,41 @@
-"""How noisy a cloud is: the spread of its points about the planes of small cells."""
+"""Noise estimation: the spread of a cloud's points about the planes of small cells."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from puckbench.codecs.primitives.tree import cell_starts, moments_of, plane_costs
+from puckbench.codecs.primitives.octree import group_by_cell, moments_of, plane_errors
 from puckbench.geometry.cloud import Floats
 
-_FEWEST = 8
+_MIN_POINTS = 8
 
 
-def spread(points: Floats, cell: float) -> float:
-    """Standard deviation that three of four points exceed within cubic cells of side `cell`.
+def estimate_noise(points: Floats, cell: float) -> float:
+    """Standard deviation of the noise: the lower quartile over small cells, weighted by points.
 
-    Curved and crossing surfaces widen some cells, noise widens all. Zero if all cells are sparse.
+    Curved and crossing surfaces widen the spread of some cells, noise that of all.
+
+    Parameters
+    ----------
+    points
+        (n, 3) points.
+    cell
+        Side of the cubic cells, in the points' unit.
+
+    Returns
+    -------
+    float
+        The standard deviation in the points' unit; 0 if no cell has enough points.
     """
-    order, starts = cell_starts(points, cell)
-    kept = points[order] - points.mean(axis=0)
-    moments = np.add.reduceat(moments_of(kept), starts, axis=0)
-    counts = moments[:, 0]
-    enough = counts >= _FEWEST
-    if not enough.any():
+    order, starts = group_by_cell(points, cell)
+    centred = points[order] - points.mean(axis=0)
+    moments = np.add.reduceat(moments_of(centred), starts, axis=0)
+    moments = moments[moments[:, 0] >= _MIN_POINTS]
+    if not len(moments):
         return 0.0
-    variance = plane_costs(moments[enough]) / (counts[enough] - 3)
-    by_size = np.argsort(variance, kind="stable")
-    below = np.cumsum(counts[enough][by_size])
-    quarter = np.searchsorted(below, below[-1] / 4)
-    return float(np.sqrt(variance[by_size[quarter]]))
+    counts = moments[:, 0]
+    variance = plane_errors(moments) / (counts - 3)
+    ascending = np.argsort(variance, kind="stable")
+    points_below = np.cumsum(counts[ascending])
+    quartile = np.searchsorted(points_below, points_below[-1] / 4)
+    return float(np.sqrt(variance[ascending[quartile]]))

@@ -1,40 +1,48 @@
-"""Leaves joined to larger planes: what a wall is, whatever number of leaves it was coded in."""
+"""Segmentation: leaves merged to larger planes, so that a wall is one segment."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from puckbench.codecs.primitives.decoder import Patches, points_of, points_of_rounds
-from puckbench.codecs.primitives.layout import Ints
-from puckbench.codecs.primitives.regions import Limits, joined, touching
-from puckbench.codecs.primitives.tree import moments_of
+from puckbench.codecs.primitives.decoder import Patches, plane_points, revolution_points
+from puckbench.codecs.primitives.octree import moments_of
+from puckbench.codecs.primitives.octree_arrays import Ints
+from puckbench.codecs.primitives.region_merging import MergeLimits, adjacent_leaves, merge_regions
 from puckbench.geometry.cloud import Floats
 
-_PARALLEL = float(np.cos(np.radians(20)))
-_OFF = 0.2
-"""Squared distance, in cells, that a segment may grow by for each point of the smaller part."""
+_MIN_COSINE = float(np.cos(np.radians(20)))
+_MAX_ADDED_DISTANCE = 0.2
+"""Squared distance, in columns, that a merge may add for each point of the smaller segment."""
 
 
-def labelled(patches: Patches) -> tuple[Floats, Ints]:
-    """Points (m, 3) of planes and round surfaces, and a number (m,) for each segment of either."""
-    xyz, rows = points_of(patches)
-    _, names = np.unique(_joined(patches, xyz, rows)[rows], return_inverse=True)
-    wraps = points_of_rounds(patches)
-    after = len(np.unique(names))
-    numbers = [np.full(len(part.xyz), after + k) for k, part in enumerate(wraps)]
-    return np.concatenate([xyz, *(part.xyz for part in wraps)]), np.concatenate([names, *numbers])
+def segment_points(patches: Patches) -> tuple[Floats, Ints]:
+    """Points (m, 3) of planes and surfaces of revolution, and the segment (m,) of each."""
+    xyz, leaf_of_point = plane_points(patches)
+    _, segments = np.unique(
+        _merged_leaves(patches, xyz, leaf_of_point)[leaf_of_point], return_inverse=True
+    )
+    revolutions = revolution_points(patches)
+    count = len(np.unique(segments))
+    numbers = [np.full(len(part.xyz), count + k) for k, part in enumerate(revolutions)]
+    return np.concatenate([xyz, *(part.xyz for part in revolutions)]), np.concatenate(
+        [segments, *numbers]
+    )
 
 
-def joined_leaves(patches: Patches) -> Ints:
-    """A representative leaf for each leaf (n,), the same for all leaves of a segment."""
-    return _joined(patches, *points_of(patches))
+def leaf_segments(patches: Patches) -> Ints:
+    """The segment (n,) of each leaf: the index of one of its leaves."""
+    return _merged_leaves(patches, *plane_points(patches))
 
 
-def _joined(patches: Patches, xyz: Floats, rows: Ints) -> Ints:
-    """`joined_leaves` of patches with points (m, 3) on leaves `rows` (m,)."""
+def _merged_leaves(patches: Patches, xyz: Floats, leaf_of_point: Ints) -> Ints:
+    """`leaf_segments` of patches whose points (m, 3) lie on the leaves leaf_of_point (m,)."""
     moments = np.zeros((int(patches.leaves.counts[0]), 10))
-    np.add.at(moments, rows, moments_of((xyz - xyz.mean(axis=0)) / patches.header.unit))
-    pairs = touching(patches.leaves, patches.frame.shape)
-    filled = moments[:, 0] > 0
-    pairs = pairs[filled[pairs].all(axis=1)]
-    return np.asarray(joined(moments, pairs, Limits(0.0, _OFF, _PARALLEL)))
+    np.add.at(
+        moments, leaf_of_point, moments_of((xyz - xyz.mean(axis=0)) / patches.header.cell_size)
+    )
+    pairs = adjacent_leaves(patches.leaves, patches.geometry.shape)
+    occupied = moments[:, 0] > 0
+    pairs = pairs[occupied[pairs].all(axis=1)]
+    return np.asarray(
+        merge_regions(moments, pairs, MergeLimits(0.0, _MAX_ADDED_DISTANCE, _MIN_COSINE))
+    )

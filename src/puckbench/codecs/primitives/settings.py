@@ -1,51 +1,73 @@
-"""What a rate stands for, in thousandths (1/1023) of the cloud's longest side."""
+"""Parameters of a rate of the primitives codec, in units of 1/1023 of the cloud's longest side."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from puckbench.core.errors import InputError
+from pydantic import Field
 
-SIZE = 1023.0
-"""Units across the longest side of a cloud."""
+from puckbench.core.models import Model, parsed
 
-_USUAL_NOISE = 1.3
-"""Noise that the rates are made for: a VLP-16 in a room of six metres, by `noise.spread`."""
+UNITS = 1023.0
+"""Units across the longest side of a cloud, as in the cube [0, 1023] of a scaled cloud."""
+
+_REFERENCE_NOISE = 1.3
+"""Noise in units that the rates are made for: a VLP-16 in a room of six metres."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of a rate, lengths in units.
+class Settings(Model):
+    """Parameters of a rate.
 
-    bpp: bits per point that voxels may take, and surfaces before voxels are taken instead. leaf,
-    cell: sides of the least leaf (0: voxels alone) and of a bitmap's column, powers of two apart;
-    largest: side of the largest leaf. voxel: side that no voxel exceeds, whatever it costs.
-    price: squared error that a bit per point may save. step: precision of planes at the least
-    leaves. reach: radius of smoothing in standard deviations of the noise.
+    Two candidate modes compete for a cloud: a *surface* (an octree whose leaves have planes, and
+    surfaces of revolution, each with an occupancy map) and *voxels* (G-PCC's octree, displaced).
     """
 
-    bpp: float = 1.0
-    voxel: float = SIZE / 4
-    leaf: float = 16.0
-    cell: float = 4.0
-    largest: float = 128.0
-    price: float = 10.0
-    step: float = 3.0
-    reach: float = 19.0
+    max_bpp: float = Field(
+        default=1.0, ge=0, description="bits per point that either mode may take, at most"
+    )
+    max_voxel_size: float = Field(
+        default=UNITS / 4, ge=0, description="side of voxels, at most, however many bits they take"
+    )
+    min_leaf_size: float = Field(
+        default=16.0,
+        ge=0,
+        description="side of the smallest leaves; 0 codes voxels without trying surfaces",
+    )
+    column_size: float = Field(
+        default=4.0,
+        ge=0,
+        description="side of a column of an occupancy map: min_leaf_size / a power of 2",
+    )
+    max_leaf_size: float = Field(default=128.0, ge=0, description="side of the largest leaves")
+    lmbda: float = Field(
+        default=10.0,
+        ge=0,
+        description="Lagrangian weight: squared error that a bit per point must save",
+    )
+    plane_step: float = Field(
+        default=3.0, ge=0, description="quantisation step of the planes of the smallest leaves"
+    )
+    smoothing_radius: float = Field(
+        default=19.0, ge=0, description="radius of smoothing, in standard deviations of the noise"
+    )
 
-    def coarsened(self, noise: float) -> Settings:
-        """For a noise (units) above the usual: finer planes than these would follow it."""
-        factor = max(noise / _USUAL_NOISE, 1.0)
-        lengths = {name: factor * getattr(self, name) for name in ("leaf", "cell", "step")}
-        return replace(self, **lengths, price=factor**2 * self.price)
+    def adapted_to(self, noise: float) -> Settings:
+        """Coarsen the settings where a cloud's noise exceeds the reference.
+
+        Otherwise fine leaves and planes would follow the noise.
+
+        Parameters
+        ----------
+        noise
+            Standard deviation of the points about the surface, in units.
+        """
+        factor = max(noise / _REFERENCE_NOISE, 1.0)
+        lengths = ("min_leaf_size", "column_size", "plane_step")
+        coarser = {name: factor * getattr(self, name) for name in lengths}
+        return self.model_copy(update={**coarser, "lmbda": factor**2 * self.lmbda})
 
 
-def settings_of(parameters: Mapping[str, Any]) -> Settings:
-    """Settings from a rate's entry; InputError for a name that is none or a value not above 0."""
-    known = {field.name for field in fields(Settings)}
-    for name, value in parameters.items():
-        if name not in known or not isinstance(value, int | float) or value < 0:
-            raise InputError(f"codec primitives: bad parameter {name}: {value!r}")
-    return Settings(**parameters)
+def rate_settings(parameters: Mapping[str, Any]) -> Settings:
+    """Settings of a rate's entry; InputError for an unknown name or a value below 0."""
+    return parsed(Settings, parameters, "codec primitives: rate")

@@ -1,9 +1,10 @@
-"""The header of a stream: where the cells lie, how finely planes are coded, how points are filled.
+"""Bitstream of the primitives codec: headers of surfaces and of voxels, packed and checked.
 
-Layout, little endian: magic ``PBPR``, version, kind; then for surfaces the numbers of `_SURFACE`,
-those of `_TURN` if they are turned, number and parameters of round surfaces if there are any, and
-the coded bits, for voxels those of `_VOXELS`, a table of
-`BINS` bytes unless the side of its blocks is 0, and G-PCC's tree. The last two bytes are a check.
+Little endian: magic ``PBPR``, version, kind. A surface goes on with the numbers of `_SURFACE`,
+those of `_ROTATION` if the grid is rotated, number and parameters of the surfaces of revolution if
+there are any, and the arithmetic-coded bits. Voxels go on with those of `_VOXELS`, a table of
+`CLASSES` displacements unless its block size is 0, and G-PCC's octree. The last two bytes are the
+low half of a CRC-32.
 """
 
 from __future__ import annotations
@@ -15,118 +16,127 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.primitives.manhattan_frame import Turn, rotation
+from puckbench.codecs.primitives.manhattan_frame import RotationVector, rotation_matrix
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 MAGIC = b"PBPR"
 VERSION = 3
-SURFACE, VOXELS, TURNED, WITH_ROUNDS = 1, 2, 4, 8
-"""Kinds of streams; those of surfaces may be turned and have round surfaces."""
-ROUND = 19
-"""Bytes of a round surface's parameters."""
+SURFACE, VOXELS, ROTATED, WITH_REVOLUTIONS = 1, 2, 4, 8
+"""Kinds of streams, and flags of those of surfaces."""
+REVOLUTION_BYTES = 19
+"""Bytes of the parameters of a surface of revolution."""
 _START = struct.Struct("<4sBB")
 _SURFACE = struct.Struct("<4f3HBBBBBBI")
-_TURN = struct.Struct("<3h")
+_ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
-_CHECK = struct.Struct("<H")
-MOST_CELLS = 1 << 26
-MOST_LEAVES = 1 << 22
-MOST_POINTS = 1 << 24
-MOST_ROUND_POINTS = 1 << 22
+_CHECKSUM = struct.Struct("<H")
+MAX_CELLS = 1 << 26
+MAX_LEAVES = 1 << 22
+MAX_POINTS = 1 << 24
+MAX_REVOLUTION_POINTS = 1 << 22
+BLOCK_SIZES = (1, 2, 4)
+"""Sides of blocks, in voxels, of which 3 x 3 x 3 share a local plane."""
+CLASSES = 24
+"""Classes of voxels that are displaced by the same share."""
 
 
-BLOCKS = (1, 2, 4)
-"""Sides of the blocks, in voxels, that share a plane: that of 3 x 3 x 3 blocks around."""
-BINS = 24
-"""Classes of voxels that move alike."""
-
-
-class Place(NamedTuple):
-    """Where whole numbers lie: origin (3,) and what one is, in the cloud's coordinates."""
+class GridPlacement(NamedTuple):
+    """Where a grid lies in the cloud: its origin (3,) and the side of a cell."""
 
     origin: Floats
-    unit: float
+    cell_size: float
 
-    def rounded(self) -> Place:
-        """As it comes back from a stream."""
+    def rounded(self) -> GridPlacement:
+        """The placement in single precision, as a stream holds it."""
         origin = self.origin.astype(np.float32).astype(np.float64)
-        return Place(origin, float(np.float32(self.unit)))
+        return GridPlacement(origin, float(np.float32(self.cell_size)))
 
 
-class Table(NamedTuple):
-    """How voxels move: side of a block, and the share of the distance for each class, in 1/64."""
+class DisplacementTable(NamedTuple):
+    """Displacement of voxels: by class, the share of the distance to the local plane, in 1/64.
 
-    block: int
-    shares: NDArray[np.int8]
+    block_size: side in voxels of the blocks of which 3 x 3 x 3 share a plane.
+    """
 
-
-class Voxels(NamedTuple):
-    """What a stream of voxels begins with."""
-
-    place: Place
-    table: Table | None
+    block_size: int
+    factors: NDArray[np.int8]
 
 
-class Header(NamedTuple):
-    """What a surface's stream begins with.
+class VoxelHeader(NamedTuple):
+    """Header of a stream of voxels."""
 
-    origin: (3,) of the cells, in the cloud's coordinates. unit: the cell's side there. shape: (3,)
-    cells. depth: level of the cells, finest and coarsest those of leaves. step: a plane's precision
-    in 1/16 cells at the finest leaves. fineness: points across a cell, spread: cells between
-    points; one of them is 1. leaves: room for nodes. turn: from the cloud's axes to those of the
-    cells (`axes`), about the cloud's origin. rounds: `ROUND` bytes for each round surface.
+    place: GridPlacement
+    table: DisplacementTable | None
+
+
+class SurfaceHeader(NamedTuple):
+    """Header of a stream of surfaces.
+
+    origin: (3,) of the grid of cells, and cell_size, both in the cloud's coordinates. shape: (3,)
+    cells. depth, finest_leaf_level, coarsest_leaf_level: levels of the cells and of the smallest
+    and largest leaves. plane_step: quantisation step of planes at the smallest leaves, in 1/16
+    cells. points_across: points across a column; column_spacing: columns from one point to the
+    next; one of the two is 1. leaf_capacity: leaves, at most. rotation: from the cloud's axes to
+    the grid's, about the cloud's origin. revolutions: `REVOLUTION_BYTES` for each surface of
+    revolution.
     """
 
     origin: Floats
-    unit: float
+    cell_size: float
     shape: tuple[int, int, int]
     depth: int
-    finest: int
-    coarsest: int
-    step: int
-    fineness: int
-    spread: int
-    leaves: int
-    turn: Turn = (0, 0, 0)
-    rounds: bytes = b""
+    finest_leaf_level: int
+    coarsest_leaf_level: int
+    plane_step: int
+    points_across: int
+    column_spacing: int
+    leaf_capacity: int
+    rotation: RotationVector = (0, 0, 0)
+    revolutions: bytes = b""
 
     def in_cloud(self, cells: Floats) -> Floats:
-        """Places (n, 3) in cells in the cloud's coordinates."""
-        return np.asarray((cells * self.unit + self.origin) @ rotation(self.turn))
+        """Points (n, 3) given in cells, in the cloud's coordinates."""
+        return np.asarray((cells * self.cell_size + self.origin) @ rotation_matrix(self.rotation))
 
 
-def pack_surface(header: Header, bits: bytes) -> bytes:
-    """A whole stream from a header and the coded bits."""
-    turned, rounds = any(header.turn), header.rounds
-    kind = SURFACE | (TURNED if turned else 0) | (WITH_ROUNDS if rounds else 0)
+def pack_surface(header: SurfaceHeader, bits: bytes) -> bytes:
+    """A whole stream from a header and the arithmetic-coded bits."""
+    is_rotated, revolutions = any(header.rotation), header.revolutions
+    kind = SURFACE | (ROTATED if is_rotated else 0) | (WITH_REVOLUTIONS if revolutions else 0)
     head = _START.pack(MAGIC, VERSION, kind)
-    head += _SURFACE.pack(*header.origin, header.unit, *header.shape, *header[3:-2])
-    head += _TURN.pack(*header.turn) if turned else b""
-    head += bytes([len(rounds) // ROUND]) + rounds if rounds else b""
-    return _checked(head + bits)
+    head += _SURFACE.pack(*header.origin, header.cell_size, *header.shape, *header[3:-2])
+    head += _ROTATION.pack(*header.rotation) if is_rotated else b""
+    head += bytes([len(revolutions) // REVOLUTION_BYTES]) + revolutions if revolutions else b""
+    return _with_checksum(head + bits)
 
 
-def pack_voxels(place: Place, table: Table | None, bits: bytes) -> bytes:
-    """A whole stream of voxels from G-PCC's tree of them and a table of how they move."""
+def pack_voxels(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> bytes:
+    """A whole stream from G-PCC's octree of the voxels and their displacements."""
     head = _START.pack(MAGIC, VERSION, VOXELS)
-    head += _VOXELS.pack(*place.origin, place.unit, table.block if table else 0)
-    return _checked(head + (table.shares.tobytes() if table else b"") + bits)
+    head += _VOXELS.pack(*place.origin, place.cell_size, table.block_size if table else 0)
+    return _with_checksum(head + (table.factors.tobytes() if table else b"") + bits)
 
 
-def unpack(stream: bytes) -> tuple[Header | Voxels, bytes]:
-    """What a stream begins with and the coded bits; InputError for a damaged stream."""
-    if len(stream) < _START.size + _CHECK.size or not stream.startswith(MAGIC):
+def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader, bytes]:
+    """Header and coded bits of a stream.
+
+    Raises
+    ------
+    InputError
+        If the stream is truncated or damaged, or of another version.
+    """
+    if len(stream) < _START.size + _CHECKSUM.size or not stream.startswith(MAGIC):
         raise InputError("not a stream of primitives, or truncated")
-    body, check = stream[: -_CHECK.size], _CHECK.unpack(stream[-_CHECK.size :])[0]
+    body, checksum = stream[: -_CHECKSUM.size], _CHECKSUM.unpack(stream[-_CHECKSUM.size :])[0]
     _, version, kind = _START.unpack_from(body)
     if version != VERSION:
         raise InputError(f"the stream has version {version}, this codec reads {VERSION}")
     layout = _VOXELS if kind == VOXELS else _SURFACE
-    known = kind == VOXELS or kind | TURNED | WITH_ROUNDS == SURFACE | TURNED | WITH_ROUNDS
+    known = kind == VOXELS or kind & ~(ROTATED | WITH_REVOLUTIONS) == SURFACE
     if not known or len(body) < _START.size + layout.size:
         raise InputError("the stream is truncated or of an unknown kind")
-    if zlib.crc32(body) & 0xFFFF != check:
+    if zlib.crc32(body) & 0xFFFF != checksum:
         raise InputError("the stream is damaged or truncated")
     numbers = layout.unpack_from(body, _START.size)
     bits = body[_START.size + layout.size :]
@@ -134,46 +144,55 @@ def unpack(stream: bytes) -> tuple[Header | Voxels, bytes]:
     if not np.isfinite(place).all() or np.abs(place).max() > 1e30 or place[3] <= 0:
         raise InputError("the stream is damaged (its frame is not finite)")
     if kind == VOXELS:
-        return _voxels(Place(place[:3], float(place[3])), numbers[4], bits)
-    header = Header(place[:3], float(place[3]), numbers[4:7], *numbers[7:])
-    _check(header)
-    return _with_extras(header, kind, bits)
+        return _voxel_header(GridPlacement(place[:3], float(place[3])), numbers[4], bits)
+    header = SurfaceHeader(place[:3], float(place[3]), numbers[4:7], *numbers[7:])
+    _validate(header)
+    return _with_options(header, kind, bits)
 
 
-def _with_extras(header: Header, kind: int, bits: bytes) -> tuple[Header, bytes]:
-    """The header with turn and round surfaces, where the kind has them, and what follows."""
-    if kind & TURNED:
-        if len(bits) < _TURN.size:
+def _with_options(header: SurfaceHeader, kind: int, bits: bytes) -> tuple[SurfaceHeader, bytes]:
+    """The header with rotation and surfaces of revolution, where the kind has them; the rest."""
+    if kind & ROTATED:
+        if len(bits) < _ROTATION.size:
             raise InputError("the stream is truncated")
-        header = header._replace(turn=_TURN.unpack_from(bits))
-        bits = bits[_TURN.size :]
-    if kind & WITH_ROUNDS:
-        end = 1 + ROUND * bits[0] if bits else 1
+        header = header._replace(rotation=_ROTATION.unpack_from(bits))
+        bits = bits[_ROTATION.size :]
+    if kind & WITH_REVOLUTIONS:
+        end = 1 + REVOLUTION_BYTES * bits[0] if bits else 1
         if len(bits) < end:
             raise InputError("the stream is truncated")
-        header = header._replace(rounds=bits[1:end])
+        header = header._replace(revolutions=bits[1:end])
         bits = bits[end:]
     return header, bits
 
 
-def _voxels(place: Place, block: int, bits: bytes) -> tuple[Voxels, bytes]:
-    if block == 0:
-        return Voxels(place, None), bits
-    if block not in BLOCKS or len(bits) < BINS:
+def _voxel_header(place: GridPlacement, block_size: int, bits: bytes) -> tuple[VoxelHeader, bytes]:
+    if block_size == 0:
+        return VoxelHeader(place, None), bits
+    if block_size not in BLOCK_SIZES or len(bits) < CLASSES:
         raise InputError("the stream is damaged (its table makes no sense)")
-    shares = np.frombuffer(bits[:BINS], np.int8)
-    return Voxels(place, Table(block, shares)), bits[BINS:]
+    factors = np.frombuffer(bits[:CLASSES], np.int8)
+    return VoxelHeader(place, DisplacementTable(block_size, factors)), bits[CLASSES:]
 
 
-def _check(header: Header) -> None:
+def _validate(header: SurfaceHeader) -> None:
+    """InputError for a header that no encoder writes, or that asks for too much memory."""
     size = np.array(header.shape, dtype=np.int64)
-    fits = size.min() > 0 and size.prod() <= MOST_CELLS and size.max() <= 1 << header.depth
-    levels = 0 <= header.coarsest <= header.finest <= header.depth <= 16
-    fine = header.depth - header.coarsest <= 8 or header.coarsest == 0
-    points = 1 <= header.fineness <= 16 and 1 <= header.spread <= 64 and header.step > 0
-    if not (fits and levels and points and fine) or header.leaves > MOST_LEAVES:
+    depth, finest, coarsest = header.depth, header.finest_leaf_level, header.coarsest_leaf_level
+    consistent = (
+        size.min() > 0
+        and size.prod() <= MAX_CELLS
+        and size.max() <= 1 << depth
+        and 0 <= coarsest <= finest <= depth <= 16
+        and (depth - coarsest <= 8 or coarsest == 0)
+        and 1 <= header.points_across <= 16
+        and 1 <= header.column_spacing <= 64
+        and header.plane_step > 0
+        and header.leaf_capacity <= MAX_LEAVES
+    )
+    if not consistent:
         raise InputError("the stream is damaged (its header makes no sense)")
 
 
-def _checked(body: bytes) -> bytes:
-    return body + _CHECK.pack(zlib.crc32(body) & 0xFFFF)
+def _with_checksum(body: bytes) -> bytes:
+    return body + _CHECKSUM.pack(zlib.crc32(body) & 0xFFFF)

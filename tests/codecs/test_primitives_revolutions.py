@@ -11,38 +11,41 @@ from hypothesis import strategies as st
 from puckbench.codecs.common.binary_coder import written
 from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_surface
-from puckbench.codecs.primitives.detect import detected
-from puckbench.codecs.primitives.encoder import Way, encode_surface, prepared, round_surfaces
 from puckbench.codecs.primitives.entropy import reader, writer
-from puckbench.codecs.primitives.revolved import (
+from puckbench.codecs.primitives.preparation import prepare
+from puckbench.codecs.primitives.revolution import (
     CONE,
     CONTEXTS,
     MIXERS,
     SPHERE,
-    Round,
-    code_round,
-    fits,
-    packed,
-    points_on,
-    unpacked,
+    RevolutionSurface,
+    code_unrolled_map,
+    is_representable,
+    pack_parameters,
+    sample_surface,
+    unpack_parameters,
 )
-from puckbench.codecs.primitives.revolved_support import Prices, wrapped
+from puckbench.codecs.primitives.revolution_occupancy import RevolutionCosts, fit_revolutions
 from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.stream import ROUND, Header, pack_surface, unpack
+from puckbench.codecs.primitives.shape_detection import detect_revolutions
+from puckbench.codecs.primitives.stream import REVOLUTION_BYTES, SurfaceHeader, pack_surface, unpack
+from puckbench.codecs.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 
 AXIS = np.array([0.36, 0.48, 0.8])
-CYLINDER = Round(CONE, np.array([40.0, 50.0, 30.0]), AXIS, 12.0, 0.0, -20, 40)
+CYLINDER = RevolutionSurface(CONE, np.array([40.0, 50.0, 30.0]), AXIS, 12.0, 0.0, -20, 40)
 FRUSTUM = CYLINDER._replace(angle=0.3)
-BALL = Round(SPHERE, np.array([40.0, 50.0, 30.0]), np.array([0.0, 0.0, 1.0]), 15.0, 0.0, -24, 48)
+BALL = RevolutionSurface(
+    SPHERE, np.array([40.0, 50.0, 30.0]), np.array([0.0, 0.0, 1.0]), 15.0, 0.0, -24, 48
+)
 
 
 @pytest.mark.parametrize("surface", [CYLINDER, FRUSTUM, BALL], ids=["cylinder", "cone", "sphere"])
-def test_places_on_a_surface_have_their_coordinates(surface: Round) -> None:
+def test_places_on_a_surface_have_their_coordinates(surface: RevolutionSurface) -> None:
     rng = np.random.default_rng(0)
     along, turn = rng.uniform(-18, 18, 300), rng.uniform(-3.1, 3.1, 300)
-    xyz, normals = surface.places(along, turn)
+    xyz, normals = surface.points_at(along, turn)
     found_along, found_turn, off, own = surface.coordinates(xyz + 0.5 * normals)
     assert np.allclose(found_along, along)
     assert np.allclose(found_turn, turn)
@@ -53,7 +56,7 @@ def test_places_on_a_surface_have_their_coordinates(surface: Round) -> None:
 
 def test_points_of_a_cylinder_are_at_its_radius() -> None:
     bits = np.ones(int(CYLINDER.columns().sum()), np.uint8)
-    xyz, _ = points_on(CYLINDER, bits, 2, 1)
+    xyz, _ = sample_surface(CYLINDER, bits, 2, 1)
     vector = xyz - CYLINDER.origin
     assert np.allclose(np.linalg.norm(np.cross(vector, AXIS), axis=1), 12.0)
     assert np.ptp(vector @ AXIS) == pytest.approx(39.5)
@@ -66,33 +69,33 @@ def test_the_columns_of_a_sphere_cover_its_area() -> None:
 
 @pytest.mark.parametrize("surface", [CYLINDER, FRUSTUM, BALL], ids=["cylinder", "cone", "sphere"])
 @pytest.mark.parametrize("flip", [1.0, -1.0])
-def test_parameters_come_back_to_their_precision(surface: Round, flip: float) -> None:
+def test_parameters_come_back_to_their_precision(surface: RevolutionSurface, flip: float) -> None:
     turned = surface._replace(
         axis=flip * surface.axis,
         angle=flip * surface.angle,
-        first=surface.first if flip > 0 else -surface.first - surface.rows,
+        first_row=surface.first_row if flip > 0 else -surface.first_row - surface.rows,
     )
-    (found,) = unpacked(packed(turned))
+    (found,) = unpack_parameters(pack_parameters(turned))
     assert found.kind == surface.kind
     assert np.allclose(found.origin, surface.origin, atol=0.07)
     assert np.allclose(found.axis, surface.axis, atol=1e-4)
     assert found.radius == pytest.approx(surface.radius, abs=0.04)
     assert found.angle == pytest.approx(surface.angle, abs=1e-4)
-    assert (found.first, found.rows) == (surface.first, surface.rows)
+    assert (found.first_row, found.rows) == (surface.first_row, surface.rows)
 
 
 @pytest.mark.parametrize("place", [0, 11])
 def test_parameters_that_make_no_sense_are_refused(place: int) -> None:
-    damaged = bytearray(packed(CYLINDER))
+    damaged = bytearray(pack_parameters(CYLINDER))
     damaged[place : place + 2] = b"\xff\xff" if place == 0 else b"\0\0"
     with pytest.raises(InputError, match="damaged"):
-        unpacked(bytes(damaged))
+        unpack_parameters(bytes(damaged))
 
 
 def test_surfaces_too_large_are_refused() -> None:
     large = CYLINDER._replace(radius=4000.0, rows=16000)
     with pytest.raises(InputError, match="too large"):
-        unpacked(packed(large))
+        unpack_parameters(pack_parameters(large))
 
 
 def test_bitmaps_come_back_in_few_bits() -> None:
@@ -100,10 +103,10 @@ def test_bitmaps_come_back_in_few_bits() -> None:
     place = np.arange(columns.sum()) - np.repeat(np.cumsum(columns) - columns, columns)
     bits = (place < 0.4 * np.repeat(columns, columns)).astype(np.uint8)
     coder = writer(CONTEXTS, MIXERS, 10_000)
-    code_round(coder, columns, bits.copy())
+    code_unrolled_map(coder, columns, bits.copy())
     stream = written(coder.bits)
     found = np.zeros_like(bits)
-    code_round(reader(stream, CONTEXTS, MIXERS), columns, found)
+    code_unrolled_map(reader(stream, CONTEXTS, MIXERS), columns, found)
     assert np.array_equal(found, bits)
     assert 8 * len(stream) < 0.15 * len(bits)
 
@@ -115,21 +118,23 @@ def test_bitmaps_come_back_in_few_bits() -> None:
         {"radius": 5000.0},
         {"radius": np.nan},
         {"origin": np.array([0.0, 0.0, 5000.0])},
-        {"first": 40_000},
+        {"first_row": 40_000},
         {"radius": 4000.0, "rows": 4000},
     ],
 )
 def test_a_stream_has_no_room_for_some_surfaces(changes: dict[str, Any]) -> None:
-    assert fits(CYLINDER)
-    assert not fits(CYLINDER._replace(**changes))
+    assert is_representable(CYLINDER)
+    assert not is_representable(CYLINDER._replace(**changes))
 
 
 def test_surfaces_that_a_stream_has_no_room_for_are_passed_over() -> None:
-    prices = Prices(20.0, 0.1, 100.0, 1.0, 2.0, 0.0)
+    prices = RevolutionCosts(20.0, 0.1, 100.0, 1.0, 2.0, 0.0)
     found = []
     for surface in (FRUSTUM, FRUSTUM._replace(angle=np.pi / 2 + 0.01)):
         along, turn = np.random.default_rng(3).uniform(-18, 18, (2, 4000))
-        wraps, _ = wrapped([surface], *surface.places(along, turn), np.ones(4000), prices)
+        wraps, _ = fit_revolutions(
+            [surface], *surface.points_at(along, turn), np.ones(4000), prices
+        )
         found.append(len(wraps))
     assert found == [1, 0]
 
@@ -153,7 +158,10 @@ def _solids(count: int = 16_000, noise: float = 0.0) -> tuple[np.ndarray, np.nda
 
 def test_a_cylinder_a_sphere_and_a_cone_are_found() -> None:
     xyz, normals = _solids(8000)
-    found = {(each.kind, abs(each.angle) > 0.1): each for each in detected(xyz, normals, 10, 1.0)}
+    found = {
+        (each.kind, abs(each.angle) > 0.1): each
+        for each in detect_revolutions(xyz, normals, 10, 1.0)
+    }
     tube, ball, hat = found[CONE, False], found[SPHERE, False], found[CONE, True]
     assert tube.radius == pytest.approx(150, abs=0.5)
     assert abs(tube.axis[2]) > 0.9999
@@ -167,7 +175,7 @@ def test_flat_things_have_no_round_surfaces() -> None:
     side = rng.integers(0, 6, 6000)
     xyz = rng.random((6000, 3)) * 1000
     xyz[np.arange(6000), side // 2] = side % 2 * 1000
-    assert detected(xyz, np.eye(3)[side // 2], 30.0, 3.0) == []
+    assert detect_revolutions(xyz, np.eye(3)[side // 2], 30.0, 3.0) == []
 
 
 def _codec() -> Primitives:
@@ -178,8 +186,8 @@ def _codec() -> Primitives:
 
 @cache
 def _round_stream() -> bytes:
-    cloud = prepared(_solids(4000)[0], Settings(leaf=32, cell=16, price=600))
-    coded = encode_surface(cloud, Way(rounds=round_surfaces(cloud)))
+    cloud = prepare(_solids(4000)[0], Settings(min_leaf_size=32, column_size=16, lmbda=600))
+    coded = encode_surface(cloud, SurfaceMode(revolutions=detect_surfaces(cloud)))
     assert coded is not None
     return coded.stream
 
@@ -197,8 +205,8 @@ def test_round_things_are_coded_as_round_surfaces() -> None:
     codec, (xyz, _) = _codec(), _solids(noise=1.0)
     stream = codec.encode(xyz, "r4")
     header, bits = unpack(stream)
-    assert isinstance(header, Header)
-    assert len(header.rounds) // ROUND >= 3
+    assert isinstance(header, SurfaceHeader)
+    assert len(header.revolutions) // REVOLUTION_BYTES >= 3
     mesh = codec.decode_mesh(stream)
     assert mesh.labels is not None
     kinds = {primitive.kind for primitive in mesh.labels.primitives}
@@ -216,13 +224,13 @@ def test_round_things_are_coded_as_round_surfaces() -> None:
 def test_damage_of_round_surfaces_ends_in_an_error_or_points(data: st.DataObject) -> None:
     codec = _codec()
     header, bits = unpack(_round_stream())
-    assert isinstance(header, Header)
-    assert header.rounds
-    rounds, damaged = bytearray(header.rounds), bytearray(bits)
+    assert isinstance(header, SurfaceHeader)
+    assert header.revolutions
+    rounds, damaged = bytearray(header.revolutions), bytearray(bits)
     for part in (rounds, damaged):
         for _ in range(data.draw(st.integers(0, 3))):
             part[data.draw(st.integers(0, len(part) - 1))] = data.draw(st.integers(0, 255))
-    changed = header._replace(rounds=bytes(rounds))
+    changed = header._replace(revolutions=bytes(rounds))
     try:
         decoded = codec.decode(pack_surface(changed, bytes(damaged)))
     except InputError:

@@ -1,0 +1,172 @@
+"""Octree over a surface's samples, pruned where a plane costs less than what lies below it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.primitives.octree_arrays import Ints, Leaves
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.moments import fit_plane
+
+
+class Level(NamedTuple):
+    """Occupied nodes of one level in Morton order.
+
+    cells: (n, 3) coordinates at this level. moments: (n, 10) of the samples. first_child: (n + 1,)
+    index in the next finer level. is_leaf: (n,).
+    """
+
+    cells: Ints
+    moments: Floats
+    first_child: Ints
+    is_leaf: NDArray[np.bool_]
+
+
+def build_octree(
+    xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
+) -> list[Level]:
+    """Build all levels, from the root (0) to `depth`, whose nodes are single cells.
+
+    Parameters
+    ----------
+    xyz, normals, weights
+        Samples (n, 3) in cells, their unit normals and their weights (n,).
+    radius
+        Radius in cells of the disc that a sample represents.
+    depth
+        Level of the cells.
+    """
+    cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
+    order = np.argsort(_morton(cells), kind="stable")
+    cells = cells[order]
+    moments = moments_of(xyz[order], weights[order], normals[order], radius)
+    levels: list[Level] = []
+    for _ in range(depth + 1):
+        changes = np.any(cells[1:] != cells[:-1], axis=1)
+        starts = np.flatnonzero(np.concatenate([[True], changes]))
+        bounds = np.concatenate([starts, [len(cells)]])
+        moments = np.add.reduceat(moments, starts, axis=0)
+        cells = cells[starts]
+        levels.append(Level(cells, moments, bounds, np.zeros(len(cells), bool)))
+        cells = cells >> 1
+    return levels[::-1]
+
+
+def prune_octree(
+    levels: list[Level],
+    lmbda: float,
+    leaf_bits: float,
+    split_bits: float,
+    coarsest_leaf_level: int,
+    finest_leaf_level: int,
+) -> None:
+    """Mark as leaves the nodes that minimise squared distance + lmbda * bits, from the bottom up.
+
+    leaf_bits, split_bits: estimated bits of a plane and of a split. There are leaves from
+    coarsest_leaf_level to finest_leaf_level.
+    """
+    below = np.zeros(0)
+    for depth in range(finest_leaf_level, -1, -1):
+        level = levels[depth]
+        costs = plane_errors(level.moments) + lmbda * leaf_bits
+        if depth < finest_leaf_level:
+            splitting = np.add.reduceat(below, level.first_child[:-1]) + lmbda * split_bits
+            level.is_leaf[:] = (costs < splitting) & (depth >= coarsest_leaf_level)
+            costs = np.where(level.is_leaf, costs, splitting)
+        else:
+            level.is_leaf[:] = True
+        below = costs
+
+
+def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
+    """The octree's leaves, without planes, and their indices (n,) among the nodes of all levels."""
+    depth = len(levels) - 1
+    corner, side, rows = [], [], []
+    reached, start = np.ones(1, bool), 0
+    for level, down in zip(levels, range(depth, -1, -1), strict=True):
+        chosen = np.flatnonzero(reached & level.is_leaf)
+        corner.append(level.cells[chosen] << down)
+        side.append(np.full(len(chosen), 1 << down))
+        rows.append(start + chosen)
+        start += len(level.cells)
+        reached = (
+            np.repeat(reached & ~level.is_leaf, np.diff(level.first_child)) if down else reached
+        )
+    places = np.concatenate(rows)
+    planes, counts = np.zeros(len(places), np.int64), np.array([len(places), 0])
+    found = (np.concatenate(corner), np.concatenate(side))
+    return places, Leaves(*found, planes, np.empty((0, 4)), counts)
+
+
+def _morton(cells: Ints) -> Ints:
+    keys = np.zeros(len(cells), np.int64)
+    for bit in range(20):
+        for axis in range(3):
+            keys |= ((cells[:, axis] >> bit) & 1) << (3 * bit + 2 - axis)
+    return keys
+
+
+def group_by_cell(points: Floats, cell: float) -> tuple[Ints, Ints]:
+    """Group points (n, 3) by cubic cells of side `cell`; see `group_by_key`."""
+    cells = np.floor(points / cell).astype(np.int64)
+    return group_by_key(cells - cells.min(axis=0))
+
+
+def group_by_key(cells: Ints) -> tuple[Ints, Ints]:
+    """Sort cells (n, 3), of coordinates from 0 to 2^21.
+
+    Returns the order (n,) that brings equal cells together, and where each group starts in it.
+    """
+    keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    return order, np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+
+
+def moments_of(
+    xyz: Floats,
+    weights: Floats | float = 1.0,
+    normals: Floats | None = None,
+    radius: float = 0.0,
+) -> Floats:
+    """Moments of points, or of discs around them, from which planes of least squares follow.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) points.
+    weights
+        Weight of all points, or of each (n,).
+    normals, radius
+        Unit normals (n, 3) and radius of the discs; without them, points.
+
+    Returns
+    -------
+    ndarray
+        (n, 10): 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight.
+    """
+    x, y, z = xyz.T
+    a, b, c = np.zeros_like(xyz.T) if normals is None else normals.T
+    variance = radius**2 / 4
+    columns = [np.ones(len(xyz)), x, y, z]
+    columns += [x * x + variance * (1 - a * a), x * y - variance * a * b, x * z - variance * a * c]
+    columns += [
+        y * y + variance * (1 - b * b),
+        y * z - variance * b * c,
+        z * z + variance * (1 - c * c),
+    ]
+    return np.asarray(np.stack(columns, axis=1) * np.broadcast_to(weights, len(xyz))[:, None])
+
+
+@compiled
+def plane_errors(moments: Floats) -> Floats:
+    """Weighted sums (n,) of squared distances to the least-squares planes of moments (n, 10)."""
+    costs: Floats = np.empty(len(moments))
+    plane = np.empty(4)
+    for i in range(len(moments)):
+        costs[i] = fit_plane(moments[i], plane)
+    return costs

@@ -1,0 +1,253 @@
+"""Cylinders, cones and spheres as surfaces of revolution, unrolled to rows of square columns.
+
+A row is a ring around the axis, one cell high along the profile, with as many columns as cells fit
+around it. All lengths are in cells.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.codecs.primitives.entropy import Coder, code_bit
+from puckbench.codecs.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
+from puckbench.codecs.primitives.occupancy_map import MIXERS as MAP_MIXERS
+from puckbench.codecs.primitives.octree_arrays import Bytes, Ints
+from puckbench.codecs.primitives.stream import REVOLUTION_BYTES
+from puckbench.core.compiling import compiled
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+CONE, SPHERE = 0, 1
+MAX_COLUMNS = 1 << 22
+"""Columns of all surfaces of revolution of a stream, at most."""
+
+_ADJACENT = MAP_CONTEXTS
+_ABOVE = _ADJACENT + 64
+_WIDE = _ABOVE + 16
+CONTEXTS = _WIDE + 128
+_MIXER = MAP_MIXERS
+MIXERS = _MIXER + 1
+
+_PARAMETERS = struct.Struct("<B5hHhhH")
+_POSITION, _SLOPE, _RADIUS, _ANGLE = 8, 16384, 16, 20000
+
+
+class RevolutionSurface(NamedTuple):
+    """A surface of revolution between two ends.
+
+    kind: CONE (a cylinder where its angle is 0) or SPHERE. origin: (3,) a point of the axis, or a
+    sphere's centre. axis: (3,) unit vector. radius: at the origin. angle: half the opening angle of
+    the cone in radians, > 0 where it widens along the axis. first_row: arc length along the profile
+    at which the first row begins. rows: their number.
+    """
+
+    kind: int
+    origin: Floats
+    axis: Floats
+    radius: float
+    angle: float
+    first_row: int
+    rows: int
+
+    def columns(self) -> Ints:
+        """Number of columns (rows,) of each row."""
+        radii = self.profile(np.arange(self.rows, dtype=np.float64) + self.first_row + 0.5)[0]
+        return np.asarray(np.maximum(np.rint(2 * np.pi * radii), 0).astype(np.int64))
+
+    def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
+        """Radius, and height along the axis over the origin, at arc lengths of the profile."""
+        if self.kind == SPHERE:
+            angle = arc_length / self.radius
+            radius = np.where(np.abs(angle) < np.pi / 2, self.radius * np.cos(angle), 0.0)
+            return radius, self.radius * np.sin(angle)
+        return self.radius + arc_length * np.sin(self.angle), arc_length * np.cos(self.angle)
+
+    def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
+        """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
+        u, v = orthogonal_axes(self.axis)
+        radial = np.cos(azimuth)[:, None] * u + np.sin(azimuth)[:, None] * v
+        radius, height = self.profile(arc_length)
+        xyz = self.origin + radius[:, None] * radial + height[:, None] * self.axis
+        if self.kind == SPHERE:
+            return xyz, (xyz - self.origin) / self.radius
+        return xyz, radial * np.cos(self.angle) - self.axis * np.sin(self.angle)
+
+    def distances(self, xyz: Floats) -> Floats:
+        """Signed distances (n,) of points (n, 3), faster than by `coordinates`."""
+        u, v = orthogonal_axes(self.axis)
+        vector = xyz - self.origin
+        height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
+        return self._distance(height, radius)
+
+    def _distance(self, height: Floats, radius: Floats) -> Floats:
+        if self.kind == SPHERE:
+            return np.asarray(np.maximum(np.hypot(radius, height), 1e-9) - self.radius)
+        distance = (radius - self.radius) * np.cos(self.angle) - height * np.sin(self.angle)
+        return np.asarray(distance)
+
+    def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
+        u, v = orthogonal_axes(self.axis)
+        vector = xyz - self.origin
+        height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
+        azimuth = np.arctan2(vector @ v, vector @ u)
+        if self.kind == SPHERE:
+            length = np.maximum(np.hypot(radius, height), 1e-9)
+            arc_length = self.radius * np.arcsin(np.clip(height / length, -1, 1))
+            return arc_length, azimuth, self._distance(height, radius), vector / length[:, None]
+        sine, cosine = np.sin(self.angle), np.cos(self.angle)
+        radial = (vector - height[:, None] * self.axis) / np.maximum(radius, 1e-9)[:, None]
+        arc_length = (radius - self.radius) * sine + height * cosine
+        return (
+            arc_length,
+            azimuth,
+            self._distance(height, radius),
+            radial * cosine - self.axis * sine,
+        )
+
+
+def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
+    """Two unit vectors orthogonal to an axis and to each other."""
+    start = np.eye(3)[int(np.abs(axis).argmin())]
+    u = cross(axis, start)
+    u = u / np.linalg.norm(u)
+    return u, cross(axis, u)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross product of two vectors (3,), in a fraction of the time of numpy's."""
+    x, y, z = a.tolist()
+    u, v, w = b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+def pack_parameters(surface: RevolutionSurface) -> bytes:
+    """The parameters of a surface in `REVOLUTION_BYTES` bytes."""
+    axis = int(np.abs(surface.axis).argmax())
+    direction = surface.axis / surface.axis[axis]
+    slopes = [direction[(axis + 1) % 3] * _SLOPE, direction[(axis + 2) % 3] * _SLOPE]
+    numbers = np.rint([*(surface.origin * _POSITION), *slopes]).clip(-32768, 32767).astype(int)
+    sign = 1 if surface.axis[axis] > 0 else -1
+    radius = min(max(round(surface.radius * _RADIUS), 1), 65535)
+    first_row = surface.first_row if sign > 0 else -surface.first_row - surface.rows
+    angle = round(sign * surface.angle * _ANGLE)
+    kind = surface.kind | axis << 1
+    return _PARAMETERS.pack(kind, *numbers.tolist(), radius, angle, first_row, surface.rows)
+
+
+def is_representable(surface: RevolutionSurface) -> bool:
+    """Whether `pack_parameters` has room for a surface; a fit to few samples may be anything."""
+    if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
+        return False
+    representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
+    representable &= round(surface.radius * _RADIUS) < 1 << 16
+    representable &= abs(round(surface.angle * _ANGLE)) <= _ANGLE * np.pi / 2
+    representable &= abs(surface.first_row) + surface.rows < 1 << 15
+    return bool(representable and int(surface.columns().sum()) <= MAX_COLUMNS // 2)
+
+
+def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
+    """Surfaces from the concatenated bytes of `pack_parameters`; InputError if they are damaged."""
+    found = [
+        _unpack_one(stream[k : k + REVOLUTION_BYTES])
+        for k in range(0, len(stream), REVOLUTION_BYTES)
+    ]
+    if sum(int(surface.columns().sum()) for surface in found) > MAX_COLUMNS:
+        raise InputError("the stream is damaged (its round surfaces are too large)")
+    return found
+
+
+def _unpack_one(stream: bytes) -> RevolutionSurface:
+    kind, *column, radius, angle, first_row, rows = _PARAMETERS.unpack(stream)
+    axis = np.zeros(3)
+    at = kind >> 1
+    if at > 2 or radius == 0 or rows > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
+        raise InputError("the stream is damaged (its round surfaces make no sense)")
+    axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, column[3] / _SLOPE, column[4] / _SLOPE
+    axis /= np.linalg.norm(axis)
+    origin = np.array(column[:3]) / _POSITION
+    return RevolutionSurface(
+        kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, rows
+    )
+
+
+@compiled
+def code_unrolled_map(coder: Coder, columns: Ints, bits: Bytes) -> None:
+    """Code the occupancy map of a surface of revolution, row after row.
+
+    columns: (rows,) number of columns of each row. bits: (sum of columns,) the map.
+    """
+    start, above, second = 0, -1, -1
+    for row in range(len(columns)):
+        count = columns[row]
+        for j in range(count):
+            left = bits[start + j - 1] if j > 0 else 0
+            left += 2 * bits[start + j - 2] if j > 1 else 0
+            above_bits = _columns_beside(bits, above, columns[row - 1] if row > 0 else 0, j, count)
+            second_above = _columns_beside(
+                bits, second, columns[row - 2] if row > 1 else 0, j, count
+            )
+            first_of_row = bits[start] if j == count - 1 and j > 0 else 2
+            adjacent = (
+                _ADJACENT + 16 * min(left & 1, 1) + 2 * above_bits + (1 if first_of_row == 1 else 0)
+            )
+            above_context = (
+                _ABOVE + (left & 1) + 2 * ((above_bits >> 1) & 1) + 4 * ((second_above >> 1) & 1)
+            )
+            wide = _WIDE + left + 4 * above_bits
+            bits[start + j] = code_bit(
+                coder, bits[start + j], _MIXER, (adjacent, above_context, wide)
+            )
+        second, above, start = above, start, start + count
+
+
+@compiled
+def _columns_beside(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
+    """Three bits of a row of `count` columns beside column j of a row of `columns`."""
+    if count == 0 or start < 0:
+        return 0
+    at = (j * count) // columns
+    before, after = (at + count - 1) % count, (at + 1) % count
+    return int(4 * bits[start + before] + 2 * bits[start + at] + bits[start + after])
+
+
+def sample_surface(
+    surface: RevolutionSurface, bits: Bytes, points_across: int, column_spacing: int
+) -> tuple[Floats, Floats]:
+    """Points (n, 3) and normals on the occupied columns of a surface.
+
+    points_across, column_spacing: as in `reconstruction.reconstruct_points`.
+    """
+    rows, column, columns_in_row = _occupied_columns(surface, bits)
+    if column_spacing > 1:
+        kept = (rows % column_spacing == column_spacing // 2) & (
+            column % column_spacing == column_spacing // 2
+        )
+        rows, column, columns_in_row = rows[kept], column[kept], columns_in_row[kept]
+    step = (np.arange(points_across) + 0.5) / points_across
+    arc_length = (surface.first_row + rows)[:, None, None] + step[:, None]
+    azimuth = 2 * np.pi * (column[:, None, None] + step) / columns_in_row[:, None, None]
+    shape = (len(rows), points_across, points_across)
+    return surface.points_at(
+        np.broadcast_to(arc_length, shape).ravel(), np.broadcast_to(azimuth, shape).ravel()
+    )
+
+
+def column_corners(surface: RevolutionSurface, bits: Bytes) -> Floats:
+    """Corners (n, 4, 3) of the occupied columns of a surface."""
+    rows, column, columns_in_row = _occupied_columns(surface, bits)
+    arc_length = (surface.first_row + rows)[:, None] + [0, 0, 1, 1]
+    azimuth = 2 * np.pi * (column[:, None] + [0, 1, 1, 0]) / columns_in_row[:, None]
+    return surface.points_at(arc_length.ravel().astype(float), azimuth.ravel())[0].reshape(-1, 4, 3)
+
+
+def _occupied_columns(surface: RevolutionSurface, bits: Bytes) -> tuple[Ints, Ints, Ints]:
+    """Row and place in it of the occupied columns, and the number of columns of their rows."""
+    columns = surface.columns()
+    rows = np.repeat(np.arange(surface.rows), columns)
+    column = np.arange(len(rows)) - np.repeat(np.cumsum(columns) - columns, columns)
+    kept = bits == 1
+    return rows[kept], column[kept], columns[rows[kept]]
