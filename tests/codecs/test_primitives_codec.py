@@ -133,14 +133,14 @@ def test_voxels_have_no_mesh() -> None:
         codec.decode_mesh(codec.encode(_room(1000), "r8"))
 
 
-def test_the_highest_rate_is_fine_for_small_clouds_too() -> None:
+def test_the_highest_rate_reproduces_small_clouds_too() -> None:
     points, codec = _room(1000), _codec()
     decoded = codec.decode(codec.encode(points, "r8"))
     away = np.linalg.norm(points[:, None] - decoded[None], axis=2).min(axis=1)
     assert away.max() < 4
 
 
-def test_a_turned_room_takes_no_more_bits() -> None:
+def test_a_rotated_room_takes_no_more_bits() -> None:
     points, codec = _room(20_000), _codec()
     turned = points @ rotation_matrix((1500, -4000, 7000)).T
     bits, bits_turned = (len(codec.encode(xyz, "r3")) for xyz in (points, turned))

@@ -138,17 +138,19 @@ def _floor_and_wall() -> tuple[np.ndarray, np.ndarray]:
     return np.vstack([floor, wall]), normals
 
 
-@pytest.mark.parametrize(("price", "largest"), [(1e-6, False), (1e9, True)], ids=["low", "high"])
-def test_the_price_of_bits_decides_how_far_the_tree_is_split(lmbda: float, largest: bool) -> None:
+@pytest.mark.parametrize(
+    ("lmbda", "is_one_leaf"), [(1e-6, False), (1e9, True)], ids=["low", "high"]
+)
+def test_lambda_decides_how_far_the_octree_is_split(lmbda: float, is_one_leaf: bool) -> None:
     xyz, normals = _floor_and_wall()
     levels = build_octree(xyz, normals, np.full(len(xyz), 1 / len(xyz)), 0.5, 5)
     prune_octree(levels, lmbda, 9.0, 5.0, 0, 5)
-    assert levels[0].leaf[0] == largest
+    assert levels[0].is_leaf[0] == is_one_leaf
     # Away from the edge a quarter of the cube is flat: one plane explains it at no cost.
-    assert levels[1].leaf[0]
+    assert levels[1].is_leaf[0]
 
 
-def test_bitmaps_lose_lone_columns_and_close_holes() -> None:
+def test_optimised_occupancy_maps_lose_lone_columns_and_close_holes() -> None:
     gains = np.full((7, 7), -0.1)
     gains[:, :4] = 1.0
     gains[3, 2] = -0.1
@@ -183,7 +185,7 @@ def test_headers_of_voxels_come_back(table: DisplacementTable | None) -> None:
     header, bits = unpack(pack_voxels(PLACE, table, b"abc"))
     assert isinstance(header, VoxelHeader)
     assert np.array_equal(header.place.origin, PLACE.origin)
-    assert header.place.cell_size == PLACE.unit
+    assert header.place.cell_size == PLACE.cell_size
     assert bits == b"abc"
     if table is None:
         assert header.table is None
@@ -194,7 +196,7 @@ def test_headers_of_voxels_come_back(table: DisplacementTable | None) -> None:
 
 
 @pytest.mark.parametrize("block", [3, 200])
-def test_tables_that_make_no_sense_are_refused(block: int) -> None:
+def test_displacement_tables_of_unknown_block_sizes_are_refused(block: int) -> None:
     with pytest.raises(InputError, match="damaged"):
         unpack(pack_voxels(PLACE, DisplacementTable(block, np.zeros(CLASSES, np.int8)), b"abc"))
 
@@ -212,12 +214,12 @@ def test_streams_of_another_version_are_refused() -> None:
         {"shape": (60000, 60000, 1)},
         {"shape": (0, 1, 1)},
         {"depth": 4},
-        {"finest": 6},
-        {"coarsest": 5},
-        {"fineness": 200},
-        {"spread": 0},
-        {"leaves": 1 << 30},
-        {"unit": 0.0},
+        {"finest_leaf_level": 6},
+        {"coarsest_leaf_level": 5},
+        {"points_across": 200},
+        {"column_spacing": 0},
+        {"leaf_capacity": 1 << 30},
+        {"cell_size": 0.0},
         {"origin": np.array([np.inf, 0.0, 0.0])},
     ],
     ids=str,

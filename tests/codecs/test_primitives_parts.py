@@ -35,13 +35,15 @@ def test_rotations_are_those_of_rotation_vectors(turn: tuple[int, int, int]) -> 
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 30), (10, 5, 40), (3, -2, 1)])
-def test_a_turned_box_is_turned_back(degrees: tuple[float, float, float]) -> None:
+def test_the_manhattan_frame_of_a_rotated_box_undoes_its_rotation(
+    degrees: tuple[float, float, float],
+) -> None:
     turned = Rotation.from_rotvec(degrees, degrees=True).as_matrix()
     back = rotation_matrix(estimate_manhattan_frame(_box_normals() @ turned.T)) @ turned
     assert np.allclose(np.sort(np.abs(back), axis=1), [0, 0, 1], atol=0.01)
 
 
-def test_boxes_along_the_axes_and_round_things_are_not_turned() -> None:
+def test_no_manhattan_frame_is_estimated_for_aligned_boxes_and_spheres() -> None:
     rng = np.random.default_rng(1)
     round_ones = rng.normal(size=(4000, 3))
     round_ones /= np.linalg.norm(round_ones, axis=1, keepdims=True)
@@ -61,22 +63,22 @@ def _off(points: np.ndarray) -> float:
     return float(np.mean((points @ normal) ** 2))
 
 
-def test_moved_voxels_of_a_plane_are_nearer_to_it() -> None:
-    found = voxel_mode.voxelised(_askew_plane())
+def test_displaced_voxels_of_a_plane_are_nearer_to_it() -> None:
+    found = voxel_mode.voxelise(_askew_plane())
     table, gain = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
     assert gain > 0
     assert _off(displace(found.voxels, table)) < 0.3 * _off(found.voxels)
 
 
-def test_voxels_within_the_noise_stay_where_they_are_but_for_a_little() -> None:
-    found = voxel_mode.voxelised(_askew_plane(noise=6.0))
+def test_voxels_within_the_noise_are_hardly_displaced() -> None:
+    found = voxel_mode.voxelise(_askew_plane(noise=6.0))
     table, _ = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
     shift = np.linalg.norm(displace(found.voxels, table) - found.voxels, axis=1)
     assert np.quantile(shift, 0.95) < 0.5
 
 
-def test_the_table_saves_what_it_says() -> None:
-    found = voxel_mode.voxelised(_askew_plane(noise=0.5))
+def test_the_gain_of_a_displacement_table_is_the_error_that_it_saves() -> None:
+    found = voxel_mode.voxelise(_askew_plane(noise=0.5))
     weights = found.counts
     table, gain = fit_displacements(found.voxels, found.means, weights)
     before = (weights[:, None] * (found.voxels - found.means) ** 2).sum()
@@ -84,41 +86,41 @@ def test_the_table_saves_what_it_says() -> None:
     assert before - after == pytest.approx(gain, rel=1e-9)
 
 
-def test_few_voxels_do_not_move() -> None:
+def test_few_voxels_are_not_displaced() -> None:
     few = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0]])
     assert np.array_equal(displace(few, DisplacementTable(1, np.full(CLASSES, 64, np.int8))), few)
 
 
 @pytest.mark.parametrize("most", [300, 3000])
-def test_voxels_take_nearly_the_bytes_they_may(most: int) -> None:
-    stream = voxel_mode.encode_within(_askew_plane(noise=0.5), most)
+def test_voxels_use_nearly_all_of_the_byte_budget(most: int) -> None:
+    stream = voxel_mode.encode_to_budget(_askew_plane(noise=0.5), most)
     assert 0.8 * most < len(stream) <= most
 
 
-def test_voxels_do_not_exceed_the_largest_side_whatever_they_take() -> None:
+def test_voxels_do_not_exceed_the_largest_side_even_above_the_budget() -> None:
     points = _askew_plane()
-    header, _ = unpack(voxel_mode.encode_within(points, 10, largest=8.0))
+    header, _ = unpack(voxel_mode.encode_to_budget(points, 10, max_voxel_size=8.0))
     assert isinstance(header, VoxelHeader)
     assert header.place.cell_size <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
 
 
-def test_voxels_without_a_table_are_the_cells_of_points() -> None:
+def test_voxels_without_displacements_are_the_cells_of_points() -> None:
     points = _askew_plane()
-    header, bits = unpack(voxel_mode.encode_at(points, 2.0))
+    header, bits = unpack(voxel_mode.encode_voxel_size(points, 2.0))
     assert isinstance(header, VoxelHeader)
     plain = voxel_mode.decode(header.place, None, bits)
     farthest = np.abs(points[:, None, :2] - plain[None, :400, :2]).min(axis=0).max()
-    assert len(plain) == len(voxel_mode.voxelised((points - header.place.origin) / 2).voxels)
+    assert len(plain) == len(voxel_mode.voxelise((points - header.place.origin) / 2).voxels)
     assert farthest <= 1 + 1e-9
 
 
-def test_places_far_away_come_back_as_they_are_coded() -> None:
+def test_grid_placements_in_single_precision_are_stable() -> None:
     place = GridPlacement(np.array([4000.1, -250.3, 30.7]), 0.0123).rounded()
     assert np.array_equal(place.origin, place.rounded().origin)
-    assert place.cell_size == place.rounded().unit
+    assert place.cell_size == place.rounded().cell_size
 
 
-def test_the_judge_tells_noise_from_error() -> None:
+def test_the_distortion_estimate_tells_noise_from_error() -> None:
     u, v = np.meshgrid(np.arange(0, 60, 0.5), np.arange(0, 60, 0.5))
     true = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
     noise = np.random.default_rng(3).normal(0, 0.2, len(true))
@@ -133,7 +135,7 @@ def test_the_judge_tells_noise_from_error() -> None:
     assert same.surface == pytest.approx(0.04, rel=0.15)
 
 
-def test_the_judge_weighs_samples_by_their_points() -> None:
+def test_the_distortion_estimate_weighs_samples_by_their_points() -> None:
     u, v = np.meshgrid(np.arange(0, 60, 2.0), np.arange(0, 60, 2.0))
     samples = np.column_stack([u.ravel(), v.ravel(), np.zeros(u.size)])
     dense = samples[:, 0] < 30

@@ -65,7 +65,7 @@ def test_more_bits_bring_a_room_nearer(noise: float, rates: tuple[str, ...]) -> 
     assert (found[1:, 2] < 1.01 * found[:-1, 2]).all()
 
 
-def test_a_grid_that_lies_badly_is_not_kept() -> None:
+def test_mode_decision_improves_a_badly_aligned_grid() -> None:
     _, _, points = _furnished(0.0)
     cloud = prepare(points, Settings(min_leaf_size=32, column_size=16, lmbda=600, plane_step=8))
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])

@@ -44,14 +44,14 @@ def _row(*pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(pieces), np.column_stack([numbers[:-1], numbers[1:]])
 
 
-def test_what_goes_on_is_joined_and_what_turns_is_not() -> None:
+def test_coplanar_leaves_are_merged_and_orthogonal_ones_are_not() -> None:
     regions = merge_regions(
         *_row(_square(0), _square(10), _upright(20)), MergeLimits(1.0, 0.0, _RIGHT)
     )
     assert regions[0] == regions[1] != regions[2]
 
 
-def test_pieces_that_do_not_touch_stay_apart() -> None:
+def test_leaves_that_are_not_adjacent_are_not_merged() -> None:
     moments, _ = _row(_square(0), _square(10))
     assert (
         len(set(merge_regions(moments, np.empty((0, 2), np.int64), MergeLimits(1e9, 1e9, 0.0))))
@@ -60,7 +60,9 @@ def test_pieces_that_do_not_touch_stay_apart() -> None:
 
 
 @pytest.mark.parametrize(("step", "one"), [(1.0, True), (1.5, False)])
-def test_a_region_grows_by_no_more_than_it_may(step: float, one: bool) -> None:
+def test_a_merge_adds_no_more_squared_distance_than_the_limits_allow(
+    step: float, one: bool
+) -> None:
     # 200 points lie step / 2 off the middle height. The correlation of a step and a line is the
     # root of 3 / 4, so that the tilted plane of both squares leaves a quarter of the squares.
     moments, pairs = _row(_square(0), _square(10, step))
@@ -70,7 +72,7 @@ def test_a_region_grows_by_no_more_than_it_may(step: float, one: bool) -> None:
     assert (len(set(merge_regions(moments, pairs, MergeLimits(0.0, 0.15, 0.0)))) == 1) == one
 
 
-def test_the_least_step_is_joined_first() -> None:
+def test_the_pair_of_least_cost_is_merged_first() -> None:
     heights = (0.0, 1.0, 1.2)
     pieces = [_square(10 * k, height) for k, height in enumerate(heights)]
     regions = merge_regions(*_row(*pieces), MergeLimits(10.0, 0.0, 0.0))
@@ -84,7 +86,7 @@ def _leaves(*cubes: tuple[tuple[int, int, int], int]) -> Leaves:
 
 
 @pytest.mark.parametrize("scale", [1, 4])
-def test_cubes_touch_by_faces_edges_and_corners(scale: int) -> None:
+def test_leaves_are_adjacent_by_faces_edges_and_corners(scale: int) -> None:
     cubes = _leaves(((0, 0, 0), 4), ((4, 0, 0), 2), ((4, 4, 4), 1), ((6, 0, 2), 1))
     leaves = cubes._replace(corner=scale * cubes.corner, side=scale * cubes.side)
     assert {tuple(pair) for pair in adjacent_leaves(leaves, scale * _SHAPE)} == {
@@ -94,7 +96,7 @@ def test_cubes_touch_by_faces_edges_and_corners(scale: int) -> None:
     }
 
 
-def test_large_cubes_take_no_more_memory_than_their_grid() -> None:
+def test_adjacency_of_large_leaves_takes_no_more_memory_than_their_grid() -> None:
     # A flat cloud's: cubes of half its extent stick out of it, beside one of a single cell.
     leaves = _leaves(((0, 0, 0), 4096), ((4096, 0, 0), 4096), ((4096, 4096, 0), 1))
     pairs = adjacent_leaves(leaves, np.array([4097, 4097, 1]))
@@ -102,7 +104,7 @@ def test_large_cubes_take_no_more_memory_than_their_grid() -> None:
 
 
 @given(st.sets(st.tuples(*3 * [st.integers(0, 3)]), min_size=1), st.data())
-def test_touching_cubes_are_those_less_than_a_cell_apart(
+def test_adjacent_leaves_are_those_less_than_a_cell_apart(
     places: set[tuple[int, int, int]], data: st.DataObject
 ) -> None:
     # Cubes of side 1, 2 or 4 at the corners of cells of side 4.
@@ -126,7 +128,7 @@ def test_leaves_of_a_region_have_its_moments() -> None:
     np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
 
 
-def test_a_plane_as_precise_as_a_larger_cubes_fits_farther_off() -> None:
+def test_a_plane_of_larger_reach_fits_farther_off() -> None:
     normal = np.array([0.1234, -0.0567, 1.0])
     normal /= np.linalg.norm(normal)
     plane = np.array([*normal, 20.0])

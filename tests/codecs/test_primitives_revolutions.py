@@ -85,7 +85,7 @@ def test_parameters_come_back_to_their_precision(surface: RevolutionSurface, fli
 
 
 @pytest.mark.parametrize("place", [0, 11])
-def test_parameters_that_make_no_sense_are_refused(place: int) -> None:
+def test_impossible_parameters_of_surfaces_are_refused(place: int) -> None:
     damaged = bytearray(pack_parameters(CYLINDER))
     damaged[place : place + 2] = b"\xff\xff" if place == 0 else b"\0\0"
     with pytest.raises(InputError, match="damaged"):
@@ -98,7 +98,7 @@ def test_surfaces_too_large_are_refused() -> None:
         unpack_parameters(pack_parameters(large))
 
 
-def test_bitmaps_come_back_in_few_bits() -> None:
+def test_unrolled_occupancy_maps_come_back_in_few_bits() -> None:
     columns = FRUSTUM.columns()
     place = np.arange(columns.sum()) - np.repeat(np.cumsum(columns) - columns, columns)
     bits = (place < 0.4 * np.repeat(columns, columns)).astype(np.uint8)
@@ -122,12 +122,14 @@ def test_bitmaps_come_back_in_few_bits() -> None:
         {"radius": 4000.0, "rows": 4000},
     ],
 )
-def test_a_stream_has_no_room_for_some_surfaces(changes: dict[str, Any]) -> None:
+def test_surfaces_beyond_the_streams_number_ranges_are_not_representable(
+    changes: dict[str, Any],
+) -> None:
     assert is_representable(CYLINDER)
     assert not is_representable(CYLINDER._replace(**changes))
 
 
-def test_surfaces_that_a_stream_has_no_room_for_are_passed_over() -> None:
+def test_surfaces_that_are_not_representable_are_skipped() -> None:
     prices = RevolutionCosts(20.0, 0.1, 100.0, 1.0, 2.0, 0.0)
     found = []
     for surface in (FRUSTUM, FRUSTUM._replace(angle=np.pi / 2 + 0.01)):
@@ -170,7 +172,7 @@ def test_a_cylinder_a_sphere_and_a_cone_are_found() -> None:
     assert abs(hat.angle) == pytest.approx(np.arctan2(140, 400), abs=0.01)
 
 
-def test_flat_things_have_no_round_surfaces() -> None:
+def test_no_surfaces_of_revolution_are_detected_on_a_box() -> None:
     rng = np.random.default_rng(1)
     side = rng.integers(0, 6, 6000)
     xyz = rng.random((6000, 3)) * 1000
@@ -201,7 +203,7 @@ def test_streams_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(streams) == 1
 
 
-def test_round_things_are_coded_as_round_surfaces() -> None:
+def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
     codec, (xyz, _) = _codec(), _solids(noise=1.0)
     stream = codec.encode(xyz, "r4")
     header, bits = unpack(stream)
@@ -221,7 +223,7 @@ def test_round_things_are_coded_as_round_surfaces() -> None:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_damage_of_round_surfaces_ends_in_an_error_or_points(data: st.DataObject) -> None:
+def test_damage_of_surfaces_of_revolution_ends_in_an_error_or_points(data: st.DataObject) -> None:
     codec = _codec()
     header, bits = unpack(_round_stream())
     assert isinstance(header, SurfaceHeader)
