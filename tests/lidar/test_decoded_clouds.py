@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
+from puckbench.io.pcd import parse_pcd
 from puckbench.lidar import load_sensor
 from puckbench.lidar.export import export
 from puckbench.lidar.recordings import read_capture
-from puckbench.lidar.recordings.decoded_clouds import read_pcd
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
 HEADER = """# .PCD v0.7
@@ -32,6 +32,16 @@ ROWS = np.array(
     dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_", "u1", 3), ("ring", "<u2")],
 )
 BINARY = HEADER.encode() + b"DATA binary\n" + ROWS.tobytes()
+PLAIN = b"".join(ROWS[name].tobytes() for name in ROWS.dtype.names or ())
+# One literal run of LZF: its length less one, then its bytes.
+PACKED = bytes([31]) + PLAIN[:32] + bytes([len(PLAIN) - 33]) + PLAIN[32:]
+COMPRESSED = (
+    HEADER.encode()
+    + b"DATA binary_compressed\n"
+    + len(PACKED).to_bytes(4, "little")
+    + len(PLAIN).to_bytes(4, "little")
+    + PACKED
+)
 ASCII = HEADER.encode() + b"DATA ascii\n3 4 0.5 0 0 0 0\n0 -2 0 0 0 0 15\n"
 
 
@@ -47,7 +57,26 @@ def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
     assert again["timestamp"].tolist() == table["timestamp"].tolist()
 
 
-@pytest.mark.parametrize("data", [BINARY, ASCII])
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_comes_back_to_a_tenth_of_a_millimetre(tmp_path: Path, suffix: str) -> None:
+    table = read_capture(DATA / "single.pcap")
+    export(tmp_path / f"a{suffix}", table)
+    again = read_capture(tmp_path / f"a{suffix}")
+    assert np.abs(again.xyz - table.xyz).max() <= 0.5e-4 + 1e-9
+    for name in ("laser_id", "timestamp", "reflectivity"):
+        assert again[name].tolist() == table[name].tolist()
+    data = bytearray((tmp_path / f"a{suffix}").read_bytes())
+    for at in (len(data) // 2, 300, 100):
+        (tmp_path / f"b{suffix}").write_bytes(data[:at])
+        with pytest.raises(InputError, match=f"b{suffix}: "):
+            read_capture(tmp_path / f"b{suffix}")
+    data[107:111] = b"\xff\xff\xff\xff"
+    (tmp_path / f"b{suffix}").write_bytes(data)
+    with pytest.raises(InputError, match=f"b{suffix}: "):
+        read_capture(tmp_path / f"b{suffix}")
+
+
+@pytest.mark.parametrize("data", [BINARY, ASCII, COMPRESSED])
 def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.pcd").write_bytes(data)
     table = read_capture(tmp_path / "a.pcd")
@@ -78,7 +107,11 @@ def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
         ("a.pcd", BINARY.replace(b"TYPE F", b"TYPE Q"), "header of the PCD file is damaged"),
         ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 0"), "header of the PCD file is damaged"),
         ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 99999999"), "header of the PCD"),
-        ("a.pcd", BINARY.replace(b"binary", b"binary_compressed"), "binary_compressed"),
+        ("a.pcd", BINARY.replace(b"binary", b"binary_zipped"), "form binary_zipped"),
+        ("a.pcd", COMPRESSED[:-2], "damaged compressed points"),
+        ("a.pcd", COMPRESSED.replace(b"POINTS 2", b"POINTS 99999999999"), "bytes for them"),
+        ("a.las", b"LASF", "not a readable LAS"),
+        ("a.laz", b"LASF" + bytes(400), "not a readable LAS"),
         ("a.pcd", ASCII.replace(b"0.5", b"0,5"), "damaged line"),
     ],
 )
@@ -90,14 +123,14 @@ def test_damage_is_one_line_that_names_the_file(
         read_capture(tmp_path / name)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
+@pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd", ".las"])
 def test_a_missing_cloud_is_named(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match=f"a{suffix}: no such file"):
         read_capture(tmp_path / f"a{suffix}")
 
 
 @given(
-    st.sampled_from([BINARY, ASCII]),
+    st.sampled_from([BINARY, ASCII, COMPRESSED]),
     st.lists(st.tuples(st.integers(0, 260), st.integers(0, 255)), max_size=5),
     st.integers(0, 260),
 )
@@ -109,7 +142,7 @@ def test_a_mutated_pcd_is_columns_or_an_error(
     for at, value in changes:
         changed[at % len(changed)] = value
     try:
-        columns = read_pcd(bytes(changed[:length] if length < 100 else changed))
+        columns = parse_pcd(bytes(changed[:length] if length < 100 else changed))
     except InputError:
         return
     assert all(len(column) <= len(data) for column in columns.values())

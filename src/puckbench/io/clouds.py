@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, unreadable, write_json, written_whole
+from puckbench.core.files import read_json, write_json, written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.io.ply import read_ply, write_vertices
 
 
 def sidecar(path: Path) -> Path:
@@ -31,16 +31,14 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
 
     Both appear when both are written, the JSON first, so that a PLY that exists is complete.
     """
-    from plyfile import PlyData, PlyElement
-
-    columns = {name: getattr(cloud, name) for name in _FIELDS if getattr(cloud, name) is not None}
-    names = [(axis, _FIELDS[name][1]) for name in columns for axis in _FIELDS[name][0]]
-    rows = np.empty(len(cloud), dtype=names)
-    for name, values in columns.items():
-        for axis, column in zip(_FIELDS[name][0], np.atleast_2d(values.T), strict=True):
-            rows[axis] = column
+    columns = {
+        axis: column.astype(kind)
+        for name, (axes, kind) in _FIELDS.items()
+        if (values := getattr(cloud, name)) is not None
+        for axis, column in zip(axes, np.atleast_2d(values.T), strict=True)
+    }
     with written_whole(path) as temporary:
-        PlyData([PlyElement.describe(rows, "vertex")], byte_order="<").write(str(temporary))
+        write_vertices(temporary, columns)
         if describe:
             write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
 
@@ -51,11 +49,10 @@ def read_cloud(path: str | Path) -> PointCloud:
     Raises InputError when the file is missing, damaged, empty or has points that are not finite.
     """
     path = Path(path)
-    vertices = _read_vertices(path)
-    names = set(vertices.dtype.names or ())
+    vertices = read_ply(path)
     values: dict[str, Any] = {}
     for name, (axes, kind) in _FIELDS.items():
-        if names.issuperset(axes):
+        if vertices.keys() >= set(axes):
             stacked = np.column_stack([vertices[axis] for axis in axes])
             values[name] = np.ascontiguousarray(stacked, dtype=np.dtype(kind).newbyteorder("="))
     if "xyz" not in values:
@@ -67,15 +64,3 @@ def read_cloud(path: str | Path) -> PointCloud:
     check_points(values["xyz"], str(path))
     about = read_json(sidecar(path)) if sidecar(path).exists() else {}
     return PointCloud(**values, about=about)
-
-
-def _read_vertices(path: Path) -> NDArray[Any]:
-    from plyfile import PlyData, PlyParseError
-
-    try:
-        data = PlyData.read(str(path), known_list_len={"face": {"vertex_indices": 3}})
-        return np.asarray(data["vertex"].data)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (PlyParseError, KeyError, ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a readable PLY file ({error})") from error

@@ -67,7 +67,7 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
     values = np.array(rows, dtype=np.float64)
     if (np.diff(values[:, 0]) <= 0).any():
         raise InputError("trajectory has times that do not increase")
-    turns = values[:, 4:] if lengths == {_QUATERNION} else _quaternions(np.radians(values[:, 4:]))
+    turns = values[:, 4:] if lengths == {_QUATERNION} else _quaternions(values[:, 4:])
     length = np.linalg.norm(turns, axis=1, keepdims=True)
     if (np.abs(length - 1) > 1e-3).any():
         raise InputError("trajectory has a quaternion that is not of length 1")
@@ -108,19 +108,15 @@ def _numbers(rows: Iterable[Sequence[Any]], path: Path, heading: bool) -> tuple[
     return tuple(found)
 
 
-def _quaternions(angles: Floats) -> Floats:
-    """Quaternions (n, 4) of yaw about z, then pitch about x, then roll about y, (n, 3) rad."""
-    (cy, cp, cr), (sy, sp, sr) = np.cos(angles.T / 2), np.sin(angles.T / 2)
-    return np.column_stack(
-        [
-            cy * cp * cr - sy * sp * sr,
-            cy * sp * cr - sy * cp * sr,
-            cy * cp * sr + sy * sp * cr,
-            sy * cp * cr + cy * sp * sr,
-        ]
-    )
+def _quaternions(degrees: Floats) -> Floats:
+    """Quaternions (n, 4) wxyz of yaw about z, then pitch about x, then roll about y, (n, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    turns = Rotation.from_euler("ZXY", np.radians(degrees))
+    return np.asarray(turns.as_quat(scalar_first=True))
 
 
+# scipy's Slerp and as_matrix differ from these two by some 1e-15, and so would all moving scans.
 def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
     """Unit quaternions at `share` of the shorter arc from `one` to `other`, (..., 4)."""
     cosine = (one * other).sum(axis=-1, keepdims=True)

@@ -9,41 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, unreadable
+from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Primitive, SceneObject
 from puckbench.io.clouds import sidecar
 from puckbench.io.meshes.polygons import Integers, Polygons
+from puckbench.io.ply import CORNERS, read_elements
 
-_LISTS = ("vertex_indices", "vertex_index")
 _IDS = ("object_id", "primitive_id")
 
 
 def read_ply(path: Path) -> Polygons:
     """Read the faces of a PLY file, and its labels where the JSON beside it explains them."""
-    elements = _elements(path)
+    elements = read_elements(path)
     if not {"vertex", "face"} <= {element.name for element in elements}:
         raise InputError(f"{path}: the PLY file has no vertices and faces")
     faces = np.asarray(elements["face"].data)
     corners, sizes = _face_corners(path, faces)
     labels = _labels(path, faces)
     return Polygons(_vertices(path, elements["vertex"].data), corners, sizes, labels=labels)
-
-
-def _elements(path: Path) -> Any:
-    """Parse the file; the mapped reading of all-triangle files is tried first, for its speed."""
-    from plyfile import PlyData, PlyParseError
-
-    triangles = {"face": dict.fromkeys(_LISTS, 3)}
-    try:
-        try:
-            return PlyData.read(str(path), known_list_len=triangles)
-        except PlyParseError:
-            return PlyData.read(str(path))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a readable PLY file ({error})") from error
 
 
 def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
@@ -53,7 +37,7 @@ def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
 
 
 def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
-    name = next((name for name in _LISTS if name in (rows.dtype.names or ())), None)
+    name = next((name for name in CORNERS if name in (rows.dtype.names or ())), None)
     if name is None:
         raise InputError(f"{path}: the faces have no vertex_indices")
     lists = rows[name]

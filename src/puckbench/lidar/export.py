@@ -1,31 +1,44 @@
-"""Export by the suffix of the file to write."""
+"""Scans and recordings in the formats of other tools, by the suffix of the file to write."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from puckbench.core.errors import InputError
+from puckbench.io.csv_columns import write_csv
 from puckbench.io.evd import write_evd
-from puckbench.io.las import write_las, write_laz
-from puckbench.io.point_formats import Rows, write_csv, write_pcd, write_ply
-from puckbench.lidar.export.rows import capture_rows, scan_rows
+from puckbench.io.las import write_las
+from puckbench.io.pcd import write_pcd
+from puckbench.io.ply import write_ply
 from puckbench.lidar.recordings.capture_table import CaptureTable, read_capture_table
 from puckbench.lidar.recordings.writing import write_pcap
 from puckbench.lidar.scan_table import ScanTable, read_scan
 
 Source = ScanTable | CaptureTable
+Columns = dict[str, NDArray[Any]]
 
-# What takes any rows of points, and what takes a virtual scan with all its columns.
-_POINTS: dict[str, Callable[[Path, Rows], None]] = {
+# What takes any columns of points; the other formats take a virtual scan.
+_POINTS: dict[str, Callable[[Path, Mapping[str, NDArray[Any]]], None]] = {
     ".ply": write_ply,
     ".pcd": write_pcd,
     ".csv": write_csv,
     ".las": write_las,
-    ".laz": write_laz,
+    ".laz": write_las,
 }
 FORMATS = (*_POINTS, ".evd", ".pcap")
+
+_OF_SCANS = (
+    *("timestamp", "frame", "laser_id", "yaw", "pitch", "incidence", "object_id", "primitive_id"),
+    *("nx", "ny", "nz"),
+)
+_OF_RECORDINGS = (
+    *("x", "y", "z", "timestamp", "turn", "laser_id", "return_kind", "azimuth", "elevation"),
+    *("distance", "reflectivity"),
+)
 
 
 def read_source(path: Path) -> Source:
@@ -56,11 +69,20 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
             raise InputError(
                 f"{path}: a real capture has no true coordinates and no scan's columns"
             )
-        _POINTS[suffix](path, capture_rows(source))
+        _POINTS[suffix](path, {name: source[name] for name in _OF_RECORDINGS})
     elif suffix in _POINTS:
-        _POINTS[suffix](path, scan_rows(source, clean))
+        _POINTS[suffix](path, _scan_columns(source, clean))
     elif suffix == ".evd":
         write_evd(path, source)
     else:
         return {"points": len(source), **write_pcap(path, source, noisy=not clean)}
     return {"points": len(source)}
+
+
+def _scan_columns(table: ScanTable, clean: bool) -> Columns:
+    """Measured (or, when `clean`, true) points of a scan, in world coordinates."""
+    suffix = "" if clean else "_noisy"
+    measured = {name: table[name + suffix] for name in ("x", "y", "z", "distance")}
+    known = {name: table[name] for name in _OF_SCANS}
+    rest = {"reflectivity"} & set(table.columns)
+    return {**measured, **known, **{name: table[name] for name in rest}}
