@@ -113,26 +113,21 @@ def data_sets() -> str:
 
 def tables() -> str:
     """Every table that is made from others."""
-    from puckbench.thesis.tables import REGISTRY, RESULTS, VERDICTS
-
-    def table_entries() -> dict[str, Any]:
-        return {**REGISTRY, **RESULTS, **VERDICTS}
+    from puckbench.metrics.registry import table_entries
 
     return _table(
         ["table", "made from"],
         (
             (f"`{name}`", ", ".join(f"`{item}`" for item in (*entry.inputs, *entry.optional)))
             for name, entry in table_entries().items()
+            if not entry.rule
         ),
     )
 
 
 def figures() -> str:
     """Every figure with its title."""
-    from puckbench.figures.registry import FIGURES
-
-    def figure_entries() -> dict[str, Any]:
-        return FIGURES
+    from puckbench.figures.registry import figure_entries
 
     return _table(
         ["figure", "title", "group", "thesis"],

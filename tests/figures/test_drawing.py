@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.figures.drawing import draw_files, lay_out
 from puckbench.figures.panels import log_limits
 from puckbench.figures.plot_styles import codec_look
-from puckbench.figures.registry import FIGURES
+from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.io.clouds import write_cloud
 from puckbench.io.tables import read_table
@@ -32,13 +32,13 @@ from tests.support.figures_lookalike import (
 )
 from tests.support.residuals_lookalike import residual_table, scan_table
 
-FROM_METRICS = [name for name, entry in FIGURES.items() if entry.inputs == ("metrics",)]
+FROM_METRICS = [name for name, entry in figure_entries().items() if entry.inputs == ("metrics",)]
 
 
 def draw(name: str, style: FigureStyle | None = None, **inputs: Any) -> Figure:
     style = style or FigureStyle()
     with style.context():
-        figure: Figure = FIGURES[name].load()(**inputs, style=style)
+        figure: Figure = figure_entry(name).draw(**inputs, style=style)
     return figure
 
 
@@ -90,7 +90,7 @@ def test_the_same_input_gives_the_same_bytes(
     assert not any(word in pdf + png for word in (b"CreationDate", b"Matplotlib"))
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("name", FIGURES.names())
 def test_every_figure_is_drawn_from_files(
     name: str, input_files: dict[str, Path], tmp_path: Path
 ) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from puckbench.figures.registry import FIGURES
+from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.thesis.figures.geometry_diagrams import ray_end, residual_of
 
@@ -13,7 +13,7 @@ BLUE, RED = "#0072B2", "#D55E00"
 def drawn(name: str) -> list[tuple[str, np.ndarray]]:
     style = FigureStyle()
     with style.context():
-        (axes,) = FIGURES[name].load()(style=style).axes
+        (axes,) = figure_entry(name).draw(style=style).axes
     assert axes.get_aspect() == 1.0
     return [(line.get_color(), np.asarray(line.get_xydata())) for line in axes.get_lines()]
 

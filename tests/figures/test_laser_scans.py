@@ -9,17 +9,17 @@ from matplotlib.figure import Figure
 
 from puckbench.core.errors import InputError
 from puckbench.figures.drawing import lay_out, save_figure
-from puckbench.figures.registry import FIGURES
+from puckbench.figures.registry import figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from tests.support.residuals_lookalike import ELEVATIONS, scan_table
 
-FROM_SCANS = [name for name, entry in FIGURES.items() if entry.inputs == ("scans",)]
+FROM_SCANS = [name for name, entry in figure_entries().items() if entry.inputs == ("scans",)]
 
 
 def draw(name: str, table: pd.DataFrame, style: FigureStyle | None = None) -> Figure:
     style = style or FigureStyle()
     with style.context():
-        figure: Figure = FIGURES[name].load()(scans=table, style=style)
+        figure: Figure = figure_entry(name).draw(scans=table, style=style)
     return figure
 
 

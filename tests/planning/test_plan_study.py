@@ -14,7 +14,7 @@ from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
-CHAPTER_5 = {name for name in FIGURES if name.startswith("fig_5_")}
+CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}
 
 
 def workflow(study: dict[str, Any] | None) -> Workflow:

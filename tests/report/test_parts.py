@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from markupsafe import Markup
 from PIL import Image
 
 from puckbench.core.errors import InputError
@@ -18,6 +19,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
+from puckbench.report.build import TableShown
 from puckbench.report.captions import caption_html
 from puckbench.report.clouds import (
     cloud_payload,
@@ -26,19 +28,24 @@ from puckbench.report.clouds import (
     points_each,
     shown_decoded,
     shown_original,
-    thinned,
+    subsampled,
 )
 from puckbench.report.contents import Contents
 from puckbench.report.curves import curves
-from puckbench.report.markup import Markup, tag
+from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.quantities import measured
 from puckbench.report.tables import MOST_ROWS, table_html, text_of
 
 
 def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
-    made = tag("p", "a < b & c", tag("b", "x"), Markup("<i>"), title='"<>', hidden=True, id=None)
-    assert made == '<p title="&quot;&lt;&gt;" hidden>a &lt; b &amp; c<b>x</b><i></p>'
+    made = table_html(pd.DataFrame({"a < b & c": ["<i>"]}), 'x"<>.csv')
+    assert ">a &lt; b &amp; c<small></small></th>" in made
+    assert "<td>&lt;i&gt;</td>" in made
+    assert '<a href="x&#34;&lt;&gt;.csv">x&#34;&lt;&gt;.csv</a>' in made
+    shown = TableShown("a", "<b>", table_html(pd.DataFrame({"x": [1]})), Markup("<p>c</p>"))
+    page = whole_page(title="", parts={"tables": ""}, tables=[shown], data={})
+    assert "<summary>&lt;b&gt; <code>a</code></summary>\n<p>c</p>\n<div class=" in page
 
 
 def test_captions_have_paragraphs_code_and_emphasis_alone() -> None:
@@ -136,12 +143,12 @@ def test_an_example_without_errors_has_no_range() -> None:
     assert made["decoded"][0]["quantiles"] == [0, 0]
 
 
-def test_clouds_are_thinned_alike_each_time_and_kept_whole_when_small() -> None:
+def test_clouds_are_subsampled_alike_each_time_and_kept_whole_when_small() -> None:
     points = np.arange(300.0).reshape(100, 3)
-    chosen = thinned(points, 40, "draco", "r1")
+    chosen = subsampled(points, 40, "draco", "r1")
     assert len(np.unique(chosen, axis=0)) == 40
-    np.testing.assert_array_equal(chosen, thinned(points, 40, "draco", "r1"))
-    assert thinned(points, 100, "x") is points
+    np.testing.assert_array_equal(chosen, subsampled(points, 40, "draco", "r1"))
+    assert subsampled(points, 100, "x") is points
 
 
 def test_many_clouds_have_fewer_points_each() -> None:
@@ -199,7 +206,7 @@ def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() 
     root = Path(__file__).parents[2]
     config = yaml.safe_load((root / "config" / "config.yaml").read_text())
     bench = Workflow(config, root / "workflow" / "schemas" / "config.schema.yaml")
-    contents = bench.report(root / "workflow" / "report")
+    contents = bench.report()
     assert set(contents.figures) == set(bench.figures)
     assert {"summary", "clouds", "bd_rate", "thesis_numbers"} <= set(contents.tables)
     assert [example.kind for example in contents.examples] == list(config["figures"]["examples"])

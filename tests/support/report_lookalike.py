@@ -28,7 +28,6 @@ def look_alike(folder: Path, points: int = 30_000) -> Contents:
         metrics=str(_metrics(folder)),
         tables=_tables(folder),
         figures=_figures(folder),
-        captions=str(_captions(folder)),
         examples=(
             _example(folder, "raw", "s3dis_raw", 0.0, points),
             _example(folder, "noisy", "s3dis_noisy", 0.02, points),
@@ -66,13 +65,6 @@ def _figures(folder: Path) -> dict[str, str]:
     return {"fig_6_6": str(path)}
 
 
-def _captions(folder: Path) -> Path:
-    captions = folder / "captions"
-    captions.mkdir()
-    (captions / "fig_6_6.rst").write_text("Chamfer distance, *squared*, in ``grid units`` < 3.\n")
-    return captions
-
-
 def _example(folder: Path, kind: str, dataset: str, noise_m: float, points: int) -> Example:
     original = room_cloud(points, noise_m)
     file = folder / "clouds" / dataset / "room.ply"
@@ -81,7 +73,7 @@ def _example(folder: Path, kind: str, dataset: str, noise_m: float, points: int)
         codec: {rate: _decoded(folder, original, dataset, codec, rate) for rate in rates}
         for codec, rates in STEPS.items()
     }
-    return Example(kind, dataset, "cloud_0", str(file), decoded)
+    return Example(kind=kind, dataset=dataset, cloud="cloud_0", original=str(file), decoded=decoded)
 
 
 def _decoded(folder: Path, original: PointCloud, dataset: str, codec: str, rate: str) -> str:

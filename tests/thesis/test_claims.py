@@ -24,8 +24,8 @@ from puckbench.thesis.claims.parts import (
     verdict,
     wanted,
 )
-from puckbench.thesis.claims.registry import CLAIMS
 from puckbench.thesis.claims.roles import verdict_options
+from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.claims.table import claims, thesis_evidence
 
 ROOT = Path(__file__).parents[2]
@@ -347,7 +347,7 @@ def test_a_run_of_nothing_tests_nothing_and_every_claim_has_a_row() -> None:
 
 
 def test_the_documentation_has_every_claim_and_its_rule() -> None:
-    text = " ".join((Path(__file__).parents[2] / "docs" / "claims.md").read_text().split())
+    text = " ".join((Path(__file__).parents[2] / "docs" / "notes" / "claims.md").read_text().split())
     for number, claim in enumerate(CLAIMS, 1):
         assert f"{number}. {claim.words}" in text
         assert claim.test.__doc__

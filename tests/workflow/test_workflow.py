@@ -15,8 +15,8 @@ import pandas as pd
 import pytest
 
 from puckbench.figures.registry import FIGURES
+from puckbench.metrics.registry import SENSOR, table_entries
 from puckbench.planning.same_results import after_a_kill, differences
-from puckbench.thesis.tables import REGISTRY as STUDY_TABLES
 from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
 
 
@@ -37,7 +37,7 @@ def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
     assert table.truth_cd_plane.notna().all()
     figures = {path.stem for path in (finished.results / "figures").glob("*.pdf")}
     absent = {"model_verdict", "gpcc_grid", "gpcc_rounding", "gpcc_contexts"}
-    assert figures == set(FIGURES) - absent  # which need a capture, or G-PCC
+    assert figures == set(FIGURES.names()) - absent  # which need a capture, or G-PCC
     assert all(path.stat().st_size > 1000 for path in (finished.results / "figures").iterdir())
 
 
@@ -96,7 +96,8 @@ def test_primitives_are_held_against_the_labels_of_the_scene(finished: Bench) ->
 def test_the_sensor_study_makes_its_tables(finished: Bench) -> None:
     tables = finished.results / "tables"
     made = {path.stem for path in tables.glob("*.csv")}
-    assert set(STUDY_TABLES) - made == {"model_distances"}  # which needs a capture
+    study = {name for name, entry in table_entries().items() if entry.category == SENSOR}
+    assert study - made == {"model_distances"}  # which needs a capture
     residuals = pd.read_parquet(tables / "residuals.parquet")
     counts = residuals.groupby(["model", "distance_m"], observed=True).size()
     assert counts.to_dict() == {
@@ -232,7 +233,7 @@ def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) ->
     assert len(data["curves"]["cells"]) == 4 * 5
     decoded = [len(example["decoded"]) for example in data["clouds"]["examples"]]
     assert decoded == [5, 5, 5, 5]  # two rates of draco, one of raw_grid, two of box
-    assert text.count('id="figure-') == len(FIGURES) - 4  # without captures and G-PCC
+    assert text.count('id="figure-') == len(FIGURES.names()) - 4  # without captures and G-PCC
     for table in ("summary", "bd_rate", "thesis_numbers", "table_4_1"):
         assert f'id="table-{table}"' in text
 

@@ -12,10 +12,10 @@ SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
-from puckbench.thesis.tables import table_entry
 from puckbench.planning.fingerprints import code_version
 from puckbench.core.errors import InputError
-from puckbench.figures.registry import FIGURES as REGISTRY
+from puckbench.figures.registry import figure_entry
+from puckbench.metrics.registry import table_entry
 from puckbench.planning.running import check_room, check_storage, failures, hold_results, now
 from puckbench.planning.workflow import Workflow, run_jobs_with
 

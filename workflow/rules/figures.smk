@@ -10,9 +10,8 @@ for figure, inputs in bench.figures.items():
             pdf=f"{RESULTS}/figures/{figure}.pdf",
             png=report(
                 f"{RESULTS}/figures/{figure}.png",
-                caption=f"../report/{figure}.rst",
-                category=REGISTRY[figure].category,
-                labels={"figure": REGISTRY[figure].title},
+                category=figure_entry(figure).category,
+                labels={"figure": figure_entry(figure).title},
             ),
         params:
             figure=figure,
@@ -34,4 +33,4 @@ for figure, inputs in bench.figures.items():
 FIGURES = [
     f"{RESULTS}/figures/{figure}.{suffix}" for figure in bench.figures for suffix in ("pdf", "png")
 ]
-SENSOR_FIGURES = [file for file in FIGURES if REGISTRY[Path(file).stem].category == "Sensor"]
+SENSOR_FIGURES = [file for file in FIGURES if figure_entry(Path(file).stem).category == "Sensor"]

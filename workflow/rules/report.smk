@@ -1,6 +1,5 @@
 # The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
-CAPTIONS = FOLDER / "report"
-PAGE = bench.report(CAPTIONS)
+PAGE = bench.report()
 
 
 rule report_page:
@@ -10,7 +9,7 @@ rule report_page:
         f"{RESULTS}/report.html",
     params:
         contents=json.dumps(PAGE.as_json(), sort_keys=True),
-        code=bench.report_code(CAPTIONS),
+        code=bench.report_code(),
     resources:
         mem_mb=2000,
         runtime=20,

@@ -138,8 +138,8 @@ for table, inputs in bench.study_tables().items():
         output:
             csv=report(
                 f"{RESULTS}/tables/{table}.csv",
-                caption=f"../report/{table}.rst",
-                category="Sensor, tables",
+                category=table_entry(table).category,
+                labels={"table": table_entry(table).title},
             ),
             parquet=f"{RESULTS}/tables/{table}.parquet",
         params:

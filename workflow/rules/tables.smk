@@ -3,13 +3,9 @@ rule metrics_table:
     input:
         [f"{RESULTS}/metrics/{'/'.join(cell)}.json" for cell in bench.plan.cells],
     output:
-        csv=report(
-            f"{RESULTS}/tables/metrics.csv", caption="../report/metrics_table.rst", category="Tables"
-        ),
+        csv=report(f"{RESULTS}/tables/metrics.csv", category="Tables"),
         parquet=f"{RESULTS}/tables/metrics.parquet",
-        summary=report(
-            f"{RESULTS}/tables/summary.csv", caption="../report/summary_table.rst", category="Tables"
-        ),
+        summary=report(f"{RESULTS}/tables/summary.csv", category="Tables"),
     params:
         code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
     resources:
@@ -27,9 +23,7 @@ rule clouds_table:
     input:
         [f"{RESULTS}/clouds/{dataset}/{cloud}.json" for dataset, cloud in bench.plan.clouds],
     output:
-        csv=report(
-            f"{RESULTS}/tables/clouds.csv", caption="../report/clouds_table.rst", category="Tables"
-        ),
+        csv=report(f"{RESULTS}/tables/clouds.csv", category="Tables"),
         parquet=f"{RESULTS}/tables/clouds.parquet",
     params:
         datasets=[dataset for dataset, _ in bench.plan.clouds],
@@ -54,9 +48,7 @@ for kind, files in bench.row_tables().items():
         input:
             files,
         output:
-            csv=report(
-                f"{RESULTS}/tables/{kind}.csv", caption=f"../report/{kind}.rst", category="Tables"
-            ),
+            csv=report(f"{RESULTS}/tables/{kind}.csv", category="Tables"),
             parquet=f"{RESULTS}/tables/{kind}.parquet",
         params:
             kind=kind,
@@ -83,8 +75,8 @@ for table, inputs in bench.result_tables().items():
         output:
             csv=report(
                 f"{RESULTS}/tables/{table}.csv",
-                caption=f"../report/{table}.rst",
                 category=table_entry(table).category,
+                labels={"table": table_entry(table).title},
             ),
             parquet=f"{RESULTS}/tables/{table}.parquet",
         params:

@@ -15,7 +15,8 @@ from puckbench.figures.style import FigureStyle
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("figure", help=f"one of {', '.join(FIGURES)}")
+    known = ", ".join(FIGURES.names())
+    parser.add_argument("figure", help=f"one of {known}, or path/to/file.py:function")
     parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png)")
     parser.add_argument(
         "--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}'

@@ -25,9 +25,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Build the page and write it."""
     from puckbench.report.build import build_page
     from puckbench.report.contents import Contents
-    from puckbench.report.machine import machine
+    from puckbench.report.facts import this_machine
 
-    text = build_page(Contents.from_json(options.contents), machine(), options.out.parent)
+    text = build_page(Contents.from_json(options.contents), this_machine(), options.out.parent)
     data = text.encode()
     write_bytes(options.out, data)
     return {"page": str(options.out), "bytes": len(data)}

@@ -12,8 +12,8 @@ from typing import Any
 
 from puckbench.cli.types import whole
 from puckbench.core.errors import InputError
+from puckbench.planning.checklist import Reproduction
 from puckbench.planning.job_times import Estimate, estimated, read_job_times
-from puckbench.thesis.checklist import Reproduction
 
 _ABOUT_THE_SAME = 1.1
 """Planned over measured points up to which nothing is said of extrapolation."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
-from puckbench.figures.registry import TABLES, figure_entry
+from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.io.clouds import read_cloud
 
@@ -26,30 +26,42 @@ _NO_METADATA: dict[str, dict[str, Any]] = {
 def draw_files(
     name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
 ) -> None:
-    """Draw the registered figure `name` from files into files.
+    """Draw a registered figure from files into files.
 
-    inputs: the figure's input names (see `FIGURES`) -> CSV or Parquet for a table, PLY for a
-    cloud. outputs: paths that end in .pdf or .png, any number. InputError names a missing,
-    unreadable or empty input.
+    Parameters
+    ----------
+    name
+        Of the figure, or ``path/to/file.py:function``.
+    inputs
+        File of each input by its name: CSV or Parquet for a table, PLY for a cloud.
+    outputs
+        Paths that end in .pdf or .png.
+    style
+        The look of the figure.
+
+    Raises
+    ------
+    InputError
+        An input is missing, unreadable or empty.
     """
     entry = figure_entry(name)
     if missing := [needed for needed in entry.inputs if needed not in inputs]:
         raise InputError(f"figure {name}: needs the input {missing[0]!r}")
     for path in outputs:
         _metadata(path)
-    values = {needed: read_input(needed, inputs[needed]) for needed in entry.inputs}
+    values = {name: read_input(kind, inputs[name]) for name, kind in entry.kinds.items()}
     with style.context():
-        figure = entry.load()(**values, style=style)
+        figure = entry.draw(**values, style=style)
         lay_out(figure)
         for path in outputs:
             save_figure(figure, path)
 
 
-def read_input(name: str, path: Path) -> Any:
-    """A figure's input from its file: a DataFrame for a table, a PointCloud for an example."""
+def read_input(kind: str, path: Path) -> Any:
+    """A figure's input from its file: a DataFrame or a PointCloud."""
     from puckbench.io.tables import read_table
 
-    return read_table(path) if name in TABLES else read_cloud(path)
+    return read_table(path) if kind == "DataFrame" else read_cloud(path)
 
 
 def lay_out(figure: Figure) -> None:

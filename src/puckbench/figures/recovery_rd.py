@@ -14,6 +14,7 @@ from puckbench.figures.panels import (
     set_title,
 )
 from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 
 if TYPE_CHECKING:
@@ -29,10 +30,19 @@ _SHARES = (
 ALL = "all"
 
 
+@FIGURES.register(
+    "recovery_rd",
+    title="Recovery of the scenes' geometric primitives against bits per point",
+    category="Rate-distortion",
+)
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
-    """One row per data set, one column per measure over all kinds of primitives, y from 0 to 1.
+    """Geometric primitives of decoded surfaces against the labels of the scenes: the share of
+    those found that are true (precision), of the true that are found (recall), and of the
+    points on true primitives that are on the one found for it, against bits per point;
+    medians in bins as in figure 6.6.
 
-    Streams without primitives are left out.
+    Only for codecs that decode labelled surfaces and for scenes that have labels; streams without
+    primitives are left out. Not in the thesis.
     """
     columns = tuple(share.column for share in _SHARES)
     require_rows(

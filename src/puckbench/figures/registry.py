@@ -1,34 +1,91 @@
-"""The figures there are: what each draws, from which inputs, and where its function lives.
+"""The figures: how one is registered, and what each is drawn from.
 
-Listing imports neither matplotlib nor pandas, so that the workflow can plan with it.
+A figure is one function with its registration above it; its docstring is the caption::
+
+    @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", thesis="6.4")
+    def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
+        \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
+
+Its parameters beside ``style`` name its inputs: a DataFrame is the table of that name, a PointCloud
+an example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``).
+Planning imports the modules of all figures: these import matplotlib and pandas in functions only.
 """
 
 from __future__ import annotations
 
-from puckbench.core.errors import InputError
-from puckbench.figures.entry import FigureEntry
-from puckbench.thesis.figures import chapter5, chapter6, findings
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-TABLES = (
-    "metrics",
-    "clouds",
-    "scan_errors",
-    "recovery",
-    "residuals",
-    "scans",
-    "compared_residuals",
-    "model_distances",
-    "thesis_medians",
-    "gpcc_scales",
-)
-EXAMPLES = ("example_object", "example_raw", "example_clean", "example_noisy")
-"""Inputs that are prepared clouds (PLY files): one object, and one room in three forms."""
+from puckbench.core.registry import Registry
+from puckbench.core.signatures import annotated, caption_of
 
-FIGURES: dict[str, FigureEntry] = {**chapter5.FIGURES, **chapter6.FIGURES, **findings.FIGURES}
+BOTH_GPCC = "gpcc"
+"""Needed of a configuration: G-PCC with coordinates rounded and with coordinates truncated."""
+
+
+def at(distance_m: float) -> str:
+    """Needed of a configuration: scans of its sensor study from this distance."""
+    return f"{distance_m:g} m"
+
+
+@dataclass(frozen=True)
+class FigureEntry:
+    """A registered figure.
+
+    Parameters
+    ----------
+    name
+        Of its files and of its job.
+    draw
+        Takes each input and ``style`` by keyword and returns a matplotlib Figure.
+    title, category
+        How the report lists it.
+    thesis
+        Number of the thesis's figure, which orders the report; empty for others.
+    needs
+        What a configuration must have beside the inputs: the sensor study, `BOTH_GPCC`, scans
+        `at` a distance, or the name of an error model of its sensor study.
+    """
+
+    name: str
+    draw: Callable[..., Any]
+    title: str = ""
+    category: str = "Further figures"
+    thesis: str = ""
+    needs: tuple[str, ...] = ()
+
+    @property
+    def kinds(self) -> Mapping[str, str]:
+        """Inputs, and whether each is a DataFrame or a PointCloud."""
+        return annotated(self.draw, "DataFrame", "PointCloud")
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the tables and clouds that the figure is drawn from."""
+        return tuple(self.kinds)
+
+    @property
+    def caption(self) -> str:
+        """What the report says below the figure, in reStructuredText."""
+        return caption_of(self.draw)
+
+
+FIGURES: Registry[FigureEntry] = Registry("figure", "figures", "thesis/figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """The entry of the figure called `name`; InputError when there is none."""
-    if name not in FIGURES:
-        raise InputError(f"unknown figure {name!r}; there are {', '.join(FIGURES)}")
-    return FIGURES[name]
+    """The figure of a name, or of ``path/to/file.py:function``; InputError when there is none."""
+    return FIGURES.get(name)
+
+
+def figure_entries() -> dict[str, FigureEntry]:
+    """All figures by name: those of the thesis by their numbers, then the others."""
+    entries = {name: FIGURES.get(name) for name in FIGURES.names()}
+    return dict(sorted(entries.items(), key=lambda item: _number(item[1].thesis)))
+
+
+def _number(thesis: str) -> list[float]:
+    """A figure's number in parts: 5.2 comes before 5.10."""
+    return [float(part) for part in thesis.split(".")] if thesis else [math.inf]

@@ -10,6 +10,7 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import log_limits, panel_grid, set_log, set_title
 from puckbench.figures.quantities import CD_PLANE
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 
 if TYPE_CHECKING:
@@ -21,11 +22,18 @@ _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _QUANTITY = CD_PLANE.within(1e-2, 1e3)
 
 
+@FIGURES.register(
+    "spread",
+    title="Spread of the Chamfer distance over clouds, per codec and rate",
+    category="Results per rate",
+)
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """One row per codec, one column per data set; a box per rate over the data set's clouds.
+    """Spread of the Chamfer distance (point-to-plane) over clouds: one row per codec, one
+    column per data set, a box for each rate from the first to the third quartile with the
+    median, and whiskers from 5 to 95 %.
 
-    The box goes from the first to the third quartile with the median, the whiskers from 5 to 95 %.
-    All panels share their axes. A codec that a data set lacks leaves its panel without boxes.
+    On a logarithmic axis boxes of equal height are equal factors. Values of zero (lossless) stand
+    on the lower edge. The thesis draws medians alone.
     """
     require_rows(metrics, ("dataset", "codec", "rate", _QUANTITY.column), "metrics")
     require_numbers(metrics, (_QUANTITY.column,), "metrics")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Any
 
-from puckbench.core.errors import InputError
+from pydantic import Field, field_validator
+
+from puckbench.core.models import Model, parsed
 from puckbench.figures.plot_styles import Look, codec_look, codec_rank, dataset_title
 
 COLUMN_WIDTH_IN = 3.5
@@ -17,37 +19,62 @@ PAGE_WIDTH_IN = 7.16
 Range = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class FigureStyle:
+Size = Annotated[float, Field(gt=0)]
+
+
+class FigureStyle(Model):
     """Everything about a figure's look that a configuration may change.
 
-    font_size: points, of axis labels (ticks are one point smaller). width_in: inches, None for
-    the figure's own (one column or the page). dpi: of PNG files and of images inside PDF files.
-    line_width, marker_size: points. colours: codec -> matplotlib colour. codec_titles,
-    dataset_titles: name -> text. datasets: order of the panels (those not named follow).
-    axis_ranges: table column -> (low, high), drawn at least; an axis is widened by whole decades
-    when data fall outside, so that no point vanishes.
+    Parameters
+    ----------
+    font_size
+        Points, of axis labels (ticks are one point smaller).
+    width_in
+        Inches; None for the figure's own (one column or the page).
+    dpi
+        Of PNG files and of images inside PDF files.
+    line_width, marker_size
+        Points.
+    colours
+        Codec or error model -> matplotlib colour.
+    codec_titles, dataset_titles
+        Name -> text.
+    datasets
+        Order of the panels (those not named follow).
+    axis_ranges
+        Table column -> (low, high), drawn at least; an axis is widened by whole decades when data
+        fall outside, so that no point vanishes.
     """
 
-    font_size: float = 7.5
-    width_in: float | None = None
-    dpi: int = 300
-    line_width: float = 1.0
-    marker_size: float = 3.2
-    colours: Mapping[str, str] = field(default_factory=dict)
-    codec_titles: Mapping[str, str] = field(default_factory=dict)
-    dataset_titles: Mapping[str, str] = field(default_factory=dict)
+    font_size: Size = 7.5
+    width_in: Size | None = None
+    dpi: Size = 300
+    line_width: Size = 1.0
+    marker_size: Size = 3.2
+    colours: Mapping[str, str] = {}
+    codec_titles: Mapping[str, str] = {}
+    dataset_titles: Mapping[str, str] = {}
     datasets: tuple[str, ...] = ()
-    axis_ranges: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    axis_ranges: Mapping[str, Range] = {}
 
-    def __post_init__(self) -> None:
-        """InputError for a value that cannot be used, naming it."""
-        for name in _SIZES:
-            _check_size(name, getattr(self, name))
-        for column, limits in self.axis_ranges.items():
-            _check_range(column, limits)
-        if self.colours:
-            _check_colours(self.colours)
+    @field_validator("axis_ranges")
+    @classmethod
+    def _check_ranges(cls, ranges: Mapping[str, Range]) -> Mapping[str, Range]:
+        for column, (low, high) in ranges.items():
+            if not 0 < low < high:
+                raise ValueError(f"{column!r} must be [low, high] with 0 < low < high")
+        return ranges
+
+    @field_validator("colours")
+    @classmethod
+    def _check_colours(cls, colours: Mapping[str, str]) -> Mapping[str, str]:
+        if colours:
+            from matplotlib.colors import is_color_like
+
+            for name, colour in colours.items():
+                if not is_color_like(colour):
+                    raise ValueError(f"{name!r}: {colour!r} is not a colour")
+        return colours
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
@@ -58,13 +85,9 @@ class FigureStyle:
         """
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
-            if key not in cls.__dataclass_fields__:
-                known = ", ".join(cls.__dataclass_fields__)
-                raise InputError(f"figure style: unknown key {key!r} (known: {known})")
-            merged[key] = _merged(key, merged.get(key, {}), value)
-        if "datasets" in merged:
-            merged["datasets"] = tuple(merged["datasets"])
-        return cls(**merged)
+            inside = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+            merged[key] = {**merged[key], **value} if inside else value
+        return parsed(cls, merged, "figure style")
 
     def look(self, codec: str) -> Look:
         """Title, colour, marker and line of a codec, the same in every figure."""
@@ -77,8 +100,7 @@ class FigureStyle:
 
     def axis_range(self, column: str, default: Range) -> Range:
         """The least range of a column's axis: the style's, else `default`."""
-        low, high = self.axis_ranges.get(column, default)
-        return low, high
+        return self.axis_ranges.get(column, default)
 
     def title(self, dataset: str) -> str:
         """Panel title of a data set."""
@@ -138,42 +160,3 @@ class FigureStyle:
             "ytick.minor.size": 1.5,
             "legend.frameon": False,
         }
-
-
-_SIZES = ("font_size", "width_in", "dpi", "line_width", "marker_size")
-_MAPPINGS = ("colours", "codec_titles", "dataset_titles", "axis_ranges")
-
-
-def _merged(key: str, before: Mapping[str, Any], value: Any) -> Any:
-    """`value`, laid over `before` when the key holds a mapping."""
-    if key not in _MAPPINGS:
-        return value
-    if not isinstance(value, Mapping):
-        raise InputError(f"figure style: {key} must be a mapping, not {value!r}")
-    return {**before, **value}
-
-
-def _check_size(name: str, value: Any) -> None:
-    if value is None and name == "width_in":
-        return
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"figure style: {name} must be a number, not {value!r}")
-    if not 0 < value < float("inf"):
-        raise InputError(f"figure style: {name} must be positive, not {value!r}")
-
-
-def _check_range(column: str, limits: Any) -> None:
-    numbers = isinstance(limits, Sequence) and all(isinstance(v, int | float) for v in limits)
-    if not numbers or len(limits) != 2 or not 0 < limits[0] < limits[1]:
-        raise InputError(
-            f"figure style: axis_ranges of {column!r} must be [low, high] with 0 < low < high, "
-            f"not {limits!r}"
-        )
-
-
-def _check_colours(colours: Mapping[str, Any]) -> None:
-    from matplotlib.colors import is_color_like
-
-    for codec, colour in colours.items():
-        if not is_color_like(colour):
-            raise InputError(f"figure style: colours of {codec!r}: {colour!r} is not a colour")

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-import pandas as pd
+from typing import TYPE_CHECKING
 
-_CIRCUMSTANCES = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "libraries")
+from puckbench.metrics.registry import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "libraries")
 
 
+@TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """One row for each run environment in which results were timed, with their number.
+    """On what the times were taken: one row for each run environment, and how many results it has.
 
-    More than one row says that times were taken on different processors, or with other numbers of
-    threads or versions, and are not all to be compared.
+    Processor of decoding and of encoding, threads that a timed call might use, whether the job ran
+    alone, repetitions (their median counts; ``encode_s_min`` and ``encode_s_max`` are the extremes)
+    and versions of libraries and codecs. One row: all times can be compared.
     """
-    columns = [name for name in _CIRCUMSTANCES if name in metrics]
+    columns = [name for name in _RUN_ENVIRONMENT if name in metrics]
     groups = metrics.groupby(columns, sort=False, dropna=False)
     versions = metrics.groupby(columns, sort=False, dropna=False)["codec_version"]
     found = groups.size().rename("results").reset_index()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from puckbench.metrics.registry import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
@@ -63,6 +65,8 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
 
     InputError when there is no row, or two with the same keys.
     """
+    import pandas as pd
+
     table = pd.DataFrame(list(rows))
     if table.empty:
         raise InputError("no results to put into a table")
@@ -74,13 +78,28 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
     return table[first + sorted(str(name) for name in table if name not in first)]
 
 
+@TABLES.register("metrics", title="All results", rule="metrics_table")
 def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """The result rows in the files given."""
+    """Every measurement, one row per data set, cloud, codec and rate.
+
+    Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
+    (``scale`` converts them to metres). Columns that start with ``truth_`` are measured against the
+    true surface, those with ``clean_`` against the clean scan of the same rays; both are empty
+    where there is none.
+    """
     return [read_json(file) for file in files]
 
 
+@TABLES.register("clouds", title="The clouds", rule="clouds_table")
 def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
-    """One row of the table of clouds, from the description beside a prepared cloud."""
+    """The clouds, one row each, from the descriptions beside the prepared clouds.
+
+    Number of points, extent in metres along x, y and z, elongation (shortest side of the bounding
+    box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
+    distance of two points, in grid units), scale (grid units per metre), share of duplicates,
+    distance to the nearest point (m), points per square metre (median, 5 and 95 %) and share of
+    outliers.
+    """
     about = read_json(file)
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
@@ -88,8 +107,13 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 
+@TABLES.register("scan_errors", title="Errors of the scans themselves", rule="scan_errors_table")
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Rows of the table of scans' own errors, from result rows of scans measured as if decoded."""
+    """Each scan measured as if it had been decoded: its distance to the true surface.
+
+    ``truth_...`` is the distance to the true surface, ``clean_...`` that to the clean scan of the
+    same rays, in squared units of the scaled cloud and in metres (``..._m``).
+    """
     kept = (*CLOUD_KEYS, "group", "scale")
     return [
         {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
@@ -97,10 +121,13 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     ]
 
 
+@TABLES.register("recovery", title="Recovery of geometric primitives", rule="recovery_table")
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Rows of the table of recovered primitives: one per result and kind of primitive.
+    """Geometric primitives of each stream against the labels of the scene, over all kinds and each.
 
-    A stream without primitives has a row of the kind "all" in which nothing is measured.
+    How many are true, found and matched, precision, recall, label accuracy of the points, and
+    medians over the matched of the residual and of the differences of the parameters. A stream
+    without primitives has a row of the kind "all" in which nothing is measured.
     """
     rows = []
     for row in metric_rows(files):
@@ -116,19 +143,22 @@ ROWS = {
 """Tables made of result rows of their own: from files to rows, and the rows' keys."""
 
 
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Medians over the clouds of each data set, codec and rate, their spread, and how many.
+@TABLES.register("summary", title="Medians per data set, codec and rate", rule="metrics_table")
+def summary(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Medians over the clouds of each data set, codec and rate, and their spread.
 
-    ``cd_plane`` is the median, ``cd_plane_q25`` and ``cd_plane_q75`` the quartiles,
-    ``cd_plane_q05`` and ``cd_plane_q95`` hold nine clouds in ten, and so on (linear between
-    clouds, so that few clouds have a q05 near their least value).
+    Beside the medians the quartiles (``_q25``, ``_q75``), the values that hold nine clouds in ten
+    (``_q05``, ``_q95``; linear between clouds, so that few clouds have a q05 near their least
+    value), and the number of clouds; figure 6.5 draws the medians per rate.
     """
-    groups = table.groupby(["dataset", "codec", "rate"], sort=False)
-    numbers = [name for name in _SUMMARY if name in table]
+    import pandas as pd
+
+    groups = metrics.groupby(["dataset", "codec", "rate"], sort=False)
+    numbers = [name for name in _SUMMARY if name in metrics]
     shares = [
         groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
     ]
     medians = groups[numbers].median().assign(clouds=groups.size())
-    if "weights" in table:
+    if "weights" in metrics:
         medians["weights"] = groups["weights"].first()
     return pd.concat([medians, *shares], axis=1).reset_index()

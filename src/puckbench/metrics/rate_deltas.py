@@ -6,15 +6,18 @@ A delta is taken cloud by cloud, never between medians over clouds, which belong
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.bjontegaard import COMPARED, NO_COMMON_RANGE, TOO_FEW_POINTS, curve, delta
+from puckbench.metrics.registry import SEVERAL_CODECS, TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 METRICS = ("d1_psnr", "d2_psnr")
 RESAMPLES = 2000
@@ -23,20 +26,41 @@ LEAST_CLOUDS = 3
 _GROUP = ["dataset", "metric", "codec"]
 
 
+@TABLES.register("bd_rate_clouds", title="Bjontegaard deltas per cloud", needs=(SEVERAL_CODECS,))
 def bd_rate_clouds(
     metrics: pd.DataFrame, anchor: str, qualities: Sequence[str] = METRICS
 ) -> pd.DataFrame:
-    """One row per data set, metric, codec and cloud: the codec against `anchor` on that cloud.
+    """Bjontegaard deltas of every codec against the anchor on each cloud.
 
-    qualities: columns of the table of metrics; one that ends in ``_psnr`` is a quality in dB, any
-    other a squared distortion d, whose quality is -10 log10 d. Columns: ``dataset``, ``metric``,
-    ``codec``, ``anchor``, ``cloud``, ``bd_rate_percent``, ``bd_rate_status``, ``bd_quality_db``,
-    ``bd_quality_status`` (as of `puckbench.metrics.bjontegaard.Delta`; without a common range the
-    value is missing and the status says so), ``shared_range`` (of the anchor's qualities),
-    ``points`` and ``anchor_points`` used, ``dropped`` and ``anchor_dropped``, ``log_ratio``.
+    The status says whether the two curves have a common range: where they have none, there is no
+    value.
 
-    Raises InputError when the anchor or a column is not in the table, or nothing stands beside it.
+    Parameters
+    ----------
+    metrics
+        All results of a run.
+    anchor
+        The codec that the others are compared with.
+    qualities
+        Columns of the results; one that ends in ``_psnr`` is a quality in dB, any other a squared
+        distortion d, whose quality is -10 log10 d.
+
+    Returns
+    -------
+    pd.DataFrame
+        One row per data set, metric, codec and cloud: ``dataset``, ``metric``, ``codec``,
+        ``anchor``, ``cloud``, ``bd_rate_percent``, ``bd_rate_status``, ``bd_quality_db``,
+        ``bd_quality_status`` (as of `puckbench.metrics.bjontegaard.Delta`), ``shared_range`` (of
+        the anchor's qualities), ``points`` and ``anchor_points`` used, ``dropped`` and
+        ``anchor_dropped``, ``log_ratio``.
+
+    Raises
+    ------
+    InputError
+        The anchor or a column is not in the table, or there is no other codec.
     """
+    import pandas as pd
+
     _check(metrics, anchor, qualities)
     rows: list[dict[str, Any]] = []
     for metric in qualities:
@@ -51,6 +75,7 @@ def bd_rate_clouds(
     return table[first + [name for name in table if name not in first]]
 
 
+@TABLES.register("bd_rate", title="Bjontegaard deltas per data set", needs=(SEVERAL_CODECS,))
 def bd_rate(
     metrics: pd.DataFrame,
     anchor: str,
@@ -58,19 +83,37 @@ def bd_rate(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """One row per data set, metric and codec: the deltas of `bd_rate_clouds` over the clouds.
+    """Bjontegaard deltas of every codec against the anchor, per data set and measure of quality.
 
-    ``clouds`` are those that both codecs have; ``compared`` of them have a common range of quality,
-    ``no_common_range`` and ``too_few_points`` have not and count in no mean.
+    The mean change of the rate at equal quality in percent (negative: fewer bits), and of the
+    quality at equal rate in dB, with 95 % bootstrap intervals over the clouds. Each cloud's curves
+    are interpolated with PCHIP in the logarithm of the rate; clouds whose curves have no common
+    range are counted, and count in no mean.
 
-    * ``bd_rate_percent``: from the mean of the logarithms of the clouds' rate ratios, so that the
-      exchange of codec and anchor inverts it; ``..._arithmetic``: mean of the percentages, which
-      others report; ``..._median``, ``..._q25``, ``..._q75``: of the clouds.
-    * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
-    * ``..._low``, ``..._high``: 95 % interval of these means, percentile bootstrap over clouds
-      with `resamples` draws; none below three clouds, and too narrow with few.
-    * ``shared_range``: median; ``dropped``, ``anchor_dropped``: points of curves left out, in all.
+    Parameters
+    ----------
+    metrics, anchor, qualities
+        As of `bd_rate_clouds`.
+    resamples, seed
+        Draws of the bootstrap, and their seed.
+
+    Returns
+    -------
+    pd.DataFrame
+        One row per data set, metric and codec. ``clouds`` are those that both codecs have;
+        ``compared`` of them have a common range of quality, ``no_common_range`` and
+        ``too_few_points`` have not.
+
+        * ``bd_rate_percent``: from the mean of the logarithms of the clouds' rate ratios, so that
+          the exchange of codec and anchor inverts it; ``..._arithmetic``: mean of the percentages,
+          which others report; ``..._median``, ``..._q25``, ``..._q75``: of the clouds.
+        * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
+        * ``..._low``, ``..._high``: 95 % interval of these means, percentile bootstrap over clouds;
+          none below three clouds, and too narrow with few.
+        * ``shared_range``: median; ``dropped``, ``anchor_dropped``: points of curves left out.
     """
+    import pandas as pd
+
     clouds = bd_rate_clouds(metrics, anchor, qualities)
     rows = []
     for names, part in clouds.groupby(_GROUP, sort=False):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from puckbench.planning.plan import Plan
@@ -17,13 +16,9 @@ def planned_contents(
     plan: Plan,
     figures: Iterable[str],
     tables: Iterable[str],
-    captions: Path,
     style: Sequence[Mapping[str, Any]],
 ) -> Contents:
-    """The contents of the report of a plan with these figures and tables.
-
-    captions: the folder with NAME.rst for each figure and table.
-    """
+    """The contents of the report of a plan with these figures and tables."""
     chosen = plan.config["report"]
     folder = plan.results / "tables"
     of_datasets = FIRST_TABLES if plan.datasets else ()
@@ -32,7 +27,6 @@ def planned_contents(
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
         tables={name: str(folder / f"{name}.csv") for name in (*of_datasets, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
-        captions=str(captions),
         examples=tuple(_examples(plan, chosen["rates"])),
         configuration=plan.config,
         style=tuple(style),
@@ -54,7 +48,9 @@ def _examples(plan: Plan, rates: int) -> Iterable[Example]:
             }
             for codec, entry in plan.codecs.items()
         }
-        yield Example(kind, dataset, cloud, str(original), decoded)
+        yield Example(
+            kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded
+        )
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:

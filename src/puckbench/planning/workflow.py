@@ -21,24 +21,28 @@ from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
 from puckbench.datasets.registry import LOADERS
-from puckbench.figures.entry import BOTH_GPCC, STUDY, at
-from puckbench.figures.registry import EXAMPLES, FIGURES
+from puckbench.figures.registry import BOTH_GPCC, FIGURES, FigureEntry, at, figure_entries
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.scaling import GRID
 from puckbench.lidar.errors import module_of_model, open_error_model
 from puckbench.lidar.residual_table import REAL
 from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.sweep import open_sweep
+from puckbench.metrics.registry import (
+    SENSOR,
+    SEVERAL_CODECS,
+    STUDY,
+    TABLES,
+    TableEntry,
+    table_entries,
+)
 from puckbench.planning.config import checked, read_schema
 from puckbench.planning.fingerprints import code_version
 from puckbench.planning.plan import DataSetPlan, Plan, StudyPlan, TrainingPlan
 from puckbench.planning.report_contents import planned_contents
-from puckbench.report.assets import assets_version
 from puckbench.report.contents import Contents
+from puckbench.report.page import assets_version
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN, codec_roles, verdict_options
-from puckbench.thesis.tables import REGISTRY as STUDY_TABLES
-from puckbench.thesis.tables import RESULTS as RESULT_TABLES
-from puckbench.thesis.tables import VERDICTS, table_entry
 
 WALL_POINTS = 40_000
 """Points of a surface at a distance that the study's figures of scans are drawn from."""
@@ -284,18 +288,12 @@ class Workflow:
         known = _study_inputs(self.plan)
         return {
             name: {needed: known[needed] for needed in entry.inputs}
-            for name, entry in STUDY_TABLES.items()
-            if self.plan.study is not None and known.keys() >= set(entry.inputs)
+            for name, entry in _makeable(self.plan, known).items()
+            if entry.category == SENSOR
         }
 
     def result_tables(self) -> dict[str, dict[str, str]]:
-        """The tables of the benchmark: those of rate deltas want a codec beside the anchor."""
-        rates = {
-            name: table
-            for name, table in RESULT_TABLES.items()
-            if self.plan.datasets and (len(self.plan.codecs) > 1 or not _of_rate_deltas(name))
-        }
-        verdicts = {name: VERDICTS[name] for name in verdict_options(self.plan)}
+        """The tables of the benchmark that can be made, with the file of each input."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables())
         return {
@@ -304,13 +302,15 @@ class Workflow:
                 for needed in (*entry.inputs, *entry.optional)
                 if needed in there
             }
-            for name, entry in (rates | verdicts).items()
+            for name, entry in _makeable(self.plan, there).items()
+            if entry.category != SENSOR
         }
 
     def table_options(self, table: str) -> str:
         """Options of `puckbench table` for a table of the benchmark, as JSON."""
-        if table in VERDICTS:
-            return json.dumps(verdict_options(self.plan)[table], sort_keys=True)
+        verdicts = verdict_options(self.plan)
+        if table in verdicts:
+            return json.dumps(verdicts[table], sort_keys=True)
         if not _of_rate_deltas(table):
             return "{}"
         chosen = self.config["bd_rate"]
@@ -330,8 +330,7 @@ class Workflow:
 
     def table_code(self, table: str) -> str:
         """Fingerprint of a table's own module and of what writes all of them."""
-        entry = table_entry(table)
-        return f"{code_version('puckbench.cli.table', entry.function.split(':')[0])} {entry}"
+        return code_version("puckbench.jobs.table", TABLES.module_of(table))
 
     def figure_style(self, figure: str) -> str:
         """Style of one figure, as JSON: the configured style, then the figure's own options."""
@@ -355,20 +354,20 @@ class Workflow:
 
     def figure_code(self, figure: str) -> str:
         """Fingerprint of a figure's own module and of what draws all figures."""
-        entry = FIGURES[figure]
-        return f"{code_version('puckbench.cli.figure', entry.function.split(':')[0])} {entry}"
+        return code_version("puckbench.figures.drawing", FIGURES.module_of(figure))
 
-    def report(self, captions: Path) -> Contents:
-        """What the report page shows; captions: the folder with those of figures and tables."""
+    def report(self) -> Contents:
+        """What the report page shows."""
         tables = [*self.result_tables(), *self.study_tables()]
         layers = json.loads(self._style(self.config["figures"]["style"]))
-        return planned_contents(self.plan, self.figures, tables, captions, layers)
+        return planned_contents(self.plan, self.figures, tables, layers)
 
-    def report_code(self, captions: Path) -> str:
-        """Fingerprint of what makes the report page: modules, style and scripts, captions."""
-        texts = b"".join(file.read_bytes() for file in sorted(captions.glob("*.rst")))
-        digest = hashlib.sha256(texts).hexdigest()[:16]
-        return f"{code_version('puckbench.cli.report')} {assets_version()} {digest}"
+    def report_code(self) -> str:
+        """Fingerprint of what makes the report page: modules, templates, style, scripts, texts."""
+        shown: dict[str, FigureEntry | TableEntry] = {**figure_entries(), **table_entries()}
+        texts = "".join(f"{one.thesis} {one.title} {one.caption}" for one in shown.values())
+        digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
+        return f"{code_version('puckbench.report.build')} {assets_version()} {digest}"
 
 
 def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:
@@ -377,18 +376,27 @@ def figures(config: Mapping[str, Any], plan: Plan) -> dict[str, dict[str, str]]:
     there = _there(plan)
     return {
         name: {needed: known[needed] for needed in entry.inputs}
-        for name, entry in FIGURES.items()
+        for name, entry in figure_entries().items()
         if known.keys() >= set(entry.inputs) and there >= set(entry.needs)
+    }
+
+
+def _makeable(plan: Plan, known: Iterable[str]) -> dict[str, TableEntry]:
+    """The tables without a rule of their own whose inputs and needs a plan has."""
+    inputs, there = set(known), _there(plan)
+    return {
+        name: entry
+        for name, entry in table_entries().items()
+        if not entry.rule and inputs >= set(entry.inputs) and there >= set(entry.needs)
     }
 
 
 def _cloud_inputs(config: Mapping[str, Any], plan: Plan) -> dict[str, str]:
     """Files of what chapter 6's figures are drawn from."""
-    examples = {
+    known = {
         f"example_{kind}": _example(cloud, plan)
         for kind, cloud in config["figures"]["examples"].items()
     }
-    known = {name: file for name, file in examples.items() if name in EXAMPLES}
     if plan.datasets:
         verdicts = verdict_options(plan).keys() - {"claims"}
         known |= {name: _table(plan, name) for name in ("metrics", "clouds", *verdicts)}
@@ -413,8 +421,12 @@ def _study_inputs(plan: Plan) -> dict[str, str]:
 
 
 def _there(plan: Plan) -> set[str]:
-    """What a configuration has of that which figures may need."""
-    there = {BOTH_GPCC} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else set()
+    """What a configuration has of that which figures and tables may need."""
+    there = set(verdict_options(plan))
+    if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN}:
+        there.add(BOTH_GPCC)
+    if len(plan.codecs) > 1:
+        there.add(SEVERAL_CODECS)
     if plan.study is None:
         return there
     return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}

@@ -1,23 +1,65 @@
-"""Captions, written in a small part of reStructuredText, as HTML."""
+"""Captions of figures and tables: from reStructuredText to HTML."""
 
 from __future__ import annotations
 
-import re
-from html import escape
+from typing import TYPE_CHECKING
 
-from puckbench.report.markup import Markup
+from puckbench.core.errors import InputError
 
-_SPANS = ((r"``(.+?)``", r"<code>\1</code>"), (r"\*([^*\s][^*]*)\*", r"<em>\1</em>"))
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+_SETTINGS = {
+    "doctitle_xform": False,
+    "file_insertion_enabled": False,
+    "raw_enabled": False,
+    "report_level": 5,  # faults are exceptions, not paragraphs of the page
+    "halt_level": 2,
+    "warning_stream": False,
+}
 
 
-def caption_html(text: str) -> Markup:
-    """Paragraphs of a caption, with ``code`` and *emphasis*; everything else is plain text."""
-    paragraphs = re.split(r"\n\s*\n", text.strip())
-    return Markup("".join(f"<p>{_spans(' '.join(p.split()))}</p>" for p in paragraphs if p))
+def caption_html(text: str, name: str = "a caption") -> Markup:
+    """A caption as HTML paragraphs.
+
+    Parameters
+    ----------
+    text
+        reStructuredText; text in `single` as in ``double`` quotes is code.
+    name
+        Of the figure or table, for errors.
+
+    Raises
+    ------
+    InputError
+        The text is no reStructuredText, in one line that says why.
+    """
+    from docutils.core import publish_parts
+    from docutils.utils import SystemMessage
+    from docutils.writers.html5_polyglot import Writer
+    from markupsafe import Markup
+
+    source = f".. default-role:: literal\n\n{text}"
+    writer = Writer()
+    writer.translator_class = _translator()
+    try:
+        parts = publish_parts(source, writer=writer, settings_overrides=_SETTINGS)
+    except SystemMessage as error:
+        fault = str(error).splitlines()[0].partition(") ")[2]
+        raise InputError(f"caption of {name}: {fault}") from error
+    body = str(parts["body"]).strip()
+    return Markup(body.replace("</p>\n<p>", "</p><p>").replace("\n", " "))  # noqa: S704
 
 
-def _spans(line: str) -> str:
-    html = escape(line, quote=False)
-    for pattern, replacement in _SPANS:
-        html = re.sub(pattern, replacement, html)
-    return html
+def _translator() -> type:
+    from docutils.nodes import SkipNode, literal
+    from docutils.writers.html5_polyglot import HTMLTranslator
+
+    class Plain(HTMLTranslator):  # type: ignore[misc]
+        """Writes code as ``<code>`` without classes, which the page's style does not know."""
+
+        def visit_literal(self, node: literal) -> None:
+            self.body.append(f"<code>{self.encode(node.astext())}</code>")
+            raise SkipNode
+
+    return Plain

@@ -1,17 +1,24 @@
-"""Clouds for the viewer: thinned, in 16-bit coordinates, decoded ones with their errors."""
+"""Clouds for the viewer: subsampled, in 16-bit coordinates, decoded ones with their errors."""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.core.seeding import generator
+from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.report.curves import rounded
+from puckbench.io.clouds import read_cloud
+from puckbench.report.contents import Contents, Example
+from puckbench.report.curves import codec_look, rounded
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BYTES_PER_POINT = 28 / 3
 """Of a decoded cloud in the page: three coordinates of two bytes and an error of one, in base64."""
@@ -20,6 +27,60 @@ DECADES = 3
 _STEPS = 65535
 _LEAST_POINTS = 100
 _SHARE = 0.999
+_COLOUR_STOPS = 64
+_COLOUR_MAPS = {"height": ("viridis", 0.2), "error": ("inferno", 0.25)}
+"""Maps of the viewer, and where they begin: their dark ends do not show on its background."""
+
+
+def viewer_payload(
+    contents: Contents, metrics: pd.DataFrame | None, style: FigureStyle
+) -> dict[str, Any]:
+    """What the viewer shows: examples, plot styles of their codecs, colour maps."""
+    clouds = sum(1 + sum(map(len, e.decoded.values())) for e in contents.examples)
+    points = points_each(contents.points, clouds, contents.most_mb)
+    codecs = style.ordered_codecs(c for example in contents.examples for c in example.decoded)
+    return {
+        "codecs": [codec_look(name, style) for name in codecs],
+        "maps": {name: _colours(*which) for name, which in _COLOUR_MAPS.items()},
+        "examples": [_example(item, points, metrics, style) for item in contents.examples],
+    }
+
+
+def _example(
+    example: Example, points: int, metrics: pd.DataFrame | None, style: FigureStyle
+) -> dict[str, Any]:
+    original = read_cloud(Path(example.original))
+    coded = (
+        (codec, rate, read_cloud(Path(file)).xyz)
+        for codec, files in example.decoded.items()
+        for rate, file in files.items()
+    )
+    decoded = shown_decoded(original, coded, points)
+    payload = example_payload(shown_original(original, points), decoded, "scale" in original.about)
+    for item in payload["decoded"]:
+        item["bpp"] = _bpp(metrics, example, item["codec"], item["rate"])
+    return {
+        "title": f"{style.title(example.dataset)}: {example.cloud}",
+        "opened": example.kind != "object",
+        **payload,
+    }
+
+
+def _bpp(metrics: pd.DataFrame | None, example: Example, codec: str, rate: str) -> float | None:
+    """Bits per point of one stream, where the results have it."""
+    if metrics is None:
+        return None
+    wanted = {"dataset": example.dataset, "cloud": example.cloud, "codec": codec, "rate": rate}
+    row = metrics[np.all([metrics[name] == value for name, value in wanted.items()], axis=0)]
+    return float(f"{row['bpp'].iloc[0]:.4g}") if len(row) else None
+
+
+def _colours(name: str, start: float) -> list[str]:
+    import matplotlib
+    from matplotlib.colors import to_hex
+
+    shares = (start + (1 - start) * step / (_COLOUR_STOPS - 1) for step in range(_COLOUR_STOPS))
+    return [to_hex(matplotlib.colormaps[name](share)) for share in shares]
 
 
 @dataclass(frozen=True)
@@ -40,7 +101,7 @@ def points_each(most: int, clouds: int, most_mb: float) -> int:
     return max(_LEAST_POINTS, min(most, int(fitting)))
 
 
-def thinned(points: Floats, most: int, *names: str) -> Floats:
+def subsampled(points: Floats, most: int, *names: str) -> Floats:
     """At most so many of the points (n, 3), chosen at random; the same names choose the same."""
     if len(points) <= most:
         return points
@@ -50,7 +111,7 @@ def thinned(points: Floats, most: int, *names: str) -> Floats:
 
 def shown_original(original: PointCloud, most: int) -> Shown:
     """Points of the cloud that was coded, in metres."""
-    return Shown(original.to_metres(thinned(original.xyz, most, "original")), len(original))
+    return Shown(original.to_metres(subsampled(original.xyz, most, "original")), len(original))
 
 
 def shown_decoded(
@@ -63,7 +124,7 @@ def shown_decoded(
     scale = float(original.about.get("scale", 1.0))
     found = []
     for codec, rate, points in decoded:
-        chosen = thinned(points, most, codec, rate)
+        chosen = subsampled(points, most, codec, rate)
         errors = tree.query(np.ascontiguousarray(chosen))[0] / scale
         shown = Shown(original.to_metres(chosen), len(points), errors)
         found.append((codec, rate, shown))

@@ -1,14 +1,19 @@
-"""What was run, in words: the data sets, the codecs, the machine, the whole configuration."""
+"""What was run: the data sets, the codecs, the machine, the whole configuration."""
 
 from __future__ import annotations
 
 import json
+import os
+import platform
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from puckbench import __version__
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.report.markup import Markup, joined, tag
 from puckbench.report.tables import text_of
 
 if TYPE_CHECKING:
@@ -17,49 +22,80 @@ if TYPE_CHECKING:
 _MAKES = {"sample": "sampled", "scan": "scanned", "cloud": "as captured"}
 _KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group"])
 _MOST_VALUES = 5
+_PACKAGES = ("numpy", "scipy", "pandas", "numba", "open3d", "open3d-cpu", "DracoPy", "torch")
 
 
-def machine_html(machine: Mapping[str, str], metrics: pd.DataFrame | None) -> Markup:
-    """The machine, and what the table of results says of where it was measured."""
-    facts = dict(machine)
-    if metrics is not None:
-        facts |= {f"Table: {name}": ", ".join(found) for name, found in _said(metrics).items()}
-    pairs = (part for name, text in facts.items() for part in (tag("dt", name), tag("dd", text)))
-    return tag("dl", *pairs)
+@dataclass(frozen=True)
+class Row:
+    """A data set or codec: its title and name, further cells, and options where it may have any."""
+
+    title: str
+    name: str
+    cells: tuple[str, ...]
+    options: str | None = None
 
 
-def _said(metrics: pd.DataFrame) -> dict[str, list[str]]:
-    """Columns of text that hold for all codecs: the version that measured, the processor."""
-    texts = [n for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
-    found = {name: _distinct(metrics[name]) for name in texts if not _of_codec(str(name))}
-    return {str(name): values[:_MOST_VALUES] for name, values in found.items() if values}
+@dataclass(frozen=True)
+class RunFacts:
+    """What the first part of the page shows."""
+
+    datasets: tuple[Row, ...]
+    codecs: tuple[Row, ...]
+    machine: Mapping[str, str]
+    configuration: str
+    dataset_heads: tuple[str, ...] = (
+        "Data set",
+        "Scenes",
+        "Clouds are",
+        "Error model",
+        "Clouds",
+        "Points, median",
+    )
+    codec_heads: tuple[str, ...] = (
+        "Codec",
+        "Version and weights",
+        "Rates",
+        "Changed in the configuration",
+    )
 
 
-def _of_codec(column: str) -> bool:
-    return column == "codec_version" or "weights" in column
+def run_facts(
+    configuration: Mapping[str, Any],
+    metrics: pd.DataFrame | None,
+    clouds: pd.DataFrame | None,
+    machine: Mapping[str, str],
+    style: FigureStyle,
+) -> RunFacts:
+    """The facts of a run.
+
+    Parameters
+    ----------
+    configuration
+        The checked one; may be empty.
+    metrics, clouds
+        Its tables of results and of clouds, where there are any.
+    machine
+        Facts of the machine that the page is made on, by name.
+    style
+        Gives titles and orders.
+    """
+    return RunFacts(
+        datasets=tuple(_datasets(configuration, clouds, style)),
+        codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
+        machine={**machine, **({} if metrics is None else _measured_on(metrics))},
+        configuration=_as_yaml(configuration) if configuration else "",
+    )
 
 
-def _distinct(values: pd.Series[Any]) -> list[str]:
-    return list(dict.fromkeys(text_of(value) for value in values.dropna()))
-
-
-def datasets_html(
+def _datasets(
     configuration: Mapping[str, Any], clouds: pd.DataFrame | None, style: FigureStyle
-) -> Markup:
-    """A row for each data set: how its clouds are made, how many and how large they are."""
-    heads = ("Data set", "Scenes", "Clouds are", "Error model", "Clouds", "Points, median")
-    loaders = {name: value["loader"] for name, value in configuration["scenes"].items()}
-    rows = [
-        (
-            _titled(style.title(name), name),
-            f"{value['scenes']} ({loaders[value['scenes']]})",
-            _MAKES[value["make"]],
-            value["errors"] if value["make"] == "scan" else "",
-            *_sizes(clouds, name),
-        )
-        for name, value in configuration["datasets"].items()
-    ]
-    return _plain_table(heads, rows)
+) -> Iterable[Row]:
+    for name, value in configuration.get("datasets", {}).items():
+        scenes = value["scenes"]
+        loader = configuration["scenes"][scenes]["loader"]
+        errors = value["errors"] if value["make"] == "scan" else ""
+        made = (f"{scenes} ({loader})", _MAKES[value["make"]], errors)
+        yield Row(style.title(name), name, (*made, *_sizes(clouds, name)))
 
 
 def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
@@ -69,57 +105,72 @@ def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
     return str(len(points)), f"{points.median():,.0f}" if len(points) else ""
 
 
-def codecs_html(
-    configuration: Mapping[str, Any], metrics: pd.DataFrame | None, style: FigureStyle
-) -> Markup:
-    """A row for each codec: its version, rates and options, and its weights where it has any."""
-    heads = ("Codec", "Version and weights", "Rates", "Changed in the configuration")
+def _codecs(
+    configuration: Mapping[str, Any], metrics: pd.DataFrame, style: FigureStyle
+) -> Iterable[Row]:
     entries = configuration.get("codecs", {})
-    names = list(entries) if metrics is None else metrics["codec"].unique()
-    rows = [
-        (
-            _titled(style.look(name).title, name),
-            _versions(metrics, name),
-            _rates(metrics, name),
-            _changes(entries.get(name)),
-        )
-        for name in style.ordered_codecs(names)
-    ]
-    return _plain_table(heads, rows)
+    for name in style.ordered_codecs(metrics["codec"].unique()):
+        rows = metrics[metrics["codec"] == name]
+        entry = entries.get(name)
+        options = json.dumps(entry, sort_keys=True) if entry else ""
+        cells = (_versions(rows), ", ".join(ordered_rates(set(rows["rate"]))))
+        yield Row(style.look(name).title, name, cells, options)
 
 
-def _titled(title: str, name: str) -> Markup:
-    return joined([title, " ", tag("code", name)])
-
-
-def _versions(metrics: pd.DataFrame | None, codec: str) -> str:
-    if metrics is None:
-        return ""
-    rows = metrics[metrics["codec"] == codec]
-    columns = [name for name in rows.select_dtypes(exclude="number") if _of_codec(str(name))]
+def _versions(rows: pd.DataFrame) -> str:
+    columns = [name for name in rows.select_dtypes(exclude="number") if _is_of_codec(str(name))]
     return "; ".join(text for name in columns for text in _distinct(rows[name])[:_MOST_VALUES])
 
 
-def _rates(metrics: pd.DataFrame | None, codec: str) -> str:
-    if metrics is None:
-        return ""
-    return ", ".join(ordered_rates(set(metrics.loc[metrics["codec"] == codec, "rate"])))
+def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
+    """Columns of text that hold for all codecs: the version that measured, the processor."""
+    texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
+    found = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
+    return {f"Table: {name}": ", ".join(v[:_MOST_VALUES]) for name, v in found.items() if v}
 
 
-def _changes(entry: Mapping[str, Any] | None) -> Markup:
-    return tag("code", json.dumps(entry, sort_keys=True)) if entry else Markup("")
+def _is_of_codec(column: str) -> bool:
+    return column == "codec_version" or "weights" in column
 
 
-def _plain_table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
-    head = tag("tr", *(tag("th", text, scope="col") for text in heads))
-    body = (tag("tr", *(tag("td", cell) for cell in row)) for row in rows)
-    table = tag("table", tag("thead", head), tag("tbody", joined(body)))
-    return tag("div", table, class_="scroll", tabindex=0)
+def _distinct(values: pd.Series[Any]) -> list[str]:
+    return list(dict.fromkeys(text_of(value) for value in values.dropna()))
 
 
-def configuration_html(configuration: Mapping[str, Any]) -> Markup:
-    """All of the configuration, defaults filled in, folded away."""
+def _as_yaml(configuration: Mapping[str, Any]) -> str:
+    """All of the configuration, defaults filled in."""
     import yaml
 
-    text = yaml.safe_dump(json.loads(json.dumps(configuration)), sort_keys=False, width=100)
-    return tag("details", tag("summary", "The whole configuration"), tag("pre", text))
+    plain = json.loads(json.dumps(configuration))
+    return str(yaml.safe_dump(plain, sort_keys=False, width=100))
+
+
+def this_machine() -> dict[str, str]:
+    """Versions of programs and libraries, system and processor, as far as they can be known."""
+    found = {name: _version(name) for name in _PACKAGES}
+    libraries = ", ".join(f"{name} {number}" for name, number in found.items() if number)
+    facts = {
+        "puckbench": __version__,
+        "Python": f"{platform.python_implementation()} {platform.python_version()}",
+        "Libraries": libraries,
+        "System": f"{platform.system()} {platform.machine()}",
+        "Processor": f"{_processor()} ({os.cpu_count()} logical cores)",
+    }
+    return {name: text for name, text in facts.items() if text}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def _processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """The processor's model name; the architecture where the system does not tell it."""
+    try:
+        lines = cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.report.markup import Markup, joined, tag
+from puckbench.report.page import rendered
 from puckbench.report.quantities import measured
 
 if TYPE_CHECKING:
     import pandas as pd
+    from markupsafe import Markup
 
 MOST_ROWS = 1000
 """Rows of a table that stand in the page; the file has all of them."""
@@ -19,38 +21,57 @@ _SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
 _UNITS = {"_m": "m", "_rad": "rad", "_deg": "°", "_percent": "%", "_db": "dB", "_s": "s"}
 
 
-def table_html(table: pd.DataFrame, link: str | None = None) -> Markup:
-    """The table, and how many of its rows are left out; `link` leads to the whole file.
+@dataclass(frozen=True)
+class Column:
+    """A column of a table in the page.
 
-    Columns of quantiles beside their median get the class ``spread``, columns of numbers the class
-    ``number``.
+    Parameters
+    ----------
+    name
+        As in the file.
+    words, unit
+        What it measures, where there are words and a unit for it.
+    kind
+        Classes: ``number``, and ``spread`` for a quantile beside its median.
     """
-    columns = [str(name) for name in table]
-    classes = [_class(table[name], columns) for name in table]
-    heads = [_head(name, kind) for name, kind in zip(columns, classes, strict=True)]
-    rows = (_row(row, classes) for row in table.head(MOST_ROWS).itertuples(index=False))
-    body = tag("table", tag("thead", tag("tr", *heads)), tag("tbody", joined(rows)), class_="data")
-    return joined([tag("div", body, class_="scroll", tabindex=0), _below(len(table), link)])
+
+    name: str
+    words: str
+    unit: str
+    kind: str
 
 
-def _class(values: pd.Series[Any], columns: list[str]) -> str | None:
-    quantile = _SPREAD.fullmatch(str(values.name))
+def table_html(table: pd.DataFrame, link: str | None = None) -> Markup:
+    """A table as HTML, with how many rows are left out; `link` leads to the whole file."""
+    from markupsafe import Markup
+
+    values = {
+        "columns": _columns(table),
+        "rows": [[text_of(value) for value in row] for row in _first_rows(table)],
+        "total": len(table),
+        "most": MOST_ROWS,
+        "link": link,
+    }
+    return Markup(rendered("table.html", **values))  # noqa: S704
+
+
+def _first_rows(table: pd.DataFrame) -> Any:
+    return table.head(MOST_ROWS).itertuples(index=False)
+
+
+def _columns(table: pd.DataFrame) -> list[Column]:
+    names = [str(name) for name in table]
+    return [_column(table[name], names) for name in table]
+
+
+def _column(values: pd.Series[Any], names: list[str]) -> Column:
+    name = str(values.name)
+    quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
-    kinds += ["spread"] if quantile and quantile[1] in columns else []
-    return " ".join(kinds) or None
-
-
-def _head(column: str, kind: str | None) -> Markup:
-    quantile = _SPREAD.fullmatch(column)
-    known = measured(quantile[1] if quantile else column)
-    unit = known.unit or next((_UNITS[end] for end in _UNITS if column.endswith(end)), "")
-    words = known.words if known.words != column else None
-    return tag("th", column, tag("small", unit), scope="col", title=words, class_=kind)
-
-
-def _row(values: tuple[Any, ...], classes: list[str | None]) -> Markup:
-    cells = (tag("td", text_of(v), class_=kind) for v, kind in zip(values, classes, strict=True))
-    return tag("tr", *cells)
+    kinds += ["spread"] if quantile and quantile[1] in names else []
+    known = measured(quantile[1] if quantile else name)
+    unit = known.unit or next((_UNITS[end] for end in _UNITS if name.endswith(end)), "")
+    return Column(name, known.words if known.words != name else "", unit, " ".join(kinds))
 
 
 def text_of(value: Any) -> str:
@@ -72,12 +93,3 @@ def _missing() -> Any:
     import pandas as pd
 
     return pd.NA
-
-
-def _below(rows: int, link: str | None) -> Markup:
-    parts: list[Markup | str] = []
-    if rows > MOST_ROWS:
-        parts.append(f"The first {MOST_ROWS:,} of {rows:,} rows. ")
-    if link:
-        parts += ["All digits: ", tag("a", link, href=link), ", if it lies beside this page."]
-    return tag("p", *parts, class_="below") if parts else Markup("")

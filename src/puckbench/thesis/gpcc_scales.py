@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from puckbench.core.errors import InputError
+from puckbench.metrics.registry import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 REFERENCE, AS_RUN = "gpcc", "gpcc_as_run"
 SHARES = {"q25": 0.25, "median": 0.5, "q75": 0.75}
@@ -15,20 +19,38 @@ _MEASURED = ("bpp", "cd_point", "cd_plane", "d1_psnr")
 _COMPARED = {"bits": "bpp", "distortion": "cd_point"}
 
 
+@TABLES.register("gpcc_scales", title="G-PCC by scale", needs=("gpcc_scales",))
 def gpcc_scales(
     metrics: pd.DataFrame, *, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
 ) -> pd.DataFrame:
-    """One row per data set, codec and scale: medians over clouds, and ratios to the same scale.
+    """G-PCC at each scale of its grid: medians over clouds of rate and distortion, and ratios.
 
-    codecs: role -> codec, of `REFERENCE` (coordinates rounded, tools of the common test
-    conditions) and `AS_RUN` (truncated, TMC13's defaults); scales: codec -> rate -> the factor on
-    coordinates, and grid units are those of scale 1. Columns: ``dataset``, ``codec``, ``role``,
-    ``rate``, ``scale``, ``dyadic`` (a power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
-    ``cd_plane`` and ``d1_psnr``; ``bits_median``, ``bits_q25``, ``bits_q75``: over the clouds, the
-    codec's bits over the reference's at that scale; ``distortion_...``: of CD point-to-point.
-    The ratios are missing where a scale has no reference.
+    The ratios are of bits and of Chamfer distance (point-to-point) to those of the codec that
+    rounds coordinates and uses the tools of the common test conditions at the same scale, with
+    quartiles over clouds; they are missing where a scale has no reference.
 
-    Raises InputError when no result has a scale.
+    Parameters
+    ----------
+    metrics
+        All results of a run.
+    codecs
+        Role -> codec, of `REFERENCE` (coordinates rounded, tools of the common test conditions) and
+        `AS_RUN` (truncated, TMC13's defaults).
+    scales
+        Codec -> rate -> the factor on coordinates; grid units are those of scale 1.
+
+    Returns
+    -------
+    pd.DataFrame
+        One row per data set, codec and scale: ``dataset``, ``codec``, ``role``, ``rate``,
+        ``scale``, ``dyadic`` (a power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
+        ``cd_plane`` and ``d1_psnr``, and ``bits_...`` and ``distortion_...`` with ``median``,
+        ``q25`` and ``q75`` of the ratios.
+
+    Raises
+    ------
+    InputError
+        No result has a scale.
     """
     rows = _with_scales(metrics, codecs, scales)
     keys = ["dataset", "cloud", "scale"]

@@ -3,28 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from puckbench.lidar import Sensor, load_sensor, open_error_model
 from puckbench.lidar.errors import described
+from puckbench.metrics.registry import SENSOR, STUDY, TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _MISSING_LASER = 13
 
 
+@TABLES.register(
+    "table_4_1",
+    title="The VLP-16 (thesis table 4.1)",
+    category=SENSOR,
+    thesis="4.1",
+    needs=(STUDY,),
+)
 def table_4_1() -> pd.DataFrame:
-    """The sensor's specifications: ``quantity``, ``thesis``, ``here``, ``note``."""
+    """Specifications of the VLP-16 as the code uses them, beside what the thesis prints.
+
+    They are from the sensor's file (thesis table 4.1).
+
+    Returns
+    -------
+    pd.DataFrame
+        ``quantity``, ``thesis``, ``here``, ``note``.
+    """
     sensor = load_sensor("vlp16")
     return _rows(*_light(sensor), *_angles(sensor), *_range(sensor))
 
 
+@TABLES.register(
+    "table_4_2",
+    title="Lasers of the VLP-16 (thesis table 4.2)",
+    category=SENSOR,
+    thesis="4.2",
+    needs=(STUDY,),
+)
 def table_4_2() -> pd.DataFrame:
-    """Elevation and vertical correction of each laser.
+    """Elevation and vertical correction of each laser as the code uses them.
 
-    Columns: ``laser_id``, ``elevation_deg``, ``vertical_correction_mm``, ``note``.
+    They are from the sensor's file (thesis table 4.2, which leaves out laser 13). Virtual rays all
+    start at the sensor's centre, so the correction belongs to real captures.
+
+    Returns
+    -------
+    pd.DataFrame
+        ``laser_id``, ``elevation_deg``, ``vertical_correction_mm``, ``note``.
     """
+    import pandas as pd
+
     sensor = load_sensor("vlp16")
     lasers = np.arange(sensor.lasers)
     missing = "not in the thesis's table; from the manual"
@@ -38,12 +71,26 @@ def table_4_2() -> pd.DataFrame:
     )
 
 
+@TABLES.register(
+    "table_5_1",
+    title="Parameters of the virtual VLP-16 (thesis table 5.1)",
+    category=SENSOR,
+    thesis="5.1",
+    needs=(STUDY,),
+)
 def table_5_1() -> pd.DataFrame:
-    """Parameters of the virtual sensor.
+    """Parameters of the virtual VLP-16 as the code uses them, beside what the thesis prints.
 
-    Columns: ``quantity``, ``thesis``, ``here`` (error model `vlp16`), ``as_printed`` (error model
-    `vlp16_table51`), ``note``.
+    They are from the sensor's file and the error models ``vlp16`` (column ``here``) and
+    ``vlp16_table51`` (``as_printed``); thesis table 5.1.
+
+    Returns
+    -------
+    pd.DataFrame
+        ``quantity``, ``thesis``, ``here``, ``as_printed``, ``note``.
     """
+    import pandas as pd
+
     sensor = load_sensor("vlp16")
     models = [described(open_error_model(name)) for name in ("vlp16", "vlp16_table51")]
     receiver = described(open_error_model("vlp16", {"receiver": {}}))["receiver"]
@@ -104,4 +151,6 @@ def _metres(models: Sequence[Mapping[str, Any]], name: str) -> list[str]:
 
 
 def _rows(*rows: tuple[str, str, str, str]) -> pd.DataFrame:
+    import pandas as pd
+
     return pd.DataFrame(rows, columns=["quantity", "thesis", "here", "note"])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pandas as pd
 
 from puckbench.geometry.cloud import Floats
 from puckbench.thesis.claims.evidence import Evidence
@@ -17,6 +18,9 @@ from puckbench.thesis.claims.roles import (
     SCANS,
 )
 from puckbench.thesis.published_rates import OBJECTS, ROOMS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LEAST_ROOMS = 16
 VISIBLE = 0.5

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.plot_styles import codec_look
 from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 LEAST_RATES = 3
@@ -68,6 +71,8 @@ class Evidence:
         Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (its place) and
         those of `MEASURED`, missing ones as nan.
         """
+        import pandas as pd
+
         columns = ["dataset", "codec", "rate", *MEASURED]
         if self.metrics is None:
             return pd.DataFrame(columns=[*columns, "number"])
@@ -92,6 +97,8 @@ class Evidence:
         Columns ``bpp`` and ``ratio``. The base's values are interpolated between the logarithms
         of its rates; nothing is extrapolated, and a base of fewer than three rates tells nothing.
         """
+        import pandas as pd
+
         one, other = (self._curve(dataset, codec, column) for codec in (tested, base))
         if len(other) < LEAST_RATES:
             return pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)

@@ -83,7 +83,7 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
-    """The tables of `puckbench.thesis.tables.VERDICTS` that a plan allows, with their options.
+    """The tables of `puckbench.metrics.registry.TABLES` that a plan allows, with their options.
 
     The thesis's medians need a data set and a codec like the thesis's, with a rate of its name.
     """

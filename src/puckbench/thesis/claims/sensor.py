@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from statistics import median
-
-import pandas as pd
+from typing import TYPE_CHECKING
 
 from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.claims.evidence import Evidence
@@ -13,6 +12,9 @@ from puckbench.thesis.claims.parts import Part, needs
 from puckbench.thesis.numbers import MOVED
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, PRINTED_STD_M, REAL_STD_M
 from puckbench.thesis.residuals.statistics import ALL
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CENTIMETRE = 0.005
 """The thesis prints the mean to a centimetre: nearer to zero than half of one is 0.00 m."""
@@ -161,6 +163,8 @@ def _flat(evidence: Evidence, model: str, key: str) -> list[Part]:
 
 def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.Series[float]:
     """Standard deviations for each value of one key, over all of the other."""
+    import pandas as pd
+
     other = "laser_id" if key == "distance_m" else "distance_m"
     rows = _rows(evidence, model, **{"surface": surface, other: ALL})
     if rows.empty:
@@ -173,6 +177,8 @@ def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.Series
 
 def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
     """Rows of the statistics of one model, with these keys."""
+    import pandas as pd
+
     table = evidence.residual_statistics
     if table is None:
         return pd.DataFrame()

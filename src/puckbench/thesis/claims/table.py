@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import pandas as pd
-
+from puckbench.metrics.registry import TABLES
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import UNTESTED, told, verdict, wanted
-from puckbench.thesis.claims.registry import CLAIMS, Claim
+from puckbench.thesis.claims.statements import CLAIMS, Claim
 from puckbench.thesis.published_rates import median_rows
 
+if TYPE_CHECKING:
+    import pandas as pd
 
+
+@TABLES.register("claims", title="The thesis's claims, one by one", category="Claims")
 def claims(
     metrics: pd.DataFrame | None = None,
     clouds: pd.DataFrame | None = None,
@@ -23,16 +27,33 @@ def claims(
     codecs: Mapping[str, str],
     stand_ins: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
-    """One row for each claim, tested on those tables of a run that there are.
+    """The 14 claims of the thesis, one by one: the verdict, and what was measured.
 
-    datasets: data set -> what it is; codecs: role -> codec, stand_ins: role -> a codec that changes
-    the one of that role, see `roles`. Columns: ``number``,
-    ``section`` and ``claim`` of the thesis, ``verdict`` (see `puckbench.thesis.claims.parts`),
-    ``here``: each part tested, whether it holds, and our numbers; ``not_tested``: what the other
-    parts need; ``thesis``: its own numbers; ``thesis_verdict``: the verdict of the same rule on
-    the thesis's own medians, where they are enough for it; ``figure``: ours, by name;
-    ``thesis_figure``: the thesis's.
+    Beside them what this run cannot tell, and the thesis's own numbers; ``thesis_verdict`` is what
+    the same rule says of the thesis's own medians. Each rule is written down in
+    docs/notes/claims.md. ``figure`` names the figure that shows it.
+
+    Parameters
+    ----------
+    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
+        Tables of a run, where there are any.
+    datasets
+        Data set -> what it is.
+    codecs
+        Role -> codec, see `puckbench.thesis.claims.roles`.
+    stand_ins
+        Role -> a codec that changes the one of that role.
+
+    Returns
+    -------
+    pd.DataFrame
+        ``number``, ``section`` and ``claim`` of the thesis, ``verdict`` (see
+        `puckbench.thesis.claims.parts`), ``here``: each part tested, whether it holds, and our
+        numbers; ``not_tested``: what the other parts need; ``thesis``: its own numbers;
+        ``thesis_verdict``; ``figure``: ours, by name; ``thesis_figure``: the thesis's.
     """
+    import pandas as pd
+
     found = Evidence(
         metrics,
         clouds,
@@ -50,6 +71,8 @@ def claims(
 
 def thesis_evidence() -> Evidence:
     """The thesis's own medians of Figure 6.5 as if they were a run's."""
+    import pandas as pd
+
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})
     datasets, codecs = (list(dict.fromkeys(table[name])) for name in ("dataset", "codec"))
     return Evidence(table, datasets={name: name for name in datasets},

@@ -10,6 +10,7 @@ from puckbench.figures import panels
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.quantities import CD_PLANE, HD_PLANE
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -22,10 +23,17 @@ _WIDE, _FAINT = 4.5, 0.35
 """Width in points and opacity of the thesis's lines, which lie behind ours."""
 
 
+@FIGURES.register(
+    "beside_thesis",
+    title="The thesis's medians per compression rate beside ours",
+    category="Findings",
+)
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
-    """One row per distance, one column per data set: ours as lines with markers, the thesis's wide.
+    """Medians per compression rate: wide lines are the thesis's, read off its Figure 6.5, lines
+    with markers this run's.
 
-    The wide line has the codec's colour; the thesis's one G-PCC lies behind each of ours.
+    The thesis has one G-PCC, which truncated coordinates. Where data sets are other ones than the
+    thesis's, the shapes of the curves can be compared, not their heights.
     """
     columns = ("thesis", "here")
     require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")

@@ -17,6 +17,7 @@ from puckbench.figures.panels import (
     set_title,
 )
 from puckbench.figures.quantities import CD_PLANE
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -27,10 +28,14 @@ _KEYS = ("dataset", "cloud")
 _CD = CD_PLANE.within(1e-1, 1e2)
 
 
+@FIGURES.register(
+    "elongation", title="Chamfer distance against the elongation of the cloud", category="Findings"
+)
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """A point for each cloud and codec, at the middle one of the codec's rates.
+    """Chamfer distance (point-to-plane) of each cloud at the middle rate of each codec, against
+    the cloud's elongation: the shortest over the longest side of its box.
 
-    The elongation is the thesis's: shortest over longest side of the box along the axes.
+    The thesis reports that it saw no effect of a room's elongation, without a figure.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")

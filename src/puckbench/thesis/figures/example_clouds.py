@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.rendering import Image, View, render_cloud
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
+
+    from puckbench.geometry.rendering import Image, View
 
 _AZIMUTH_DEG, _ELEVATION_DEG = -60.0, 38.0
 _CUT_HEIGHT = 0.8
@@ -26,23 +28,49 @@ _COVER = 10.0
 _DARKEST = 0.12
 
 
+@FIGURES.register(
+    "fig_6_1", title="Example cloud of the object set", category="Clouds", thesis="6.1"
+)
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
-    """Figure 6.1: a cloud of the object set, coloured by height."""
+    """A cloud of the object set, as it is given to the codecs, in metres (thesis figure 6.1).
+
+    Colour is the height above the lowest point, brightness the direction of the surface. The view
+    is orthographic: the bar holds for every length that lies parallel to the picture.
+    """
     return _draw({"": _in_metres(example_object)}, style)
 
 
+@FIGURES.register("fig_6_2", title="Example cloud of a raw room", category="Clouds", thesis="6.2")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
-    """Figure 6.2: a raw room, cut open towards the viewer."""
+    """A raw room, as it is given to the codecs, in metres (thesis figure 6.2).
+
+    To open it towards the viewer, the upper fifth and the two near walls are left out of the
+    picture, not of the cloud. Colour is the height above the floor, brightness the direction of
+    the surface. The view is orthographic: the bar holds for every length that lies parallel to the
+    picture.
+    """
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
 
+@FIGURES.register(
+    "fig_6_3",
+    title="One room: raw, scanned without noise, scanned with noise",
+    category="Clouds",
+    thesis="6.3",
+)
 def draw_room_versions(
     example_raw: PointCloud,
     example_clean: PointCloud,
     example_noisy: PointCloud,
     style: FigureStyle,
 ) -> Figure:
-    """Figure 6.3: one room raw, scanned without noise, and with noise; same view, same colours."""
+    """The same room (a) raw, (b) scanned without noise and (c) scanned with noise, in metres
+    (thesis figure 6.3).
+
+    All three have the same view, scale and colours; the upper fifth and the two near walls are
+    left out of the pictures, not of the clouds. White areas inside (b) and (c) lie in the shadow
+    of furniture, where no ray of the sensor arrives.
+    """
     versions = {
         "(a) Raw": example_raw,
         "(b) Scan without noise": example_clean,
@@ -95,6 +123,8 @@ def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
 
 def _frame(clouds: list[Floats]) -> _Frame:
     """Orthographic view from above that holds the bulk of every cloud, in one scale."""
+    from puckbench.geometry.rendering import View
+
     ends = [np.quantile(points, [0.0005, 0.9995], axis=0) for points in clouds]
     low, high = np.min([e[0] for e in ends], axis=0), np.max([e[1] for e in ends], axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
@@ -112,6 +142,8 @@ def _frame(clouds: list[Floats]) -> _Frame:
 
 def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image:
     """The points coloured by height, in discs large enough to close the surfaces."""
+    from puckbench.geometry.rendering import render_cloud
+
     span = max(frame.top - frame.floor, 1e-9)
     shares = np.clip((cloud.xyz[:, 2] - frame.floor) / span, 0, 1)
     colours = 255 * _colour_map()(shares)[:, :3]

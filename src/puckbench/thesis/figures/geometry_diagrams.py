@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.sweep import Sweep
+from puckbench.metrics.registry import STUDY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +28,16 @@ _INCIDENCES_DEG = (68.0, 25.0)
 _ERROR_M = 0.75
 
 
+@FIGURES.register(
+    "fig_5_1", title="The sweep in front of a wall", category="Sensor", thesis="5.1", needs=(STUDY,)
+)
 def draw_sweep(style: FigureStyle) -> Figure:
-    """Figure 5.1: the sweep in front of a wall from the side, five of the sixteen rays drawn."""
+    """The sweep of a single scan from the side (thesis figure 5.1): the sensor, 1 m above the
+    floor, pitches from -60° to +60° in front of a wall 1 to 5 m away.
+
+    Five of the sixteen rays are drawn at three of the pitches; those that pass over the wall end
+    in the open.
+    """
     figure, axes = _canvas(2.6, style)
     sweep = Sweep()
     pitches = (sweep.pitch_start_deg, 0.0, sweep.pitch_end_deg)
@@ -85,8 +95,20 @@ def _signed(angle_deg: float) -> str:
     return f"{sign}{abs(angle_deg):g}\u00b0"
 
 
+@FIGURES.register(
+    "fig_5_21",
+    title="Incidence angle and plane residual",
+    category="Sensor",
+    thesis="5.21",
+    needs=(STUDY,),
+)
 def draw_incidence_geometry(style: FigureStyle) -> Figure:
-    """Figure 5.21: two samples of a floor with one range error, and their different residuals."""
+    """Why noise along the ray cannot widen residuals at large incidence (thesis figure 5.21):
+    two samples of a floor with the same range error e.
+
+    The plane residual, in red, is d = e cos(incidence), so that of the ray with the larger angle
+    of incidence is the smaller one.
+    """
     figure, axes = _canvas(2.1, style)
     axes.plot([-0.9, 4.3], [0, 0], **_SURFACE)
     for index, incidence in enumerate(np.radians(_INCIDENCES_DEG), start=1):

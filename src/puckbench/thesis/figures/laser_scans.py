@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import wrapped
+from puckbench.figures.registry import FIGURES, at
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.thesis.figures.model_styles import model_look, ordered_models
 from puckbench.thesis.figures.residual_legend import source_title
@@ -40,53 +41,132 @@ _FAR_M, _NEAR_M = 5.0, 1.0
 _ROOM_VIEW = (40, 110)
 
 
+@FIGURES.register(
+    "fig_5_2", title="Full scan at 5 m, by laser", category="Sensor", thesis="5.2", needs=(at(5),)
+)
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.2: everything that the sensor saw at 5 m from the wall."""
+    """Everything that the sensor saw in one sweep 5 m from the wall (thesis figure 5.2), from
+    behind the sensor, ceiling and side walls included, which are removed before anything is
+    measured.
+
+    Points are coloured by the elevation of their laser, blue being low; at most 60,000 of a scan
+    are drawn, chosen with a fixed seed, those of the measured part of wall and floor denser than
+    the others. The title says whether the data are a capture (where there is one) or the virtual
+    sensor, whose room is 5 m wide and 2.6 m high.
+    """
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
 
+@FIGURES.register(
+    "fig_5_3", title="Full scan at 1 m, by laser", category="Sensor", thesis="5.3", needs=(at(1),)
+)
 def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.3: everything that the sensor saw at 1 m from the wall."""
+    """Everything that the sensor saw in one sweep 1 m from the wall (thesis figure 5.3), from
+    behind the sensor, ceiling and side walls included, as in figure 5.2.
+    """
     return _draw_space(_shown(scans, _NEAR_M), _ROOM_VIEW, style)
 
 
+@FIGURES.register(
+    "fig_5_4", title="Wall at 5 m, by laser", category="Sensor", thesis="5.4", needs=(at(5),)
+)
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.4: the wall at 5 m from the front."""
+    """The wall 5 m away, from the front (thesis figure 5.4).
+
+    Points as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
 
 
+@FIGURES.register(
+    "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", thesis="5.5", needs=(at(5),)
+)
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.5: the floor at 5 m from above, the sensor on the right."""
+    """The floor of the scan 5 m from the wall, from above; the sensor is on the right (thesis
+    figure 5.5).
+
+    Points as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
 
 
+@FIGURES.register(
+    "fig_5_6", title="Wall at 5 m from the side", category="Sensor", thesis="5.6", needs=(at(5),)
+)
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.6: the wall at 5 m from the side, its depth stretched."""
+    """The wall 5 m away from the side, its depth stretched (thesis figure 5.6): each laser
+    stands off by its bias.
+
+    Points as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
 
 
+@FIGURES.register(
+    "fig_5_7", title="One laser on the wall", category="Sensor", thesis="5.7", needs=(at(5),)
+)
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.7: what one laser saw of the wall at 5 m, its depth stretched."""
+    """What the laser in the middle saw of the wall 5 m away, its depth stretched (thesis figure
+    5.7).
+
+    Points as in figure 5.2.
+    """
     return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
 
 
+@FIGURES.register(
+    "fig_5_8", title="Floor at 5 m from the side", category="Sensor", thesis="5.8", needs=(at(5),)
+)
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.8: the floor at 5 m from the side, the sensor on the right, height stretched."""
+    """The floor of the scan 5 m from the wall from the side, its height stretched; the sensor
+    is on the right (thesis figure 5.8).
+
+    Points as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
 
+@FIGURES.register(
+    "fig_5_9", title="One laser on the floor", category="Sensor", thesis="5.9", needs=(at(5),)
+)
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.9: what one laser saw of the floor at 5 m, its height stretched."""
+    """What the laser in the middle saw of the floor of the scan 5 m from the wall, its height
+    stretched (thesis figure 5.9).
+
+    Points as in figure 5.2.
+    """
     return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)
 
 
+@FIGURES.register(
+    "fig_5_16",
+    title="Error models on the wall at 5 m",
+    category="Sensor",
+    thesis="5.16",
+    needs=(at(5),),
+)
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.16: the wall at 5 m from the side, by error model, in one scale."""
+    """The wall 5 m away from the side, its depth stretched, by error model, in one scale
+    (thesis figure 5.16).
+
+    Points as in figure 5.2.
+    """
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
 
+@FIGURES.register(
+    "fig_5_17",
+    title="Error models on the floor at 5 m",
+    category="Sensor",
+    thesis="5.17",
+    needs=(at(5),),
+)
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 5.17: the floor at 5 m from the side, by error model, in one scale."""
+    """The floor of the scan 5 m from the wall from the side, its height stretched, by error
+    model, in one scale; the sensor is on the right (thesis figure 5.17).
+
+    Points as in figure 5.2.
+    """
     return _draw_models(_part(scans, _FAR_M, "floor"), style)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
@@ -26,13 +27,18 @@ _REACH_SIGMAS = 4.0
 _LINES = ("-", "--", "-.", ":")
 
 
+@FIGURES.register(
+    "model_verdict", title="Real wall residuals against the error models", category="Sensor"
+)
 def draw_verdict(
     compared_residuals: pd.DataFrame, model_distances: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Above: densities of the wall residuals. Below: earth mover's distances to the real ones.
+    """Residuals of the walls in captures of real sensors, and of error models drawn on the same
+    rays with planes fitted to them in the same way.
 
-    The bars are 95 % intervals; the grey strip ends where chance alone could have put a sensor that
-    follows the model. Inputs as of `analysis.comparison`; InputError without real residuals.
+    Below, how far each model's distribution is from the real one: the earth mover's distance with
+    its 95 % interval (walls and lasers drawn with replacement); the grey strip ends where chance
+    alone could have put a sensor that follows the model. The thesis chose beam divergence.
     """
     from matplotlib.figure import Figure
 

@@ -17,6 +17,7 @@ from puckbench.figures.panels import (
     set_title,
 )
 from puckbench.figures.quantities import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE, Quantity
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -27,8 +28,20 @@ if TYPE_CHECKING:
 _ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DECODE_TIME)
 
 
+@FIGURES.register(
+    "fig_6_5", title="Medians per compression rate", category="Results per rate", thesis="6.5"
+)
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 6.5: one row per metric, one column per data set, log y, one line per codec."""
+    """Medians over the clouds of a data set at each compression rate (thesis figure 6.5):
+    Chamfer distance and squared Hausdorff distance, both point-to-plane and in squared grid
+    units, and encoding and decoding time in seconds, on logarithmic axes. r1 is the rate
+    with the fewest bits; codecs have different numbers of rates.
+
+    The rows' axes are at least the thesis's (0.01 to 10,000 and 0.1 to 100 s), widened by whole
+    decades where values fall outside. A hollow marker on the lower edge is a median of zero
+    (lossless). Other than in the thesis, times leave out the start of a process, and codecs have
+    markers of their own.
+    """
     columns = tuple(quantity.column for quantity in _ROWS)
     require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")

@@ -8,6 +8,7 @@ import numpy as np
 
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import figure_width, wrapped
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -19,10 +20,14 @@ _FEW = 12
 """With so few clouds a box says little: each cloud is drawn too."""
 
 
+@FIGURES.register("fig_6_4", title="Point counts per data set", category="Clouds", thesis="6.4")
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Figure 6.4: one box per data set (quartiles, median, whiskers to 1.5 IQR), without fliers.
+    """Number of points per cloud in each data set (thesis figure 6.4).
 
-    The mean is a triangle; below each title stands the number of clouds.
+    Box: quartiles; line: median; triangle: mean; whiskers: the furthest cloud within 1.5 times the
+    box's height. Clouds further out are not drawn, as in the thesis. Other than there, n is the
+    number of clouds, the axis starts at zero, and data sets of at most twelve clouds show every
+    cloud as a circle.
     """
     from matplotlib.figure import Figure
 

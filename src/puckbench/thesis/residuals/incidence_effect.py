@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pandas as pd
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from puckbench.metrics.registry import SENSOR, TABLES
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, LARGEST_RAD
 from puckbench.thesis.residuals.spread import incidence_bins
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BINS = len(BIN_STDS_M)
 
 
+@TABLES.register("residual_incidence", title="Plane residuals by incidence", category=SENSOR)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
-    """Residuals nearer than 30 m in the thesis's ten bins, its real sensor's beside (Figure 5.15).
+    """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    Columns: ``model``, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``,
-    ``thesis_real_std_m``.
+    From 0 to 1.315 rad, walls and floors nearer than 30 m together (the bins of thesis figure
+    5.15), beside the standard deviations of the thesis's real sensor in the same bins, which grow
+    in the last ones.
+
+    Returns
+    -------
+    pd.DataFrame
+        ``model``, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``,
+        ``thesis_real_std_m``.
     """
     near = residuals[residuals["distance_m"] < FAR_M]
     table = incidence_bins(near, BINS, highest_rad=LARGEST_RAD)
@@ -23,14 +36,29 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     return table.assign(thesis_real_std_m=np.array(BIN_STDS_M)[place])
 
 
+@TABLES.register("incidence_effect", title="The effect of incidence", category=SENSOR)
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
-    """Range error, cosine and plane residual in the thesis's ten bins of incidence, per model.
+    """The effect of thesis figure 5.21 in numbers, per error model and bin of incidence.
 
-    scans: points as `wall_points` makes them; residuals: a residual table. Columns: ``model``,
-    ``low_rad``, ``high_rad``, ``count``, ``range_error_std_m`` along the ray, ``rms_cos`` of the
-    incidence, ``predicted_std_m`` (their product: a point e off along its ray is e cos(theta) off
-    the surface, section 5.6), ``surface_distance_std_m`` to the true wall or floor, and
-    ``plane_residual_std_m`` to the fitted one, over all distances nearer than 30 m.
+    The standard deviation of the range error along the ray, the root mean square of cos(incidence),
+    their product, which the residual should have (a point e off along its ray is e cos(theta) off
+    the surface, section 5.6), and the standard deviation measured against the true wall or floor
+    and against the fitted plane (from all distances nearer than 30 m; the other columns from the
+    scans at 1 and 5 m). With ``vlp16_incidence`` the range error grows with incidence, the distance
+    to the surface does not.
+
+    Parameters
+    ----------
+    scans
+        Points as `wall_points` makes them.
+    residuals
+        A residual table.
+
+    Returns
+    -------
+    pd.DataFrame
+        ``model``, ``low_rad``, ``high_rad``, ``count``, ``range_error_std_m``, ``rms_cos``,
+        ``predicted_std_m``, ``surface_distance_std_m``, ``plane_residual_std_m``.
     """
     near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
     off = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])

@@ -7,22 +7,25 @@ what was measured. So geometry and fit are the same, and what differs is the noi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import load_sensor, open_error_model
-from puckbench.lidar.calibration import Settings, calibrate, model_file
-from puckbench.lidar.calibration.observations import PLACE
 from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.calibrated import Calibrated
 from puckbench.lidar.residual_table import REAL
+from puckbench.metrics.registry import SENSOR, TABLES
 from puckbench.thesis.figures.model_styles import ordered_models
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from puckbench.lidar.calibration import Settings
 
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
 """The models that the verdict is about, the thesis's choice (section 5.5.3) among them."""
@@ -37,9 +40,15 @@ _WALL = ["capture", "distance_m", "run"]
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The walls of captures in one table, with a column ``capture`` from 1.
 
-    Raises InputError for a table without a wall of a capture, or without the columns that a
-    calibration needs.
+    Raises
+    ------
+    InputError
+        A table has no wall of a capture, or lacks columns that a calibration needs.
     """
+    import pandas as pd
+
+    from puckbench.lidar.calibration.observations import PLACE
+
     parts = []
     for number, table in enumerate(tables, 1):
         if missing := [name for name in PLACE if name not in table]:
@@ -63,6 +72,8 @@ def compared_residuals(
     A model that can draw other devices (`Calibrated`) draws one for each capture and replicate. The
     columns are those of `walls`; the residuals are to planes fitted by least squares.
     """
+    import pandas as pd
+
     drawn = [
         _drawn(walls, name, model, replicate, seed)
         for name, model in models.items()
@@ -77,20 +88,41 @@ def default_models() -> dict[str, ErrorModel]:
     return {name: open_error_model(name) for name in COMPARED}
 
 
+@TABLES.register(
+    "model_distances", title="How far error models are from real walls", category=SENSOR
+)
 def model_distances(
     compared: pd.DataFrame, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> pd.DataFrame:
-    """Earth mover's distance of each model's residuals to the real ones, with its uncertainty.
+    """Earth mover's distance of each error model's wall residuals to those of real sensors.
 
-    compared: as `compared_residuals` makes it. One row per model, the real sensor's (distance 0)
-    first: ``model``, ``residuals``, ``std_m``, ``emd_m``; ``emd_low_m`` and ``emd_high_m``, the
-    2.5 and 97.5 % quantiles when wall and laser together are drawn with replacement, on either
-    side (residuals of one laser on one wall share a bias); ``chance_m``, which the distance of one
-    replicate to all of them exceeds in 5 % of replicates: a real sensor that follows the model is
-    nearer than that.
+    In metres, with the ends of its 95 % interval; ``chance_m`` is what the distance of a sensor
+    that follows the model exceeds in 5 % of cases. The numbers of the figure `model_verdict`.
 
-    Raises InputError without real residuals.
+    Parameters
+    ----------
+    compared
+        As `compared_residuals` makes it.
+    resamples
+        Draws, with replacement, of wall and laser together (residuals of one laser on one wall
+        share a bias), of which the interval is the 2.5 and 97.5 % quantiles.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    pd.DataFrame
+        One row per model, the real sensor's (distance 0) first: ``model``, ``residuals``,
+        ``std_m``, ``emd_m``, ``emd_low_m``, ``emd_high_m`` and ``chance_m``, which the distance of
+        one replicate to all of them exceeds in 5 % of replicates.
+
+    Raises
+    ------
+    InputError
+        There are no real residuals.
     """
+    import pandas as pd
+
     if not (compared["model"] == REAL).any():
         raise InputError("the comparison has no real residuals")
     real = _Blocks.of(compared[compared["model"] == REAL])
@@ -129,6 +161,10 @@ def left_out(
     Columns as `model_distances`, after ``capture``, the one left out; the model that was calibrated
     on the others is ``calibrated``, beside those of `COMPARED`.
     """
+    import pandas as pd
+
+    from puckbench.lidar.calibration import Settings
+
     settings = settings or Settings("spot", quantum_m=0.002)
     found = []
     for number, table in enumerate(tables, 1):
@@ -166,6 +202,8 @@ def _mm(metres: float) -> str:
 
 def _model_of(tables: Sequence[pd.DataFrame], settings: Settings) -> Calibrated:
     """New devices of the kind that the tables were measured on."""
+    from puckbench.lidar.calibration import calibrate, model_file
+
     parameters = dict(model_file(calibrate(tables, settings), [])["parameters"])
     parameters.pop("bias_m", None)
     parameters["ranges_m"] = tuple(parameters["ranges_m"])
@@ -195,6 +233,8 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
 
 def _errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
     """A model's range errors on the rays of one wall, m, (n,)."""
+    import pandas as pd
+
     sensor = load_sensor("vlp16")
     azimuth = np.arctan2(rows["plane_u_m"], rows["distance_m"])
     frame = _codes(rows["frame"] * 24 + np.floor(azimuth / _FRAME_RAD))

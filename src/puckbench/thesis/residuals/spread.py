@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "q50": 0.50, "q75": 0.75, "q95": 0.95}
 PER_LASER = ("model", "surface", "distance_m", "laser_id")

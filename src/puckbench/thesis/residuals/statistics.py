@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from itertools import compress, product
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.registry import SENSOR, TABLES
 from puckbench.thesis.published import FAR_M
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
@@ -20,15 +24,25 @@ _SURFACES = ("wall", "floor")
 _CONFIDENCE = 0.95
 
 
+@TABLES.register("residual_statistics", title="Statistics of plane residuals", category=SENSOR)
 def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
-    """One row per model, surface, distance and laser of a residual table, and for all of each.
+    """Statistics of the plane residuals (thesis procedure 1), in metres.
 
-    Columns: `KEYS` as text, ``count``, ``scans``, ``mean_m``, ``mean_half_m``, ``std_m`` (n - 1),
-    ``std_half_m``, ``rms_m``, ``median_m``. The half widths are those of 95 % intervals, from the
-    scatter of repeated ``scans`` (one surface in one run from one distance): within a scan the
-    returns share the fitted plane and the biases of the lasers, so their number says little. A row
-    without a repeated scan has none.
+    One row per error model or capture ("real"), surface, distance of the sensor from the wall, and
+    laser; "all" stands for all of them together, for the distance all nearer than 30 m.
+    ``mean_half_m`` and ``std_half_m`` are half widths of 95 % intervals of mean and standard
+    deviation, from the scatter of repeated ``scans`` (one surface in one run from one distance):
+    within a scan the returns share the fitted plane and the biases of the lasers, so their
+    ``count`` says little. A row without a repeated scan has none.
+
+    Returns
+    -------
+    pd.DataFrame
+        `KEYS` as text, ``count``, ``scans``, ``mean_m``, ``mean_half_m``, ``std_m`` (n - 1),
+        ``std_half_m``, ``rms_m``, ``median_m``.
     """
+    import pandas as pd
+
     table = residuals.astype({"residual_m": np.float64, "model": str, "surface": str})
     if table.empty:
         raise InputError("statistics need at least one residual")
@@ -88,6 +102,8 @@ def _scatter(off: pd.Series[float], cells: pd.DataFrame, places: list[str]) -> p
 
 
 def _result(sums: pd.DataFrame) -> pd.DataFrame:
+    import pandas as pd
+
     n, one, two, off_mean, off_variance, _, repeats = sums.to_numpy(dtype=np.float64).T
     mean = one / n
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -115,6 +131,8 @@ def _student(freedom: Floats) -> Floats:
 
 def _as_text(table: pd.DataFrame) -> pd.DataFrame:
     """Keys as text, groups of all after the single ones."""
+    import pandas as pd
+
     orders = {"model": dict.fromkeys(table["model"]), "surface": _SURFACES}
     for name, order in orders.items():
         known = [*order, *sorted(set(table[name].dropna()) - set(order))]

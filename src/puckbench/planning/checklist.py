@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.figures.registry import EXAMPLES, FIGURES
+from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
+from puckbench.metrics.registry import table_entries
 from puckbench.planning.config import Config, checked, read_schema
 from puckbench.planning.job_times import JobKind
 from puckbench.planning.plan import DataSetPlan, open_scenes
 from puckbench.planning.workflow import Workflow
 
-PRINTED_TABLES = {"table_4_1": "4.1", "table_4_2": "4.2", "table_5_1": "5.1"}
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
 """A configuration that makes chapter 5 without any data, and where."""
 
@@ -137,12 +137,9 @@ class Reproduction:
 
         left: jobs by rule that Snakemake would run, where it was asked; files' times otherwise.
         """
-        figures = [(entry.thesis, name) for name, entry in FIGURES.items() if entry.thesis]
-        tables = [(number, name) for name, number in PRINTED_TABLES.items()]
-        return [
-            *(self._item(f"Table {number}", name, left) for number, name in tables),
-            *(self._item(f"Figure {number}", name, left) for number, name in figures),
-        ]
+        tables = {n: f"Table {e.thesis}" for n, e in table_entries().items() if e.thesis}
+        figures = {n: f"Figure {e.thesis}" for n, e in figure_entries().items() if e.thesis}
+        return [self._item(title, name, left) for name, title in {**tables, **figures}.items()]
 
     def _item(self, title: str, name: str, left: Mapping[str, int] | None) -> Item:
         if self.absent:
@@ -174,10 +171,10 @@ class Reproduction:
 
     def _scenes_of(self, name: str) -> list[str]:
         """Scene sets that a figure is made from; none of the tables of chapter 5."""
-        inputs = FIGURES[name].inputs if name in FIGURES else ()
+        inputs = figure_entry(name).inputs if name in FIGURES else ()
         datasets = self.config["datasets"]
         chosen = self.config["figures"]["examples"]
-        kinds = [one.removeprefix("example_") for one in inputs if one in EXAMPLES]
+        kinds = [one.removeprefix("example_") for one in inputs]
         names = [chosen[kind].split("/")[0] for kind in kinds if kind in chosen]
         if {"metrics", "clouds"} & set(inputs):
             names = list(datasets)

@@ -13,7 +13,7 @@ import yaml
 from snakemake.cli import parse_args
 
 from puckbench.cli import main
-from puckbench.thesis.checklist import Item, Reproduction
+from puckbench.planning.checklist import Item, Reproduction
 
 ROOT = Path(__file__).parents[2]
 SNAKEFILE = ROOT / "workflow" / "Snakefile"
