@@ -347,7 +347,7 @@ def test_a_run_of_nothing_tests_nothing_and_every_claim_has_a_row() -> None:
 
 
 def test_the_documentation_has_every_claim_and_its_rule() -> None:
-    text = " ".join((Path(__file__).parents[2] / "docs" / "notes" / "claims.md").read_text().split())
+    text = " ".join((ROOT / "docs" / "notes" / "claims.md").read_text().split())
     for number, claim in enumerate(CLAIMS, 1):
         assert f"{number}. {claim.words}" in text
         assert claim.test.__doc__
