@@ -12,7 +12,11 @@ from puckbench.datasets.fetch import fetch_data
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("names", nargs="*", help="data sets to fetch (default: all)")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        help="what to fetch: captured_rooms, sweethome3d (both by default), pcgc_weights",
+    )
     parser.add_argument("--folder", type=Path, default=Path("data"), help="default: data")
 
 

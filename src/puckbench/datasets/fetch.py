@@ -48,14 +48,14 @@ def fetch_data(root: Path, names: Iterable[str] = ()) -> list[Fetched]:
     root
         Folder of the folders.
     names
-        Names in `SOURCES`; all by default.
+        Names in `SOURCES`; by default those that say so.
 
     Raises
     ------
     InputError
         A name is unknown.
     """
-    chosen = list(names) or list(SOURCES)
+    chosen = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in chosen if name not in SOURCES]
     if unknown:
         raise InputError(f"no data set '{unknown[0]}' to fetch (known: {', '.join(SOURCES)})")
@@ -100,6 +100,8 @@ def _is_intact(folder: Path) -> bool:
 
 
 def _check_hash(source: Source, package: Path) -> str:
+    if source.hashes is None:
+        return ""
     known, held = source.hashes.get(package.name), sha256(package)
     if held == known:
         return ""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from puckbench.core.errors import InputError
+from puckbench.datasets import published_weights
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.sweethome3d import SweetHome3D
 
@@ -34,20 +35,23 @@ class Source:
     wanted
         Pattern of the members to take.
     hashes
-        SHA-256 of the package by its file name.
+        SHA-256 of the package by its file name; None where the download checks each file.
     pinned
         Whether a package of another hash is refused; else it is a warning.
     credits
         Makes the text of the credits from the folder with the unpacked files.
+    by_default
+        Whether it is fetched where no names are given.
     """
 
     package: str
     download: Callable[[Path], Path]
     unpack: Callable[[Path], tarfile.TarFile]
     wanted: re.Pattern[str]
-    hashes: Mapping[str, str]
+    hashes: Mapping[str, str] | None
     pinned: bool
     credits: Callable[[Path], str]
+    by_default: bool = True
 
 
 def _npm_pack(spec: str) -> Callable[[Path], Path]:
@@ -152,5 +156,15 @@ SOURCES = {
         },
         pinned=False,
         credits=_furniture_credits,
+    ),
+    "pcgc_weights": Source(
+        package="pcgc_weights",
+        download=published_weights.download,
+        unpack=tarfile.open,
+        wanted=re.compile(r"[\w.-]+"),
+        hashes=None,
+        pinned=True,
+        credits=published_weights.credits_of,
+        by_default=False,
     ),
 }

@@ -1,0 +1,30 @@
+"""TensorFlow checkpoints, read without TensorFlow."""
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.io.tensorflow_checkpoints import variables_of
+from tests.support.tensorflow_checkpoint import checkpoint
+
+VARIABLES = {
+    "encoder/conv1/kernel": np.arange(24.0).reshape(2, 3, 4),
+    "encoder/conv1/bias": np.array([1.5, -2.0]),
+    "a": np.linspace(0, 1, 300),
+}
+
+
+def test_variables_come_back_without_the_optimisers() -> None:
+    found = variables_of(*checkpoint(VARIABLES))
+    assert list(found) == sorted(VARIABLES)
+    for name, values in VARIABLES.items():
+        np.testing.assert_array_equal(found[name], values.astype(np.float32))
+
+
+@pytest.mark.parametrize("cut", [0, 10, 47, 100, 200])
+def test_other_bytes_are_one_clean_error(cut: int) -> None:
+    index, data = checkpoint(VARIABLES)
+    with pytest.raises(InputError, match="not a TensorFlow checkpoint"):
+        variables_of(index[:cut], data)
+    with pytest.raises(InputError, match="not a TensorFlow checkpoint"):
+        variables_of(index, data[:cut])
