@@ -60,18 +60,18 @@ def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked
 
 def clouds(full: bool) -> Iterator[tuple[str, Floats]]:
     """Name and points of each cloud."""
-    noisy, thing = scanned_room("vlp16_divergence", 1.0), sampled_object(50_000)
+    noisy, sampled = scanned_room("vlp16_divergence", 1.0), sampled_object(50_000)
     yield "noisy room", noisy
     yield "clean room", scanned_room("none", 1.0)
-    yield "object", thing
+    yield "object", sampled
     yield "sparse", noisy[::37]
     yield "16 bits", grown(noisy[::3], 16)
     yield "20 bits", grown(noisy[::7], 20)
-    yield "negative", thing - 700
-    yield "plane", thing * [1, 1, 0]
-    yield "line", thing[:500] * [0, 1, 0]
-    yield "one point", thing[:1]
-    yield "many of few", np.repeat(thing[:50], 40, axis=0)
+    yield "negative", sampled - 700
+    yield "plane", sampled * [1, 1, 0]
+    yield "line", sampled[:500] * [0, 1, 0]
+    yield "one point", sampled[:1]
+    yield "many of few", np.repeat(sampled[:50], 40, axis=0)
     yield "filled", np.stack(np.meshgrid(*[np.arange(24.0)] * 3), axis=-1).reshape(-1, 3)
     if full:
         for errors in ("none", "vlp16_divergence"):

@@ -123,7 +123,7 @@ def compare(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print one line for each thing measured."""
+    """Print one line for each measurement."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tool", type=Path)
     parser.add_argument("--threads", type=int, default=1, help="of both (default: the tool's, 1)")

@@ -60,7 +60,7 @@ class Scanned:
         self.true = Segmentation(numbers, mesh.labels.primitives)
 
     def line(self, found: Segmentation) -> str:
-        """What is said of the planes that were found."""
+        """The measures of the planes found, as text."""
         rows = recovery(self.true, found, self.visible.to_metres(self.visible.xyz))
         row = next(row for row in rows if row["kind"] == "plane")
         shares = f"{row['precision']:.2f} | {row['recall']:.2f} | {row['label_accuracy']:.0%}"

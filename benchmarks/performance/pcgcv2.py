@@ -35,7 +35,7 @@ ENCODER, DECODER = ((16, 32, 32), (32, 64, 64), (64, 32, 8)), ((8, 64), (64, 32)
 
 
 def room(voxels: int) -> Floats:
-    """About so many voxels of a room's surfaces."""
+    """Voxels of a room's surfaces, about as many as asked for."""
     side = np.sqrt(voxels / 7.7)
     rng = np.random.default_rng(0)
     box = rng.random((24 * voxels, 3))

@@ -141,7 +141,7 @@ def curves(rows: list[Row]) -> Curves:
 
 
 def at(curve: Floats, column: int, bpp: float) -> float:
-    """A codec's distance with so many bits, on straight lines between logarithms."""
+    """A codec's distance at a number of bits, interpolated linearly between logarithms."""
     least = np.log(np.maximum(np.minimum.accumulate(curve[:, column]), 1e-9))
     return float(np.exp(np.interp(np.log(bpp), np.log(curve[:, 0]), least)))
 
@@ -183,7 +183,7 @@ def noisy_results(name: str, kind: str, found: Curves) -> Iterator[Result]:
 
 
 def _reached(curve: Floats, bpp: float) -> float:
-    """The least distance to the truth of a rate of at most so many bits."""
+    """The least distance to the truth of a rate of at most that number of bits."""
     return float(curve[curve[:, 0] <= bpp * (1 + 1e-9), 2].min())
 
 

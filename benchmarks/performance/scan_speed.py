@@ -5,7 +5,7 @@
 
 Prints the least time of N runs of the bare cast of the same 1,152,000 rays in one call and of the
 scan with each error model, in turn, as the machine may be loaded by others; the time of the
-processors is told beside it, which such a load lengthens little. Then of writing and reading the
+processors is printed beside it, which such a load lengthens little. Then of writing and reading the
 table. `--cells 408` makes a room of 2 M triangles.
 """
 

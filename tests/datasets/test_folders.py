@@ -15,7 +15,7 @@ TRIANGLE_OFF = "OFF3 1 0\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Meshes in two groups and at the top, with things that are none."""
+    """Meshes in two groups and at the top, with files that are none."""
     files = {
         "top one.obj": TRIANGLE_OBJ,
         "top one.off": TRIANGLE_OFF,

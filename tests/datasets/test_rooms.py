@@ -93,7 +93,7 @@ def child(ref: str, pos: Any = (0, 0, 0), rot: Any = (0, 0, 0, 1), scale: Any = 
 
 
 def house() -> Any:
-    """A room with floor, chair and things that have no model; a room of only such; an empty one."""
+    """A room with floor, chair and furniture without a model; a room of only such; an empty one."""
     floor = {"uid": "m1", "type": "Floor", "xyz": [0, 0, 0, 4, 0, 0, 4, 0, 3], "faces": [0, 1, 2]}
     furniture = [
         {"uid": "f1", "jid": "chair-id", "category": "Dining Chair", "valid": True},

@@ -28,10 +28,10 @@ def scene_of(vertices: np.ndarray, triangles: np.ndarray) -> tuple[Any, Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     mesh = bpy.data.meshes.new("scanned")
     mesh.from_pydata(vertices.tolist(), [], triangles.tolist())
-    thing = bpy.data.objects.new("scanned", mesh)
-    bpy.context.scene.collection.objects.link(thing)
+    scanned = bpy.data.objects.new("scanned", mesh)
+    bpy.context.scene.collection.objects.link(scanned)
     bpy.context.view_layer.update()
-    return thing, bpy.context.evaluated_depsgraph_get()
+    return scanned, bpy.context.evaluated_depsgraph_get()
 
 
 def by_scene(depsgraph: Any, rays: list[Vector], farthest: float) -> list[tuple[bool, Vector]]:
@@ -92,8 +92,8 @@ def main() -> None:
     given = np.load(scene_file)
     rays = [Vector(ray) for ray in given["rays"].tolist()]
     farthest = float(given["farthest"])
-    thing, depsgraph = scene_of(given["vertices"], given["triangles"])
-    tree = BVHTree.FromObject(thing, depsgraph)
+    scanned, depsgraph = scene_of(given["vertices"], given["triangles"])
+    tree = BVHTree.FromObject(scanned, depsgraph)
     by_scene(depsgraph, rays[:1], farthest)
     scene_s, found = least_time(lambda: by_scene(depsgraph, rays, farthest), repeats)
     scene_distances = lengths_of(found)

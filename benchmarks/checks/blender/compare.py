@@ -142,7 +142,7 @@ def gap_to_an_edge(corners: Floats, direction: Floats, reach: float) -> float:
 
 
 def report(scene: Scene, ours: Ours, theirs: dict[str, NDArray[Any]], way: str) -> None:
-    """Print how far the distances differ, and explain the rays that met different things."""
+    """Print how far the distances differ, and explain the rays that hit different surfaces."""
     other = theirs[way]
     both = np.isfinite(ours.distances) & np.isfinite(other)
     difference = np.abs(np.where(both, ours.distances, 0) - np.where(both, other, 0))

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.datasets.base import freeform_labels
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.geometry.mesh import Labels, Mesh, SceneObject, check_mesh
 
 UNKNOWN = "unknown"
 
@@ -120,6 +121,5 @@ def _labels(materials: tuple[str, ...], material_id: NDArray[np.int64]) -> Label
     """Labels in which every material is an object and every surface is freeform."""
     used, object_id = np.unique(material_id, return_inverse=True)
     names = [materials[number] if number >= 0 else UNKNOWN for number in used]
-    objects = tuple(SceneObject(name, class_of(name)) for name in names)
-    none = np.zeros(len(object_id), dtype=np.int32)
-    return Labels(object_id.astype(np.int32), none, objects, (Primitive("freeform", {}),))
+    objects = (SceneObject(name, class_of(name)) for name in names)
+    return freeform_labels(object_id.astype(np.int32), objects)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model, closest
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.mesh import Mesh
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.io.meshes import read_mesh_report
 
 T = TypeVar("T")
@@ -120,6 +123,30 @@ class MeshFolderSet(FolderSet):
         mesh, details = self._read(path)
         about = self._about(self._source(path), **details)
         return Scene(name, self._group(path), mesh=mesh, about=about)
+
+
+def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]) -> Labels:
+    """Labels of measured surfaces, which are made of no primitives.
+
+    Parameters
+    ----------
+    object_id
+        (t,) index into `objects` for each triangle.
+    objects
+        The objects.
+    """
+    none = np.zeros(len(object_id), dtype=np.int32)
+    return Labels(object_id, none, tuple(objects), (Primitive("freeform", {}),))
+
+
+def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
+    """An object for each semantic class in order, named chair_1, chair_2, table_1, ..."""
+    seen: Counter[str] = Counter()
+    objects = []
+    for name in classes:
+        seen[name] += 1
+        objects.append(SceneObject(f"{name}_{seen[name]}", name))
+    return tuple(objects)
 
 
 def existing_folder(path: str, expected: str) -> Path:

@@ -14,11 +14,16 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.datasets.base import FolderSet, Provenance
+from puckbench.datasets.base import (
+    FolderSet,
+    Provenance,
+    freeform_labels,
+    numbered_objects,
+)
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.geometry.mesh import Labels, Mesh, check_mesh
 from puckbench.io.meshes.reading import y_up_to_z_up
 
 Entity = Mapping[str, Any]
@@ -191,12 +196,5 @@ def _labels(mesh: Mesh, placed: list[_Placed]) -> Labels:
         for index in (index for index in by_size if placed[index].flat == flat):
             free = owner == clutter
             owner[free & placed[index].holds(points, normals, reach)] = index
-    objects = _objects([item.semantic for item in placed] + ["clutter"])
-    none = np.zeros(len(points), dtype=np.int32)
-    return Labels(owner, none, objects, (Primitive("freeform", {}),))
-
-
-def _objects(semantics: list[str]) -> tuple[SceneObject, ...]:
-    numbers = [semantics[:index].count(name) + 1 for index, name in enumerate(semantics)]
-    pairs = zip(semantics, numbers, strict=True)
-    return tuple(SceneObject(f"{name}_{number}", name) for name, number in pairs)
+    classes = [item.semantic for item in placed] + ["clutter"]
+    return freeform_labels(owner, numbered_objects(classes))

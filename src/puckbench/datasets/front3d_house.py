@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from puckbench.datasets.base import freeform_labels, numbered_objects
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
+from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.io.meshes import read_mesh_report
 from puckbench.io.meshes.reading import y_up_to_z_up
 
@@ -196,10 +197,6 @@ def _joined(placed: list[tuple[_Placed, Floats, NDArray[np.int64]]]) -> Mesh:
     triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
     sizes = [len(faces) for _, _, faces in placed]
     owner = np.repeat(np.arange(len(placed), dtype=np.int32), sizes)
-    seen: Counter[str] = Counter()
-    objects = []
-    for item, _, _ in placed:
-        seen[item.semantic] += 1
-        objects.append(SceneObject(f"{item.semantic}_{seen[item.semantic]}", item.semantic))
-    labels = Labels(owner, np.zeros_like(owner), tuple(objects), (Primitive("freeform", {}),))
+    objects = numbered_objects(item.semantic for item, _, _ in placed)
+    labels = freeform_labels(owner, objects)
     return Mesh(np.vstack([points for _, points, _ in placed]), np.concatenate(triangles), labels)

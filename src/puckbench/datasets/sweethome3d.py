@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import DataSet, chosen, found
+from puckbench.datasets.base import DataSet, chosen, found, freeform_labels
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+from puckbench.geometry.mesh import Mesh, SceneObject
 from puckbench.io.meshes.reading import mesh_of_polygons, y_up_to_z_up
 
 FURNITURE = ("bookcase", "chair", "sofa", "table")
@@ -236,7 +236,6 @@ def _to_size(mesh: Mesh, model: Model) -> tuple[Mesh, list[float]]:
 
 
 def _labelled(mesh: Mesh, model: Model) -> Mesh:
-    none = np.zeros(len(mesh.triangles), dtype=np.int32)
-    objects = (SceneObject(model.name, model.semantic),)
-    labels = Labels(none, none, objects, (Primitive("freeform", {}),))
+    first = np.zeros(len(mesh.triangles), dtype=np.int32)
+    labels = freeform_labels(first, [SceneObject(model.name, model.semantic)])
     return Mesh(mesh.vertices, mesh.triangles, labels)
