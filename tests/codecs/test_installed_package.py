@@ -109,15 +109,14 @@ def test_it_is_listed_and_drawn(package: Path) -> None:
     listed = _python(package, "-m", "puckbench", "codecs").split("\n")
     assert "raw available; r1 kind <f2; r2 kind <f4" in [" ".join(line.split()) for line in listed]
     program = """
-import sys
-import pandas as pd
+import numpy as np
 from puckbench.figures import panels
 from puckbench.figures.style import FigureStyle
 import matplotlib.pyplot as plt
 style = FigureStyle()
 figure, axes = plt.subplots()
 for codec in style.ordered_codecs(["raw", "draco"]):
-    panels.draw_line(axes, [0.1, 0.2], [2.0, 1.0], style.look(codec), 1e-3)
+    panels.draw_line(axes, np.array([0.1, 0.2]), np.array([2.0, 1.0]), style.look(codec), 1e-3)
 print([line.get_color() for line in axes.lines])
 """
     assert "#123456" in _python(package, "-c", program)
