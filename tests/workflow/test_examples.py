@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from puckbench.core.files import read_json
+from tests.support.bench import ROOT, Bench
 from tests.support.pages import blocks, page, write_files
-from tests.workflow.conftest import ROOT, Bench
 
 CODEC = "docs/how-to/bring_a_codec.md"
 DATA = "docs/how-to/bring_data.md"

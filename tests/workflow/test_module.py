@@ -9,8 +9,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from tests.support.bench import ROOT
 from tests.support.pages import blocks
-from tests.workflow.conftest import ROOT
 
 CONFIG = {
     "results": "benchmark",

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from puckbench.core.files import read_json
-from tests.workflow.conftest import ROOT, Bench
+from tests.support.bench import ROOT, Bench
 
 SETTINGS = {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "side": 1024}
 TRAININGS: dict[str, Any] = {

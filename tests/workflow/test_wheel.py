@@ -17,7 +17,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
-from tests.workflow.conftest import ROOT
+from tests.support.bench import ROOT
 
 TREES = ("src", "workflow", "config", "envs", "docs")
 FILES = ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "Makefile")

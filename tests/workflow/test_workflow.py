@@ -17,7 +17,7 @@ import pytest
 from puckbench.figures.registry import FIGURES
 from puckbench.metrics.registry import SENSOR, table_entries
 from puckbench.planning.same_results import after_a_kill, differences
-from tests.workflow.conftest import BOX_CODEC, RAW_CODEC, Bench
+from tests.support.bench import BOX_CODEC, RAW_CODEC, Bench
 
 
 @pytest.fixture

@@ -1,0 +1,202 @@
+"""A tiny benchmark in a folder of its own: an object, a room, three codecs, a sensor study."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+
+RAW_CODEC = """
+import numpy as np
+from puckbench.codecs.base import Codec
+
+
+class Raw(Codec):
+    version = "raw 1"
+
+    def _encode(self, points, parameters):
+        return np.round(points / parameters["step"]).astype("<i2").tobytes()
+
+    def _decode(self, stream):
+        return np.frombuffer(stream, "<i2").reshape(-1, 3) * 1.0
+"""
+
+BOX_CODEC = """
+import numpy as np
+from puckbench.codecs.base import Codec
+from puckbench.core.errors import InputError
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+
+SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+
+class Box(Codec):
+    version = "box 1"
+
+    def _encode(self, points, parameters):
+        corners = np.array([points.min(axis=0), points.max(axis=0)])
+        return corners.tobytes() + (b"points" if "points" in parameters else b"")
+
+    def _decode(self, stream):
+        low, high = np.frombuffer(stream[:48]).reshape(2, 3)
+        return low + np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1) * (high - low)
+
+    def decode_mesh(self, stream):
+        if stream.endswith(b"points"):
+            raise InputError("no surface")
+        vertices = self._decode(stream)
+        quads = np.array(SIDES)
+        triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        normals = np.eye(3)[[0, 0, 1, 1, 2, 2]]
+        planes = tuple(
+            Primitive("plane", {"normal": n.tolist(), "offset": float(n @ vertices[side[0]])})
+            for n, side in zip(normals, SIDES)
+        )
+        objects = tuple(SceneObject(f"side_{k}", "side") for k in range(6))
+        number = np.tile(np.arange(6, dtype=np.int32), 2)
+        return Mesh(vertices, triangles, Labels(number, number, objects, planes))
+"""
+
+CONFIG: dict[str, Any] = {
+    "results": "results",
+    "seed": 1,
+    "scenes": {
+        "objects": {"loader": "embedded_objects", "select": ["chair_01"]},
+        "rooms": {
+            "loader": "embedded_rooms",
+            "options": {"rooms": ["copy_room_1"], "detail": 0.3},
+        },
+    },
+    "datasets": {
+        "objects": {"scenes": "objects", "make": "sample", "points": 2000, "recovery": False},
+        "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
+        "clean": {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}},
+        "noisy": {
+            "scenes": "rooms",
+            "make": "scan",
+            "errors": "vlp16_divergence",
+            "sweep": {"duration_s": 0.02},
+        },
+    },
+    "codecs": {
+        "draco": {"rates": ["r1", "r8"]},
+        "raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}},
+        "box": {
+            "class": "box.py:Box",
+            "surfaces": True,
+            "rates": {"r1": {}, "r2": {"points": True}},
+        },
+    },
+    "sensor_study": {
+        "models": {"vlp16": {}, "vlp16_divergence": {}},
+        "distances_m": [1, 5],
+        "runs": 1,
+        "rows": 300,
+    },
+    "timing": {"repeats": 1},
+    "figures": {
+        "style": {"dpi": 60},
+        "examples": {
+            "object": "objects/chair_01",
+            "raw": "raw/copy_room_1",
+            "clean": "clean/copy_room_1",
+            "noisy": "noisy/copy_room_1",
+        },
+    },
+}
+
+
+BOX = """OFF
+8 6 0
+-2.5 -2.5 0
+2.5 -2.5 0
+2.5 2.5 0
+-2.5 2.5 0
+-2.5 -2.5 2.5
+2.5 -2.5 2.5
+2.5 2.5 2.5
+-2.5 2.5 2.5
+4 0 1 2 3
+4 7 6 5 4
+4 0 4 5 1
+4 1 5 6 2
+4 2 6 7 3
+4 3 7 4 0
+"""
+
+
+class Bench:
+    """A folder with a configuration, in which the workflow runs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.results = folder / "results"
+        (folder / "raw_grid.py").write_text(RAW_CODEC)
+        (folder / "box.py").write_text(BOX_CODEC)
+        self.configure({})
+
+    def configure(self, changes: Mapping[str, Any]) -> None:
+        """Write the configuration with some values replaced, named by dotted keys."""
+        config = yaml.safe_load(yaml.safe_dump(CONFIG))
+        for key, value in changes.items():
+            *path, last = key.split(".")
+            place = config
+            for part in path:
+                place = place[part]
+            place[last] = value
+        (self.folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+
+    def capture(self) -> str:
+        """Write the packets of three turns in an empty room, of one device; the file's name."""
+        (self.folder / "box.off").write_text(BOX)
+        sweep = '{"preset": "spin", "duration_s": 0.6, "azimuth_step_deg": 0.4}'
+        noise = ["--errors", "vlp16", "--error-options", '{"bias_redrawn": "scan"}']
+        for words in (
+            ["scan", "box.off", "box.parquet", "--sweep", sweep, *noise],
+            ["export", "box.parquet", "box.pcap"],
+        ):
+            subprocess.run(
+                [sys.executable, "-m", "puckbench", *words],
+                cwd=self.folder,
+                env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+                capture_output=True,
+                check=True,
+            )
+        return "box.pcap"
+
+    def command(self, *arguments: str) -> list[str]:
+        """A `snakemake` command line for this folder."""
+        program = [
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            str(ROOT / "workflow/Snakefile"),
+        ]
+        return [*program, "--configfile", "config.yaml", "--cores", "2", *arguments]
+
+    def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run the workflow to its end, whatever that is."""
+        return subprocess.run(
+            self.command(*arguments), cwd=self.folder, capture_output=True, text=True, check=False
+        )
+
+    def made(self, *arguments: str) -> None:
+        """Run the workflow; the test fails when it does."""
+        done = self.snakemake(*arguments)
+        assert done.returncode == 0, done.stderr[-4000:]
+
+    def planned(self, *arguments: str) -> dict[str, int]:
+        """Jobs that a run would do now, by rule."""
+        done = self.snakemake("--dry-run", *arguments)
+        assert done.returncode == 0, done.stderr[-4000:]
+        counts = re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+        return {rule: int(count) for rule, count in counts if rule not in ("all", "total")}
