@@ -103,11 +103,11 @@ def test_a_cloud_of_22_bits_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "fault"),
     [
-        ({"profile": "best"}, "unknown profile 'best' .known: minimal, ctc, defaults"),
-        ({"rounding": "up"}, "unknown rounding 'up'"),
-        ({"duplicates": "some"}, "unknown duplicates 'some'"),
-        ({"unit": 0}, "unit must be a positive number, not 0"),
-        ({"unit": float("nan")}, "unit must be a positive number"),
+        ({"profile": "best"}, "profile is 'best', but must be 'minimal', 'ctc' or 'defaults'"),
+        ({"rounding": "up"}, "rounding is 'up', but must be 'nearest' or 'truncate'"),
+        ({"duplicates": "some"}, "duplicates is 'some', but must be 'merged' or 'kept'"),
+        ({"unit": 0}, "unit is 0, but must be greater than 0"),
+        ({"unit": float("nan")}, "unit is nan, but must be a finite number"),
         ({"colour": True}, "colour"),
     ],
 )

@@ -18,6 +18,7 @@ from puckbench.codecs.gpcc.coder import (
 )
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.core.errors import InputError
+from puckbench.core.models import parsed
 
 OPTIONS = st.builds(
     GpccOptions,
@@ -78,7 +79,7 @@ def test_a_surface_comes_back(profile: str) -> None:
 
 
 @pytest.mark.parametrize("scale", [1, 0.125, 0.375, Fraction(1, 3), 2.5, 1 / 65536])
-def test_scale_and_origin_are_told(scale: Any) -> None:
+def test_scale_and_origin_are_signalled(scale: Any) -> None:
     points = np.array([[0, 0, 0], [3, 9, 1]])
     decoded = decode_geometry(encode_geometry(points, GpccOptions(), scale, (-7, 0, 5)))
     assert decoded.scale == Fraction(scale).limit_denominator(1 << 16)
@@ -97,15 +98,15 @@ def test_slices_hold_at_most_as_many_points_as_asked() -> None:
     assert len(decode_geometry(many).points) == len(both[0])
 
 
-def test_contexts_pay() -> None:
+def test_adaptive_contexts_save_bits() -> None:
     """More of what the tools know of a surface makes it smaller, as published."""
     grid = np.indices((200, 200)).reshape(2, -1)
     wave = 40 + np.rint(25 * np.sin(grid[0] / 17) + 9 * np.cos(grid[1] / 11)).astype(np.int64)
     points = np.column_stack([*grid, wave])
     known = GpccOptions()
-    siblings = GpccOptions(neighbour_avail_boundary_log2=0)
+    sibling_occupancy = GpccOptions(neighbour_avail_boundary_log2=0)
     plain = GpccOptions(adjacent_child_contextualization=False)
-    sizes = [len(encode_geometry(points, o)) for o in (known, plain, siblings)]
+    sizes = [len(encode_geometry(points, o)) for o in (known, plain, sibling_occupancy)]
     assert sizes == sorted(sizes)
     assert sizes[0] < 0.95 * sizes[1] < 0.95 * sizes[2]
 
@@ -133,7 +134,7 @@ def test_clouds_that_cannot_be_coded_are_refused(points: np.ndarray, fault: str)
 )
 def test_options_out_of_range_are_refused(option: str, value: Any) -> None:
     with pytest.raises(InputError, match=option):
-        GpccOptions(**{option: value})
+        parsed(GpccOptions, {option: value}, "G-PCC")
 
 
 STREAM = encode_geometry(

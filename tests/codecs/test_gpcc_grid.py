@@ -57,7 +57,7 @@ def test_stream_and_frame_come_back(frame: Frame) -> None:
     assert unpacked(packed(b"stream", frame)) == (b"stream", frame)
 
 
-def test_the_inputs_own_frame_costs_five_bytes() -> None:
+def test_the_inputs_own_frame_takes_five_bytes() -> None:
     assert packed(b"stream", Frame()) == MAGIC + b"\0stream"
 
 
@@ -78,7 +78,7 @@ def test_a_bare_stream_has_the_inputs_own_frame() -> None:
         (MAGIC + b"\1" + b"\xff" * 32, "no finite frame"),
     ],
 )
-def test_damaged_beginnings_are_refused(data: bytes, fault: str) -> None:
+def test_damaged_containers_are_refused(data: bytes, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         unpacked(data)
 

@@ -21,13 +21,13 @@ def _read(function: Callable[..., None], record: Any, data: bytes, *others: Any)
     return record
 
 
-def test_the_references_sequence_parameter_set_is_understood() -> None:
+def test_a_sequence_parameter_set_of_tmc13_is_read() -> None:
     sps = _read(syntax.sequence_parameter_set, syntax.SequenceParameterSet(), REFERENCE_SPS)
     assert sps == syntax.SequenceParameterSet(seq_origin_bits=3, seq_origin_xyz=(5, 6, 7))
     assert syntax.written(syntax.sequence_parameter_set, sps) == REFERENCE_SPS
 
 
-def test_the_references_geometry_parameter_set_is_understood() -> None:
+def test_a_geometry_parameter_set_of_tmc13_is_read() -> None:
     gps = _read(syntax.geometry_parameter_set, syntax.GeometryParameterSet(), REFERENCE_GPS)
     assert gps == syntax.GeometryParameterSet(
         neighbour_avail_boundary_log2_minus1=7,
@@ -164,7 +164,7 @@ def test_every_truncation_is_an_error(data: bytes) -> None:
             _read(function, record(), data[:length])
 
 
-def test_attributes_are_passed_over() -> None:
+def test_attributes_are_skipped() -> None:
     writer = Writer()
     writer.bits(32, 0)
     writer.bits(14, 0b0000_00001_00000)
@@ -194,13 +194,13 @@ def test_attributes_are_passed_over() -> None:
 
 
 def test_encapsulated_payloads_come_back() -> None:
-    stream = syntax.encapsulated(0, b"abc") + syntax.encapsulated(9, b"")
+    stream = syntax.encapsulate(0, b"abc") + syntax.encapsulate(9, b"")
     assert list(syntax.payloads(stream)) == [(0, b"abc"), (9, b"")]
     for length in (1, 4, 7, 9, 12):
         with pytest.raises(InputError, match="truncated"):
             list(syntax.payloads(stream[:length]))
 
 
-def test_what_is_no_stream_is_refused() -> None:
+def test_bytes_that_are_no_stream_are_refused() -> None:
     with pytest.raises(InputError, match="not a G-PCC stream"):
         list(syntax.payloads(b"ply\nformat ascii 1.0\n"))

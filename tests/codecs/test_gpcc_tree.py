@@ -10,20 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.codecs.gpcc.neighbours import (
-    adjacent_children,
-    atlas,
-    enter_cube,
+    empty_atlas,
     face_neighbours,
-    face_pattern,
+    neigh_pattern_of,
     neighbour_grid,
-    predicted_children,
+    predict_occupancy,
+    refine_by_adjacent_children,
+    update_atlas,
 )
 from puckbench.codecs.gpcc.tree import (
     build_tree,
+    coded_axes,
     leaf_codes,
     leaf_starts,
-    node_bits,
-    split_axes,
+    node_sizes_log2,
 )
 from puckbench.geometry.morton import below, coordinates, spread
 
@@ -31,7 +31,7 @@ BITS = st.tuples(*[st.integers(1, 21)] * 3)
 
 
 def test_a_cube_is_split_along_all_axes() -> None:
-    assert split_axes((3, 1, 2), qtbt=False) == [7, 7, 7]
+    assert coded_axes((3, 1, 2), qtbt=False) == [7, 7, 7]
 
 
 @pytest.mark.parametrize(
@@ -46,12 +46,12 @@ def test_a_cube_is_split_along_all_axes() -> None:
 def test_boxes_are_split_along_their_longest_sides(
     bits: Any, before: int, least: int, levels: list[int]
 ) -> None:
-    assert split_axes(bits, True, before, least) == levels
+    assert coded_axes(bits, True, before, least) == levels
 
 
 @given(BITS, st.integers(0, 8), st.integers(0, 4))
 def test_every_bit_is_split_once(bits: Any, before: int, least: int) -> None:
-    sizes = node_bits(split_axes(bits, True, before, least))
+    sizes = node_sizes_log2(coded_axes(bits, True, before, least))
     assert sizes[0] == bits
     assert sizes[-1] == (0, 0, 0)
 
@@ -66,10 +66,10 @@ CLOUDS = st.tuples(st.integers(0, 99), st.tuples(*[st.integers(1, 6)] * 3), st.b
 
 @settings(max_examples=40, deadline=None)
 @given(CLOUDS)
-def test_occupancies_lead_to_the_points(cloud: Any) -> None:
+def test_the_octrees_occupancies_describe_the_points(cloud: Any) -> None:
     seed, bits, qtbt = cloud
     points = _cloud(seed, bits)
-    levels = split_axes(bits, qtbt)
+    levels = coded_axes(bits, qtbt)
     tree = build_tree(points, np.zeros(3, dtype=np.int64), levels)
     nodes = [(0, 0, 0)]
     for axes, level in zip(levels, tree.levels, strict=True):
@@ -87,7 +87,7 @@ def test_occupancies_lead_to_the_points(cloud: Any) -> None:
     assert [tuple(p) for p in found.tolist()] == nodes
 
 
-def test_first_leaves_are_those_below_a_node() -> None:
+def test_leaf_starts_index_the_first_leaf_of_each_node() -> None:
     tree = build_tree(_cloud(1, (4, 4, 4)), np.zeros(3, dtype=np.int64), [7] * 4)
     starts = leaf_starts(tree)
     assert starts[0].tolist() == [0, len(tree.keys)]
@@ -98,27 +98,27 @@ def test_first_leaves_are_those_below_a_node() -> None:
 
 @numba.njit
 def _surroundings(
-    parents: np.ndarray, occupancy: np.ndarray, axes: int, cubes: Any, wanted: int
+    parents: np.ndarray, occupancy: np.ndarray, axes: int, atlas: Any, wanted: int
 ) -> Any:
     """For each child of the parents: code, face pattern, and the prediction of its children."""
     rows = np.zeros((8 * len(parents), 4), dtype=np.int64)
     count, start, end = 0, 0, 0
     for p in range(len(parents)):
         if p == end:
-            end = enter_cube(cubes, parents, occupancy, axes, start, p)
+            end = update_atlas(atlas, parents, occupancy, axes, start, p)
             start = p
         base = below(parents[p], axes)
-        faces = face_neighbours(cubes, axes, base, np.int64(occupancy[p]))
-        grid = neighbour_grid(cubes, axes, base)
+        faces = face_neighbours(atlas, axes, base, np.int64(occupancy[p]))
+        grid = neighbour_grid(atlas, axes, base)
         for child in range(8):
             if occupancy[p] >> child & 1:
-                foretold, expected = predicted_children(grid, child)
+                foretold, expected = predict_occupancy(grid, child)
                 rows[count, 0] = base | child
-                rows[count, 1] = face_pattern(faces, child)
+                rows[count, 1] = neigh_pattern_of(faces, child)
                 rows[count, 2] = foretold
                 rows[count, 3] = expected
                 count += 1
-    enter_cube(cubes, parents, occupancy, axes, start, len(parents))
+    update_atlas(atlas, parents, occupancy, axes, start, len(parents))
     return rows[:count]
 
 
@@ -126,12 +126,14 @@ FACES = ((1, 0, 0), (-1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 
 
 def _expected_row(position: tuple[int, ...], occupied: set[Any], side: int) -> tuple[int, ...]:
-    def seen(step: tuple[int, ...]) -> bool:
+    def adjacent_occupancies(step: tuple[int, ...]) -> bool:
         other = tuple(p + s for p, s in zip(position, step, strict=True))
         same_cube = all(p >> side == o >> side for p, o in zip(position, other, strict=True))
         return same_cube and other in occupied
 
-    around = [s for s in product((-1, 0, 1), repeat=3) if s != (0, 0, 0) and seen(s)]
+    around = [
+        s for s in product((-1, 0, 1), repeat=3) if s != (0, 0, 0) and adjacent_occupancies(s)
+    ]
     foretold = expected = 0
     for k in range(8):
         towards = [2 * (k >> shift & 1) - 1 for shift in (2, 1, 0)]
@@ -139,11 +141,11 @@ def _expected_row(position: tuple[int, ...], occupied: set[Any], side: int) -> t
         full = near >= (4 if len(around) < 14 else 5)
         foretold |= (near <= 2 or full) << k
         expected |= full << k
-    return sum(seen(f) << i for i, f in enumerate(FACES)), foretold, expected
+    return sum(adjacent_occupancies(f) << i for i, f in enumerate(FACES)), foretold, expected
 
 
 @pytest.mark.parametrize(("axes", "side"), [(7, 2), (7, 4), (7, 8), (6, 3), (1, 4), (4, 2)])
-def test_neighbours_are_those_in_the_same_cube(axes: int, side: int) -> None:
+def test_neighbours_are_those_within_the_atlas_cube(axes: int, side: int) -> None:
     random = np.random.default_rng(axes + side)
     bits = [4 - (axes >> s & 1) for s in (2, 1, 0)]
     positions = sorted(
@@ -153,7 +155,7 @@ def test_neighbours_are_those_in_the_same_cube(axes: int, side: int) -> None:
     allowed = [k for k in range(8) if k & ~axes == 0]
     chosen = [random.permutation(allowed)[: random.integers(1, len(allowed) + 1)] for _ in parents]
     occupancy = np.array([sum(1 << int(k) for k in ks) for ks in chosen], dtype=np.uint8)
-    rows = _surroundings(parents, occupancy, axes, atlas(side), 0)
+    rows = _surroundings(parents, occupancy, axes, empty_atlas(side), 0)
     found = coordinates(rows[:, 0], np.arange(3), np.zeros(3, dtype=np.int64)).tolist()
     occupied = set(map(tuple, found))
     for position, row in zip(found, rows[:, 1:].tolist(), strict=True):
@@ -169,8 +171,8 @@ def _code(position: Any) -> int:
 
 
 @numba.njit
-def _adjacent(cubes: Any, axes: int, node: int, pattern: int) -> Any:
-    return adjacent_children(cubes, axes, node, pattern)
+def _adjacent(atlas: Any, axes: int, node: int, neigh_pattern: int) -> Any:
+    return refine_by_adjacent_children(atlas, axes, node, neigh_pattern)
 
 
 @numba.njit
@@ -178,20 +180,21 @@ def _spread(bits: int) -> int:
     return spread(bits)
 
 
-def test_adjacent_children_refine_the_pattern() -> None:
-    cubes = atlas(3)
+def test_adjacent_children_refine_the_neighbour_pattern() -> None:
+    atlas = empty_atlas(3)
     node = _code((2, 2, 2))
-    cubes.nodes[_code((1, 2, 2))] = 0b1001_0110
-    cubes.nodes[_code((2, 1, 2))] = 0b0011_0011
-    cubes.nodes[_code((2, 2, 1))] = 0b1000_0010
-    pattern, one, two, empty, seen = _adjacent(cubes, 7, node, 2 | 4 | 16 | 1)
-    assert pattern == 2 | 16 | 1, "the neighbour y-1 has no children on this side"
-    assert one == 0b1001 | 0b0100_0001
-    assert two == 0b0001
-    assert empty == 0b0110 | 0b0011_0011 | 0b0001_0100
-    assert seen == 0b1001_0110 | 0b0011_0011 << 8 | 0b1000_0010 << 16
+    atlas.nodes[_code((1, 2, 2))] = 0b1001_0110
+    atlas.nodes[_code((2, 1, 2))] = 0b0011_0011
+    atlas.nodes[_code((2, 2, 1))] = 0b1000_0010
+    neigh_pattern, gt0, gt1, unocc, occupancies = _adjacent(atlas, 7, node, 2 | 4 | 16 | 1)
+    assert neigh_pattern == 2 | 16 | 1, "the neighbour y-1 has no children on this side"
+    assert gt0 == 0b1001 | 0b0100_0001
+    assert gt1 == 0b0001
+    assert unocc == 0b0110 | 0b0011_0011 | 0b0001_0100
+    assert occupancies == 0b1001_0110 | 0b0011_0011 << 8 | 0b1000_0010 << 16
 
 
 @given(st.integers(0, 2**21 - 1))
+@settings(deadline=None)
 def test_bits_are_spread_to_every_third_place(value: int) -> None:
     assert _spread(value) == sum((value >> k & 1) << 3 * k for k in range(21))

@@ -1,7 +1,6 @@
 """Streams of our scenes by the reference software (benchmarks/checks/gpcc_vectors.py)."""
 
 import hashlib
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ def _decoded(name: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys()))
-def test_a_stream_decodes_to_what_the_reference_decodes(name: str) -> None:
+def test_a_stream_decodes_to_the_points_that_tmc13_decodes(name: str) -> None:
     points = _decoded(name)
     ordered = points[np.lexsort(points.T[::-1])].astype("<f8")
     assert len(points) == MANIFEST[name]["points_out"]
@@ -39,7 +38,7 @@ def test_a_stream_decodes_to_what_the_reference_decodes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)
-def test_a_stream_of_tools_left_out_is_refused(name: str) -> None:
+def test_a_stream_with_unsupported_tools_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=LEFT_OUT[name]):
         _decoded(name)
 
@@ -61,17 +60,17 @@ DECODER_ONLY = {
 
 
 @pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys() - DECODER_ONLY))
-def test_coding_a_streams_points_again_gives_its_bytes(name: str) -> None:
+def test_encoding_the_decoded_points_gives_the_bytes_of_tmc13(name: str) -> None:
     stream = (FOLDER / f"{name}.bin").read_bytes()
     about, decoded = MANIFEST[name], decode_geometry(stream)
     kept = "--mergeDuplicatedPoints=0" in about["options"]
     choices = {"merge_duplicates": not kept, **CHOICES.get(name, {})}
-    options = replace(PROFILES[about["profile"]], **choices)
+    options = PROFILES[about["profile"]].model_copy(update=choices)
     shuffled = np.random.default_rng(0).permutation(decoded.points)
     assert encode_geometry(shuffled, options, scale=decoded.scale, origin=decoded.origin) == stream
 
 
-def test_codec_and_reference_agree_on_the_whole_way_from_real_coordinates() -> None:
+def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:
     """The points of this vector are whole numbers, many of them negative."""
     about, points = MANIFEST["away_minimal"], _decoded("away_minimal")
     raw = {"raw": True, "profile": about["profile"]}

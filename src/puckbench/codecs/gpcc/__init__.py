@@ -1,6 +1,7 @@
-"""G-PCC geometry (ISO/IEC 23090-9, first edition): octree coding that the reference software reads.
+"""G-PCC geometry (ISO/IEC 23090-9, first edition): octree coding that TMC13 reads and writes.
 
-`coder` codes and decodes whole streams, `lossless` packs voxels for other codecs; below them stand
-`syntax` (parameter sets, data unit), `arithmetic` (entropy coder) and `octree` (the tree).
-The names are the standard's, or those of its reference software TMC13 release-v14.0.
+`coder` encodes and decodes whole streams, `lossless` codes voxels for other codecs; below them are
+`slices` (geometry data units), `octree` (levels, with `planar`, `idcm`, `neighbours` and
+`occupancy`), `arithmetic` (entropy coder) and `syntax` (parameter sets and headers). Names are the
+standard's, or those of its reference software TMC13 release-v14.0.
 """

@@ -1,8 +1,8 @@
-"""The adaptive binary arithmetic coder of G-PCC (Dirac's), for both directions.
+"""Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9, clause 9), in both directions.
 
-A kernel written with `step`, `code_bit` and `code_bypass` codes when it is given an `Encoder` and
-decodes when it is given a `Decoder`: each function takes the bit to code (a decoder ignores it)
-and returns the bit coded or read. Probabilities are those of a zero, 16 bits.
+A kernel written with `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes
+with a `Decoder`: each function takes the bit to code (a decoder ignores it) and returns the bit
+coded or read. Probabilities are those of a zero, in 16 bits, as in TMC13's `schroArith` coder.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def consumed(coder: Decoder) -> int:
 
 
 def finish(coder: Encoder) -> bytes:
-    """Flush the encoder; the bytes of all that was coded."""
+    """Flush the encoder; all bytes."""
     _flush(coder)
     return coder.data[: coder.state[3]].tobytes()
 
@@ -92,7 +92,7 @@ def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, Sta
 
 
 def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
-    """Code one bit without a model."""
+    """Code one bit without a context."""
     raise NotImplementedError("compiled only")
 
 
@@ -257,7 +257,7 @@ def save(coder: Any, state: State) -> None:
 
 @kernel
 def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int) -> int:
-    """Code one bit with an adaptive model."""
+    """Code one bit with an adaptive context."""
     coded, state, probability = step(coder, load(coder), integer(probabilities[model]), bit)
     probabilities[model] = probability
     save(coder, state)
@@ -266,18 +266,18 @@ def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int
 
 @kernel
 def code_bypass(coder: Any, bit: int) -> int:
-    """Code one bit without a model."""
+    """Code one bit without a context."""
     coded, state = bypass_step(coder, load(coder), bit)
     save(coder, state)
     return coded
 
 
 @kernel
-def code_exp_golomb(coder: Any, models: NDArray[np.uint16], prefix: int, value: int) -> int:
-    """Code a number, Exp-Golomb of order 0; at most 24 prefix bits are read."""
+def code_exp_golomb(coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int) -> int:
+    """Code a number by Exp-Golomb of order 0; at most 24 prefix bits are read."""
     order = 0
     base = 0
-    while order < 24 and code_bit(coder, models, prefix, integer(value - base >= 1 << order)):
+    while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
         order += 1
     rest = 0

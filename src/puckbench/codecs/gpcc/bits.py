@@ -1,7 +1,8 @@
-"""Reading and writing syntax elements bit by bit, with one description for both directions.
+"""Reading and writing of syntax elements bit by bit, with one description for both directions.
 
 `Writer` and `Reader` have the same methods; each moves one syntax element, an attribute of a
-record, to or from the bits. A structure's syntax is one function over either of them.
+record, to or from the bits. The syntax of a structure is one function over either of them, with
+the standard's descriptors u(n), ue(v) and se(v).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Moves syntax elements between a record and bits. n: number of bits."""
+    """Moves syntax elements between a record and bits; n is a number of bits."""
 
     writing: bool
 
@@ -59,7 +60,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def exp_golomb(self, value: int) -> int:
-        """Exp-Golomb code of order 0: as many zeros as the number, plus one, has bits less one."""
+        """Exp-Golomb code of order 0 of an unsigned number."""
         length = (value + 1).bit_length() - 1
         zeros = 0
         while not self.bits(1, zeros == length):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Literal
 
 from pydantic import Field
@@ -107,9 +106,8 @@ class Gpcc(GridCodec):
         warm_up(self._options())
 
     def _options(self) -> GpccOptions:
-        return replace(
-            PROFILES[self.options.profile], merge_duplicates=self.options.duplicates == "merged"
-        )
+        merged = self.options.duplicates == "merged"
+        return PROFILES[self.options.profile].model_copy(update={"merge_duplicates": merged})
 
     def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry

@@ -1,4 +1,4 @@
-"""Whole G-PCC geometry streams: integer points with their scale and origin, and back."""
+"""G-PCC bitstreams: integer points with their scale and origin to a stream, and back."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.bits import Reader
-from puckbench.codecs.gpcc.decoder import CodedSlice, decode_slice, read_slice
-from puckbench.codecs.gpcc.encoder import encode_slice
-from puckbench.codecs.gpcc.models import Models, fresh_models
+from puckbench.codecs.gpcc.contexts import Contexts, initial_contexts
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
-from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, split_axes
+from puckbench.codecs.gpcc.slices import CodedSlice, decode_slice, encode_slice, read_slice
+from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, coded_axes
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
 
@@ -29,11 +28,11 @@ __all__ = [
     "warm_up",
 ]
 
-MOST_POINTS = 1 << 24
-"""Most points of a stream: as many as one slice can say it has, so that memory has a bound."""
+MAX_POINTS = 1 << 24
+"""Points of a stream, at most: as many as one slice can signal, so that memory is bounded."""
 
-_LARGEST = 1 << 31
-_FINEST_SCALE = 1 << 16
+_MAX_ORIGIN = 1 << 31
+_MAX_DENOMINATOR = 1 << 16
 
 # Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
 _AXIS_ORDERS = (
@@ -46,8 +45,8 @@ _AXIS_ORDERS = (
 class DecodedGeometry:
     """What a stream holds.
 
-    points: (m, 3) int64, as coded. Their positions are (points * global_scale + origin) / scale.
-    metres: whether positions are in metres, else their unit is the application's.
+    points: (m, 3) int64, as coded; their positions are (points * global_scale + origin) / scale.
+    metres: seq_unit_is_metres_flag; else the unit is the application's.
     """
 
     points: Ints
@@ -57,7 +56,7 @@ class DecodedGeometry:
     metres: bool = False
 
     def positions(self) -> NDArray[np.float64]:
-        """Positions (m, 3) in the coordinates of the cloud, bit for bit as the reference's."""
+        """Positions (m, 3) in the cloud's coordinates, bit for bit those of TMC13."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
         positions = self.points.astype(np.float64)
@@ -73,34 +72,45 @@ def encode_geometry(
     scale: Fraction | float = 1,
     origin: Sequence[int] | Ints = (0, 0, 0),
 ) -> bytes:
-    """A stream that the reference decoder reads, with points (n, 3) of integers.
+    """Code points as a stream that TMC13 decodes.
 
-    Points plus `origin`, divided by `scale`, are the positions that a decoder gives. InputError
-    for an empty cloud, or points more than 21 bits apart.
+    Parameters
+    ----------
+    points
+        (n, 3) integers, n > 0.
+    options
+        Coding tools.
+    scale, origin
+        (points + origin) / scale are the positions that a decoder gives.
+
+    Raises
+    ------
+    InputError
+        For an empty cloud, or for points more than 21 bits apart.
     """
     points = np.ascontiguousarray(points, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError("G-PCC: no points to code")
-    least, most = bounds(points)
-    if (most - least >= 1 << MOST_BITS).any():
+    low, high = bounds(points)
+    if (high - low >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
-    corner = tuple(int(a) + int(b) for a, b in zip(least, origin, strict=True))
-    sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_FINEST_SCALE))
+    corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
+    sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_MAX_DENOMINATOR))
     gps = _geometry_parameter_set(options)
     stream = [
-        syntax.encapsulated(
+        syntax.encapsulate(
             syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
         ),
-        syntax.encapsulated(
+        syntax.encapsulate(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    parts = list(_slices(points, least, options))
-    if sum(part.coded_points(options) for part in parts) > MOST_POINTS:
-        raise InputError(f"G-PCC: more than {MOST_POINTS} points")
-    for number, part in enumerate(parts):
-        unit = _data_unit(part, number, sps, gps)
-        stream.append(syntax.encapsulated(syntax.GEOMETRY_DATA_UNIT, unit))
+    slices = list(_partition(points, low, options))
+    if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
+        raise InputError(f"G-PCC: more than {MAX_POINTS} points")
+    for number, slice_points in enumerate(slices):
+        data_unit = _data_unit(slice_points, number, sps, gps)
+        stream.append(syntax.encapsulate(syntax.GEOMETRY_DATA_UNIT, data_unit))
     return b"".join(stream)
 
 
@@ -112,7 +122,7 @@ def warm_up(options: GpccOptions) -> None:
 def _sequence_parameter_set(
     origin: tuple[int, ...], scale: Fraction
 ) -> syntax.SequenceParameterSet:
-    if max(map(abs, origin)) >= _LARGEST or not 0 < scale.numerator < _LARGEST:
+    if max(map(abs, origin)) >= _MAX_ORIGIN or not 0 < scale.numerator < _MAX_ORIGIN:
         raise InputError("G-PCC: the origin or the scale is too large for a stream")
     x, y, z = origin
     return syntax.SequenceParameterSet(
@@ -153,24 +163,24 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     )
 
 
-def _slices(points: Ints, start: Ints, options: GpccOptions) -> Iterator[_Part]:
+def _partition(points: Ints, start: Ints, options: GpccOptions) -> Iterator[_SlicePoints]:
     """Parts of the cloud of at most slice_max_points, halved along their longest side.
 
-    start: origin of the sequence.
+    start: (3,) origin of the sequence.
     """
-    part = _part(points, start, options)
-    if part.coded_points(options) <= options.slice_max_points:
-        yield part
+    slice_points = _slice_points(points, start, options)
+    if slice_points.coded_points(options) <= options.slice_max_points:
+        yield slice_points
         return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
-    middle = _between_positions(points[order, axis])
-    yield from _slices(points[order[:middle]], start, options)
-    yield from _slices(points[order[middle:]], start, options)
+    middle = _split_position(points[order, axis])
+    yield from _partition(points[order[:middle]], start, options)
+    yield from _partition(points[order[middle:]], start, options)
 
 
-def _between_positions(sorted_values: Ints) -> int:
-    """About the middle of sorted values; not between equal ones, so that these stay together."""
+def _split_position(sorted_values: Ints) -> int:
+    """About the middle of sorted values, not between equal ones, so that these stay together."""
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
     ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")
@@ -180,8 +190,8 @@ def _between_positions(sorted_values: Ints) -> int:
 
 
 @dataclass(frozen=True)
-class _Part:
-    """Points of a slice: their least coordinates, the axes that each level splits, the tree."""
+class _SlicePoints:
+    """Points of a slice: their least coordinates, the axes that each level splits, the octree."""
 
     corner: tuple[int, int, int]
     axes: list[int]
@@ -192,53 +202,60 @@ class _Part:
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
-def _part(points: Ints, start: Ints, options: GpccOptions) -> _Part:
-    least, most = bounds(points)
-    x, y, z = (max(int(size).bit_length(), 1) for size in most - least)
-    axes = split_axes(
+def _slice_points(points: Ints, start: Ints, options: GpccOptions) -> _SlicePoints:
+    low, high = bounds(points)
+    x, y, z = (max(int(size).bit_length(), 1) for size in high - low)
+    axes = coded_axes(
         (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
     )
-    a, b, c = (least - start).tolist()
-    return _Part((a, b, c), axes, build_tree(points, least, axes))
+    a, b, c = (low - start).tolist()
+    return _SlicePoints((a, b, c), axes, build_tree(points, low, axes))
 
 
 def _data_unit(
-    part: _Part,
+    slice_points: _SlicePoints,
     number: int,
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
 ) -> bytes:
     header = syntax.GeometryHeader(
         slice_id=number,
-        slice_geom_origin_bits_minus1=_bits(max(part.corner)) - 1,
-        slice_geom_origin_xyz=part.corner,
-        tree_depth_minus1=len(part.axes) - 1,
-        tree_lvl_coded_axis_list=part.axes,
+        slice_geom_origin_bits_minus1=_bits(max(slice_points.corner)) - 1,
+        slice_geom_origin_xyz=slice_points.corner,
+        tree_depth_minus1=len(slice_points.axes) - 1,
+        tree_lvl_coded_axis_list=slice_points.axes,
     )
-    return encode_slice(part.tree, header, sps, gps)
+    return encode_slice(slice_points.tree, header, sps, gps)
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """The points of a stream of one frame, in the order of decoding.
+    """Decode a stream of one frame; attributes are skipped.
 
-    Attributes are passed over. InputError for a stream that is not G-PCC, is damaged, or uses
-    tools other than octree coding.
+    Returns
+    -------
+    DecodedGeometry
+        Points in decoding order, with scale and origin.
+
+    Raises
+    ------
+    InputError
+        If the stream is not G-PCC, is damaged, or uses tools other than octree coding.
     """
-    contents = _Contents()
+    contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)
     return contents.geometry()
 
 
-class _Contents:
-    """What was read of a stream so far: parameter sets by number, and points by slice."""
+class _StreamReader:
+    """What was read of a stream so far: parameter sets by id, and points by slice."""
 
     def __init__(self) -> None:
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
         self._gps: dict[int, syntax.GeometryParameterSet] = {}
         self._active: syntax.SequenceParameterSet | None = None
         self._frame: int | None = None
-        self._models: Models = fresh_models()
+        self._contexts: Contexts = initial_contexts()
         self._slices: list[Ints] = []
 
     def take(self, payload_type: int, payload: bytes) -> None:
@@ -267,14 +284,14 @@ class _Contents:
             raise InputError("G-PCC stream: slices of different sequences")
         self._active = sps
         coded = read_slice(payload, sps, gps)
-        if sum(map(len, self._slices)) + coded.points > MOST_POINTS:
-            raise InputError(f"G-PCC stream: more than {MOST_POINTS} points")
-        self._check_frame(coded)
+        if sum(map(len, self._slices)) + coded.points > MAX_POINTS:
+            raise InputError(f"G-PCC stream: more than {MAX_POINTS} points")
+        self._check_single_frame(coded)
         if not coded.header.entropy_continuation_flag:
-            self._models = fresh_models()
-        return self._placed(decode_slice(coded, sps, gps, self._models), coded, sps, gps)
+            self._contexts = initial_contexts()
+        return self._placed(decode_slice(coded, sps, gps, self._contexts), coded, sps, gps)
 
-    def _check_frame(self, coded: CodedSlice) -> None:
+    def _check_single_frame(self, coded: CodedSlice) -> None:
         frame = coded.header.frame_ctr_lsb
         if self._frame is not None and frame != self._frame:
             raise InputError("G-PCC stream: more than one frame")
@@ -291,7 +308,7 @@ class _Contents:
         present = gps.slice_geom_origin_scale_present
         scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
         origin = [v << min(scale, 64) for v in header.slice_geom_origin_xyz]
-        if max(origin) >= _LARGEST:
+        if max(origin) >= _MAX_ORIGIN:
             raise InputError("G-PCC stream: the origin of a slice is too large")
         axes = np.array(_AXIS_ORDERS[sps.geom_axis_order], dtype=np.int64)
         points: Ints = coordinates(codes, axes, np.array(origin, dtype=np.int64))
@@ -314,7 +331,7 @@ class _Contents:
 
 def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
     x, y, z = (v << min(sps.seq_origin_log2_scale, 64) for v in sps.seq_origin_xyz)
-    if max(abs(x), abs(y), abs(z)) >= _LARGEST:
+    if max(abs(x), abs(y), abs(z)) >= _MAX_ORIGIN:
         raise InputError("G-PCC stream: the origin is too large")
     return x, y, z
 

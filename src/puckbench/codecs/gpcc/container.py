@@ -1,10 +1,10 @@
-"""What puckbench puts before a G-PCC stream: a magic, and the frame that G-PCC has no room for.
+"""Container of a G-PCC stream: a magic, and the frame that G-PCC itself cannot signal.
 
     4 bytes  "PBGP"
     1 byte   0: the stream follows; 1: unit and offset (4 float64, little-endian), then the stream
 
-A bare stream, as the reference software writes it, begins with a sequence parameter set: type 0
-and the length of it in four bytes.
+A bare stream, as TMC13 writes it, begins with a sequence parameter set: type 0 and its length in
+four bytes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Packed(NamedTuple):
 
 
 def packed(stream: bytes, frame: Frame) -> bytes:
-    """The stream behind its magic, with the frame where it is not the input's own."""
+    """The stream after its magic, with the frame where it is not the input's own."""
     if frame == Frame():
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _FRAME.pack(frame.unit, *frame.offset) + stream

@@ -1,4 +1,4 @@
-"""Real coordinates to the integer grid that G-PCC codes, and back."""
+"""Quantisation of real coordinates to the integer grid that G-PCC codes, and back."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _FARTHEST = 2.0**30
 
 
 class Frame(NamedTuple):
-    """Length of the input grid's step, and the point of the input that lies at its origin."""
+    """Step of the input's grid, and the point of the input that is its origin."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Quantised(NamedTuple):
-    """Grid positions (n, 3) from 0, int64, and the one (3,) that must be added to them."""
+    """Grid positions (n, 3) int64 from 0 on, and the origin (3,) to be added to them."""
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
 def frame_of(points: Floats, unit: float, scale: float) -> Frame:
-    """The frame of the input itself, or one moved to the cloud when that is too far away."""
+    """The input's own frame, or one moved to a cloud that is too far away."""
     ends = _ends(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return Frame(unit)
@@ -42,11 +42,24 @@ def frame_of(points: Floats, unit: float, scale: float) -> Frame:
 
 
 def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) -> Quantised:
-    """Points (n, 3) on the grid whose step is unit / scale.
+    """Quantise points to the grid whose step is unit / scale.
 
-    ``nearest`` rounds once, to that grid. ``truncate`` is what TMC13 does to the floating-point
-    file that it reads: towards zero on the unit's grid, then round in single precision.
-    InputError when the cloud spans more than `MOST_BITS` bits.
+    Parameters
+    ----------
+    points
+        (n, 3) coordinates.
+    frame
+        Unit and offset.
+    scale
+        Grid positions per unit.
+    rounding
+        ``nearest`` rounds once, to that grid. ``truncate`` does what TMC13 does with floating-point
+        files: towards zero on the unit's grid, then rounding in single precision.
+
+    Raises
+    ------
+    InputError
+        If the cloud spans more than `MOST_BITS` bits.
     """
     with np.errstate(over="ignore"):
         units = points if frame == Frame() else (points - frame.offset) / frame.unit

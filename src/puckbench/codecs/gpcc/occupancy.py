@@ -1,4 +1,8 @@
-"""Occupancy of a node: eight bits coded one by one, each with the model its surroundings choose."""
+"""Occupancy of a node: eight bits, each with the context that its neighbourhood selects.
+
+Bitwise occupancy coding (`encodeOccupancyBitwise` of TMC13): the bits go through 18 maps of
+context indices that adapt to what was coded (`CtxMapOctreeOccupancy`).
+"""
 
 from __future__ import annotations
 
@@ -6,151 +10,174 @@ from typing import Any, NamedTuple
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, load, save, step
 from puckbench.codecs.gpcc.compiled import integer, kernel
-from puckbench.codecs.gpcc.models import OCCUPANCY, SINGLE_CHILD, Models
+from puckbench.codecs.gpcc.contexts import CTX_OCCUPANCY, CTX_SINGLE_CHILD, Contexts
 from puckbench.codecs.gpcc.tables import (
-    ADJACENT_REDUCED,
+    ADJACENCY_REDUCED,
     CODED_CHILD,
-    COUNT,
-    MAP_BASE,
-    MAP_DELTA,
-    MAP_SIZE,
+    CTX_MAP_BASE,
+    CTX_MAP_DELTA,
+    CTX_MAP_SIZE,
+    POPCOUNT,
 )
 from puckbench.core.compiling import inlined
 
 
-class Surroundings(NamedTuple):
-    """What the coding of an occupancy goes by.
+class OccupancyNeighbourhood(NamedTuple):
+    """What the contexts of a node's occupancy depend on.
 
-    known: 1 when neighbours outside the parent are known, else 0. pattern: occupied neighbours.
-    one, two, empty: children with at least one, at least two occupied neighbours outside the
-    node, and with an unoccupied one. foretold, expected: children predicted, and those occupied.
+    neighbours_known: 1 if neighbours outside the parent are known, else 0. neigh_pattern: occupied
+    face neighbours. adjacency_gt0, adjacency_gt1, adjacency_unocc: children with more than 0, more
+    than 1 occupied, and with an unoccupied neighbour outside the node. is_predicted, prediction:
+    children whose occupancy is predicted, and those predicted occupied.
     """
 
-    known: int
-    pattern: int
-    one: int
-    two: int
-    empty: int
-    foretold: int
-    expected: int
+    neighbours_known: int
+    neigh_pattern: int
+    adjacency_gt0: int
+    adjacency_gt1: int
+    adjacency_unocc: int
+    is_predicted: int
+    prediction: int
 
 
-class Planes(NamedTuple):
-    """What planar coding has told of a node.
+class PlanarMasks(NamedTuple):
+    """What planar modes tell of a node.
 
-    masked_x, masked_y, masked_z: children known empty because the others' plane is known.
-    possible: axes (1 x, 2 y, 4 z) not known to have both planes occupied.
+    mask_planar_x, mask_planar_y, mask_planar_z: children known to be empty because the others'
+    plane is known. planar_possible: axes (1 x, 2 y, 4 z) not known to have both planes occupied.
     """
 
-    masked_x: int
-    masked_y: int
-    masked_z: int
-    possible: int
+    mask_planar_x: int
+    mask_planar_y: int
+    mask_planar_z: int
+    planar_possible: int
 
 
 @inlined
-def no_plane_known(planes: Planes) -> bool:
-    """Whether no child is known empty because of planes."""
-    return planes.masked_x | planes.masked_y | planes.masked_z == 0
+def no_child_masked(masks: PlanarMasks) -> bool:
+    """Whether no child is known to be empty because of planar modes."""
+    return masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z == 0
 
 
 @kernel
 def code_occupancy(
-    coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
+    coder: Any,
+    contexts: Contexts,
+    neighbourhood: OccupancyNeighbourhood,
+    masks: PlanarMasks,
+    occupancy: int,
 ) -> int:
-    """Code which children are occupied."""
-    if planes.masked_x and planes.masked_y and planes.masked_z:
-        return 1 << _known_child(planes)
-    if around.pattern == 0:
-        single = integer(COUNT[occupancy] == 1)
-        if planes.possible == 7 and code_bit(coder, models.probabilities, SINGLE_CHILD, single):
-            return _code_single_child(coder, planes, occupancy)
-        pair = _pair_of_children(planes)
+    """Code the occupancy of a node: a bit for each child."""
+    if masks.mask_planar_x and masks.mask_planar_y and masks.mask_planar_z:
+        return 1 << _known_child(masks)
+    if neighbourhood.neigh_pattern == 0:
+        single = integer(POPCOUNT[occupancy] == 1)
+        if masks.planar_possible == 7 and code_bit(
+            coder, contexts.probabilities, CTX_SINGLE_CHILD, single
+        ):
+            return _code_single_child(coder, masks, occupancy)
+        pair = _pair_of_children(masks)
         if pair:
             return pair
-    if no_plane_known(planes) and planes.possible == 7:
-        return _code_bits(coder, models, around, occupancy)
-    return _code_masked_bits(coder, models, around, planes, occupancy)
+    if no_child_masked(masks) and masks.planar_possible == 7:
+        return _code_bits(coder, contexts, neighbourhood, occupancy)
+    return _code_masked_bits(coder, contexts, neighbourhood, masks, occupancy)
 
 
 @kernel
-def _pair_of_children(planes: Planes) -> int:
-    """The two children that two known planes leave when both are occupied; 0 without two planes."""
-    child = _known_child(planes)
-    if planes.masked_x and planes.masked_y:
+def _pair_of_children(masks: PlanarMasks) -> int:
+    """The two children left by two known planes if both are occupied; 0 without two planes."""
+    child = _known_child(masks)
+    if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child
-    if planes.masked_y and planes.masked_z:
+    if masks.mask_planar_y and masks.mask_planar_z:
         return 0x11 << child
-    if planes.masked_x and planes.masked_z:
+    if masks.mask_planar_x and masks.mask_planar_z:
         return 5 << child
     return 0
 
 
 @kernel
-def _known_child(planes: Planes) -> int:
+def _known_child(masks: PlanarMasks) -> int:
     """The lowest child that is in every known plane."""
-    return (planes.masked_x & 1) << 2 | (planes.masked_y & 1) << 1 | (planes.masked_z & 1)
+    return (
+        (masks.mask_planar_x & 1) << 2 | (masks.mask_planar_y & 1) << 1 | (masks.mask_planar_z & 1)
+    )
 
 
 @kernel
-def _code_single_child(coder: Any, planes: Planes, occupancy: int) -> int:
+def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
     """Code the index of the only child, without the axes whose plane is known."""
-    child = _known_child(planes)
-    if planes.masked_z == 0:
+    child = _known_child(masks)
+    if masks.mask_planar_z == 0:
         child |= code_bypass(coder, integer(occupancy & 0xAA != 0))
-    if planes.masked_y == 0:
+    if masks.mask_planar_y == 0:
         child |= code_bypass(coder, integer(occupancy & 0xCC != 0)) << 1
-    if planes.masked_x == 0:
+    if masks.mask_planar_x == 0:
         child |= code_bypass(coder, integer(occupancy & 0xF0 != 0)) << 2
     return 1 << child
 
 
 @inlined
-def _map_index(around: Surroundings, i: int, child: int, predict: bool) -> int:
-    """Which of the 18 context maps the i-th coded bit, that of `child`, goes by."""
-    adjacent = (around.empty >> child & 1) + 2 * (
-        (around.one >> child & 1) + (around.two >> child & 1)
+def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predict: bool) -> int:
+    """Index of the context map of the i-th coded bit, that of `child`."""
+    adjacent = (neighbourhood.adjacency_unocc >> child & 1) + 2 * (
+        (neighbourhood.adjacency_gt0 >> child & 1) + (neighbourhood.adjacency_gt1 >> child & 1)
     )
     if i > 4:
-        adjacent = ADJACENT_REDUCED[adjacent]
+        adjacent = ADJACENCY_REDUCED[adjacent]
     if not predict:
         return 3 * adjacent
-    return 3 * adjacent + (around.foretold >> child & 1) + (around.expected >> child & 1)
+    return (
+        3 * adjacent
+        + (neighbourhood.is_predicted >> child & 1)
+        + (neighbourhood.prediction >> child & 1)
+    )
 
 
 @inlined
-def _code_mapped(coder: Any, models: Models, state: Any, place: int, bit: int) -> tuple[int, Any]:
-    """Code one bit with the model that a map entry names, and move the entry."""
-    entry = integer(models.maps[place])
-    model = OCCUPANCY + (entry >> 3)
-    bit, state, probability = step(coder, state, integer(models.probabilities[model]), bit)
-    models.probabilities[model] = probability
+def _code_with_ctx_map(
+    coder: Any, contexts: Contexts, state: Any, entry_index: int, bit: int
+) -> tuple[int, Any]:
+    """Code one bit with the context that a map entry gives, and adapt the entry."""
+    entry = integer(contexts.ctx_idx_maps[entry_index])
+    context = CTX_OCCUPANCY + (entry >> 3)
+    bit, state, probability = step(coder, state, integer(contexts.probabilities[context]), bit)
+    contexts.probabilities[context] = probability
     if bit:
-        entry += MAP_DELTA[(255 - entry) >> 4]
+        entry += CTX_MAP_DELTA[(255 - entry) >> 4]
     else:
-        entry -= MAP_DELTA[entry >> 4]
-    models.maps[place] = entry
+        entry -= CTX_MAP_DELTA[entry >> 4]
+    contexts.ctx_idx_maps[entry_index] = entry
     return bit, state
 
 
 @kernel
-def _code_bits(coder: Any, models: Models, around: Surroundings, occupancy: int) -> int:
-    """Code eight bits, but those that must be ones: some child is occupied, and two when the
-    node has no neighbour (one child alone was coded otherwise).
+def _code_bits(
+    coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
+) -> int:
+    """Code eight bits, except those that must be ones.
+
+    Some child is occupied; two are where there is no neighbour (a single child is coded otherwise).
     """
-    alone = around.pattern == 0
-    most_zeros = 6 if alone else 7
+    no_neighbour = neighbourhood.neigh_pattern == 0
+    most_zeros = 6 if no_neighbour else 7
     state = load(coder)
-    coded, before, zeros = 0, 0, 0
+    coded, coded_before, zeros = 0, 0, 0
     for i in range(8):
-        child = CODED_CHILD[around.pattern, i]
+        child = CODED_CHILD[neighbourhood.neigh_pattern, i]
         bit = 1
         if zeros < most_zeros:
-            place = _map_index(around, i, child, True) * MAP_SIZE
-            place += MAP_BASE[around.known, around.pattern, i] + before
-            bit, state = _code_mapped(coder, models, state, place, occupancy >> child & 1)
+            entry_index = _ctx_map_of(neighbourhood, i, child, True) * CTX_MAP_SIZE
+            entry_index += (
+                CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
+                + coded_before
+            )
+            bit, state = _code_with_ctx_map(
+                coder, contexts, state, entry_index, occupancy >> child & 1
+            )
         zeros += 1 - bit
-        before += bit if alone else bit << i
+        coded_before += bit if no_neighbour else bit << i
         coded |= bit << child
     save(coder, state)
     return coded
@@ -158,42 +185,51 @@ def _code_bits(coder: Any, models: Models, around: Surroundings, occupancy: int)
 
 @kernel
 def _code_masked_bits(
-    coder: Any, models: Models, around: Surroundings, planes: Planes, occupancy: int
+    coder: Any,
+    contexts: Contexts,
+    neighbourhood: OccupancyNeighbourhood,
+    masks: PlanarMasks,
+    occupancy: int,
 ) -> int:
-    """Code the bits of the children that planar coding leaves open."""
-    alone = around.pattern == 0
-    masked = planes.masked_x | planes.masked_y | planes.masked_z
+    """Code the bits of the children that planar modes leave open."""
+    no_neighbour = neighbourhood.neigh_pattern == 0
+    masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
     zeros = masked
     state = load(coder)
-    coded, before = 0, 0
+    coded, coded_before = 0, 0
     for i in range(8):
-        child = CODED_CHILD[around.pattern, i]
+        child = CODED_CHILD[neighbourhood.neigh_pattern, i]
         if masked >> child & 1:
             continue
         bit = 1
-        if not _must_be_one(planes, zeros, child, alone):
-            place = _map_index(around, i, child, masked == 0) * MAP_SIZE
-            place += MAP_BASE[around.known, around.pattern, i] + before
-            bit, state = _code_mapped(coder, models, state, place, occupancy >> child & 1)
+        if not _must_be_one(masks, zeros, child, no_neighbour):
+            entry_index = _ctx_map_of(neighbourhood, i, child, masked == 0) * CTX_MAP_SIZE
+            entry_index += (
+                CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
+                + coded_before
+            )
+            bit, state = _code_with_ctx_map(
+                coder, contexts, state, entry_index, occupancy >> child & 1
+            )
             zeros |= (1 - bit) << child
-        before += bit if alone else bit << i
+        coded_before += bit if no_neighbour else bit << i
         coded |= bit << child
     save(coder, state)
     return coded
 
 
 @kernel
-def _must_be_one(planes: Planes, zeros: int, child: int, alone: bool) -> bool:
-    """Whether the children known empty leave no other choice than that this one is occupied."""
-    if COUNT[zeros] >= (6 if alone else 7):
+def _must_be_one(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
+    """Whether the children known to be empty imply that this one is occupied."""
+    if POPCOUNT[zeros] >= (6 if no_neighbour else 7):
         return True
     for axis in range(3):
-        mask = (planes.masked_x, planes.masked_y, planes.masked_z)[axis]
-        if mask == 0 and planes.possible >> axis & 1:
+        mask = (masks.mask_planar_x, masks.mask_planar_y, masks.mask_planar_z)[axis]
+        if mask == 0 and masks.planar_possible >> axis & 1:
             continue
         upper = (0xF0, 0xCC, 0xAA)[axis]
         half = upper if child >> (2 - axis) & 1 else upper ^ 0xFF
-        most = 3 - integer(alone and mask != 0)
-        if COUNT[zeros & half] >= most:
+        most = 3 - integer(no_neighbour and mask != 0)
+        if POPCOUNT[zeros & half] >= most:
             return True
     return False

@@ -1,6 +1,8 @@
-"""One level of the octree: every node's planes, direct points or occupancy, in breadth-first order.
+"""One level of the geometry octree: planar modes, direct positions or occupancy of every node.
 
-The same kernel codes (given an `Encoder` and a `Source`) and decodes (given a `Decoder` and None).
+Nodes are coded in breadth-first order (ISO/IEC 23090-9, clauses 7.3 and 9; TMC13's
+`GeometryOctreeEncoder` and `GeometryOctreeDecoder`). The same kernel encodes, given an `Encoder`
+and a `Source`, and decodes, given a `Decoder` and None.
 """
 
 from __future__ import annotations
@@ -12,39 +14,44 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
 from puckbench.codecs.gpcc.compiled import entry, integer, kernel, part
-from puckbench.codecs.gpcc.direct import (
-    DirectNode,
-    code_direct,
-    fits,
-    is_candidate,
-    local_points,
-    placed,
+from puckbench.codecs.gpcc.contexts import (
+    CTX_BLOCK_SKIP_TH,
+    CTX_DUP_POINT_CNT_EGL,
+    CTX_DUP_POINT_CNT_GT0,
+    Contexts,
 )
-from puckbench.codecs.gpcc.models import DUPLICATES_GT0, DUPLICATES_PREFIX, IS_DIRECT, Models
+from puckbench.codecs.gpcc.idcm import (
+    IdcmNode,
+    can_be_direct,
+    code_direct_positions,
+    is_idcm_eligible,
+    leaf_code,
+    local_points,
+)
 from puckbench.codecs.gpcc.neighbours import (
-    Atlas,
-    adjacent_children,
-    enter_cube,
+    OccupancyAtlas,
     face_neighbours,
-    face_pattern,
+    neigh_pattern_of,
     neighbour_grid,
-    predicted_children,
+    predict_occupancy,
+    refine_by_adjacent_children,
+    update_atlas,
 )
 from puckbench.codecs.gpcc.occupancy import (
-    Planes,
-    Surroundings,
+    OccupancyNeighbourhood,
+    PlanarMasks,
     code_occupancy,
-    no_plane_known,
+    no_child_masked,
 )
 from puckbench.codecs.gpcc.planar import (
-    Node,
+    PlanarNode,
     PlanarState,
-    code_planes,
-    count_planes,
-    eligible_axes,
-    masked_children,
+    code_planar_modes,
+    planar_eligible_axes,
+    planar_mask,
+    update_planar_rates,
 )
-from puckbench.codecs.gpcc.tables import COUNT
+from puckbench.codecs.gpcc.tables import POPCOUNT
 from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import below
 
@@ -58,157 +65,178 @@ TOO_MANY_POINTS = -2
 class Level(NamedTuple):
     """What is the same for all nodes of a level.
 
-    axes, parent_axes: axes (4 x, 2 y, 1 z) that the level and the one above it split. bits: log2
-    of a node's size along x, y, z. root: whether this is the root's level. last: whether the
-    children are leaves. adjacent, predict: whether adjacent children, and prediction from the
-    neighbours, choose models. unique: whether duplicate points were merged. direct: inferred
-    direct coding mode. joint: of two points together. enabled: mask of candidates, from the
-    lowest bit.
+    coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
+    node_size_log2: along x, y, z. root: whether this is the root's level. last: whether the
+    children are leaves. adjacent_child_ctx: adjacent_child_contextualization_enabled_flag.
+    intra_pred: whether nodes are smaller than intra_pred_max_node_size. unique_points:
+    geom_unique_points_flag. idcm_mode: inferred_direct_coding_mode. joint_2pt_idcm:
+    joint_2pt_idcm_enabled_flag. idcm_enable_mask: nodes that may use direct coding, from the lowest
+    bit.
     """
 
-    axes: int
-    parent_axes: int
-    bits: tuple[int, int, int]
+    coded_axes: int
+    coded_axes_prev_level: int
+    node_size_log2: tuple[int, int, int]
     root: bool
     last: bool
-    adjacent: bool
-    predict: bool
-    unique: bool
-    direct: int
-    joint: bool
-    enabled: int
+    adjacent_child_ctx: bool
+    intra_pred: bool
+    unique_points: bool
+    idcm_mode: int
+    joint_2pt_idcm: bool
+    idcm_enable_mask: int
 
 
 class Nodes(NamedTuple):
-    """Nodes that have children: codes, occupancies, children that may be coded directly (a bit
-    each) and, in an encoder, the index of the first child among all nodes of its level.
+    """Nodes (n,) that have children.
+
+    morton: codes. occupancy: a bit for each child. idcm_eligible: children that may be coded
+    directly, a bit each. first_child: in an encoder, index of the first child among all nodes of
+    its level.
     """
 
     morton: Ints
     occupancy: Bytes
-    eligible: Bytes
-    first: NDArray[np.int32]
+    idcm_eligible: Bytes
+    first_child: NDArray[np.int32]
 
 
 class Source(NamedTuple):
-    """The tree that an encoder codes.
+    """A level of the octree that an encoder codes.
 
-    occupancy, first: of all nodes of a level, and the index of each one's first child below.
-    start: index of each one's first leaf, and the number of leaves. leaves: codes of all leaves,
-    where points are coded directly. counts: points at each leaf, unless merged.
+    occupancy, first_child: of all nodes of the level. first_leaf: index of each node's first leaf,
+    and the number of leaves. leaves: codes of all leaves, where points are coded directly. counts:
+    points at each leaf, unless merged.
     """
 
     occupancy: Bytes
-    first: NDArray[np.int32]
-    start: NDArray[np.int32]
+    first_child: NDArray[np.int32]
+    first_leaf: NDArray[np.int32]
     leaves: Ints
     counts: NDArray[np.int32]
 
 
-class Slice(NamedTuple):
+class SliceState(NamedTuple):
     """State that lasts over the levels of a slice.
 
-    atlas, planar: of the contexts. leaves: codes of decoded points. tally: how many there are and
-    may be; nodes kept at this level, and their children; mask of candidates for direct coding.
-    given, coded: (2, 3), left: (3,), scratch of direct coding.
+    atlas, planar: state of the contexts. leaves: codes of decoded points. counters: points decoded
+    and allowed; nodes kept at this level, and their children; idcm_enable_mask. given, coded:
+    (2, 3), left: (3,), scratch of direct coding.
     """
 
-    atlas: Atlas
+    atlas: OccupancyAtlas
     planar: PlanarState
     leaves: Ints
-    tally: Ints
+    counters: Ints
     given: Ints
     coded: Ints
     left: Ints
 
 
-class Family(NamedTuple):
+class ParentNode(NamedTuple):
     """A parent as its children see it.
 
-    base: code of its first child. siblings: its occupancy. faces: its children's occupied
-    face neighbours. grid: occupied nodes around the children. eligible: children that may be coded
-    directly. first: in an encoder, index of its first child among all nodes of the level.
+    first_child_code: Morton code of its first child. sibling_occupancy: its occupancy. faces:
+    occupied face neighbours of its children. grid: occupied nodes around the children.
+    idcm_eligible: children that may be coded directly. first_child: in an encoder, index of its
+    first child among all nodes of the level.
     """
 
-    base: int
-    siblings: int
+    first_child_code: int
+    sibling_occupancy: int
     faces: int
     grid: int
-    eligible: int
-    first: int
+    idcm_eligible: int
+    first_child: int
 
 
 @entry
 def code_level(
     coder: Any,
-    models: Models,
+    contexts: Contexts,
     level: Level,
     parents: Nodes,
     nodes: Nodes,
     source: Source | None,
-    slice_: Slice,
+    state: SliceState,
 ) -> int:
-    """Code the children of `parents`; those that have children themselves go into `nodes`.
+    """Code the children of `parents`; those that have children themselves are written to `nodes`.
 
-    Returns how many these are, or a negative fault of the stream.
+    Returns
+    -------
+    int
+        Number of nodes written, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
     """
-    cubes, axes, count = slice_.atlas, level.parent_axes, len(parents.morton)
-    slice_.tally[2:4] = 0
-    slice_.tally[4] = level.enabled
+    atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
+    state.counters[2:4] = 0
+    state.counters[4] = level.idcm_enable_mask
     cube_start, cube_end = 0, 0
     for p in range(count):
-        if cubes.side and p == cube_end:
-            cube_end = enter_cube(cubes, parents.morton, parents.occupancy, axes, cube_start, p)
+        if atlas.side and p == cube_end:
+            cube_end = update_atlas(atlas, parents.morton, parents.occupancy, axes, cube_start, p)
             cube_start = p
-        siblings = integer(parents.occupancy[p])
-        if slice_.planar.enabled and not level.root:
-            count_planes(slice_.planar, siblings)
+        sibling_occupancy = integer(parents.occupancy[p])
+        if state.planar.enabled and not level.root:
+            update_planar_rates(state.planar, sibling_occupancy)
         base = below(parents.morton[p], axes)
-        faces = face_neighbours(cubes, axes, base, siblings)
-        grid = neighbour_grid(cubes, axes, base) if level.predict else 0
-        first = integer(parents.first[p]) if source is not None else 0
-        family = Family(base, siblings, faces, grid, integer(parents.eligible[p]), first)
-        fault = _code_family(coder, models, level, family, nodes, source, slice_)
+        faces = face_neighbours(atlas, axes, base, sibling_occupancy)
+        grid = neighbour_grid(atlas, axes, base) if level.intra_pred else 0
+        first = integer(parents.first_child[p]) if source is not None else 0
+        parent = ParentNode(
+            base, sibling_occupancy, faces, grid, integer(parents.idcm_eligible[p]), first
+        )
+        fault = _code_children(coder, contexts, level, parent, nodes, source, state)
         if fault:
             return fault
-    if cubes.side:
-        enter_cube(cubes, parents.morton, parents.occupancy, axes, cube_start, count)
-    return integer(slice_.tally[2])
+    if atlas.side:
+        update_atlas(atlas, parents.morton, parents.occupancy, axes, cube_start, count)
+    return integer(state.counters[2])
 
 
 @part
-def _code_family(
+def _code_children(
     coder: Any,
-    models: Models,
+    contexts: Contexts,
     level: Level,
-    family: Family,
+    parent: ParentNode,
     nodes: Nodes,
     source: Source | None,
-    slice_: Slice,
+    state: SliceState,
 ) -> int:
-    """Code the children of one parent; 0, or a negative fault of the stream."""
-    index, tally = family.first, slice_.tally
+    """Code the children of one parent; 0, or the negative fault of a damaged stream."""
+    index, counters = parent.first_child, state.counters
     for child in range(8):
-        if family.siblings >> child & 1 == 0:
+        if parent.sibling_occupancy >> child & 1 == 0:
             continue
-        occupancy, pattern = _code_node(coder, models, level, source, slice_, family, child, index)
+        occupancy, neigh_pattern = _code_node(
+            coder, contexts, level, source, state, parent, child, index
+        )
         if occupancy and level.last:
-            _code_leaves(
-                coder, models, level, source, slice_, family.base | child, occupancy, index
+            _code_leaf_point_counts(
+                coder,
+                contexts,
+                level,
+                source,
+                state,
+                parent.first_child_code | child,
+                occupancy,
+                index,
             )
         elif occupancy:
-            kept = tally[2]
-            nodes.morton[kept] = family.base | child
+            kept = counters[2]
+            nodes.morton[kept] = parent.first_child_code | child
             nodes.occupancy[kept] = occupancy
-            nodes.eligible[kept] = _eligible(level, family.siblings, pattern, occupancy, tally)
+            nodes.idcm_eligible[kept] = _idcm_eligible_children(
+                level, parent.sibling_occupancy, neigh_pattern, occupancy, counters
+            )
             if source is not None:
-                nodes.first[kept] = source.first[index]
-            tally[2] += 1
-            tally[3] += COUNT[occupancy]
+                nodes.first_child[kept] = source.first_child[index]
+            counters[2] += 1
+            counters[3] += POPCOUNT[occupancy]
         index += 1
         if exhausted(coder):
             return EXHAUSTED
-        if tally[0] + tally[3] > tally[1]:
+        if counters[0] + counters[3] > counters[1]:
             return TOO_MANY_POINTS
     return 0
 
@@ -216,115 +244,134 @@ def _code_family(
 @part
 def _code_node(
     coder: Any,
-    models: Models,
+    contexts: Contexts,
     level: Level,
     source: Source | None,
-    slice_: Slice,
-    family: Family,
+    state: SliceState,
+    parent: ParentNode,
     child: int,
     index: int,
 ) -> tuple[int, int]:
-    """Code one node: its occupancy, 0 when its points were coded directly; its refined pattern."""
-    morton = family.base | child
-    pattern = face_pattern(family.faces, child)
-    one, two, empty, seen = 0, 0, 0, 0
-    if level.adjacent:
-        pattern, one, two, empty, seen = adjacent_children(
-            slice_.atlas, level.axes, morton, pattern
+    """Code one node: its occupancy (0: points coded directly) and refined neighbour pattern."""
+    morton = parent.first_child_code | child
+    neigh_pattern = neigh_pattern_of(parent.faces, child)
+    gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
+    if level.adjacent_child_ctx:
+        neigh_pattern, gt0, gt1, unocc, adjacent_occupancies = refine_by_adjacent_children(
+            state.atlas, level.coded_axes, morton, neigh_pattern
         )
     occupancy = integer(source.occupancy[index]) if source is not None else 0
-    planar, upper, possible = 0, 0, 7
-    if slice_.planar.enabled:
-        siblings = 0 if level.root else family.siblings
-        node = Node(morton, child, siblings, pattern, seen, level.adjacent)
-        eligible = eligible_axes(slice_.planar, level.axes)
-        planar, upper, possible = code_planes(
-            coder, models, slice_.planar, node, eligible, occupancy
+    planar_mode, plane_pos_bits, planar_possible = 0, 0, 7
+    if state.planar.enabled:
+        sibling_occupancy = 0 if level.root else parent.sibling_occupancy
+        node = PlanarNode(
+            morton,
+            child,
+            sibling_occupancy,
+            neigh_pattern,
+            adjacent_occupancies,
+            level.adjacent_child_ctx,
         )
-    if family.eligible >> child & 1 and _code_directly(
-        coder, models, level, source, slice_, morton, index, planar, upper
+        eligible_axes = planar_eligible_axes(state.planar, level.coded_axes)
+        planar_mode, plane_pos_bits, planar_possible = code_planar_modes(
+            coder, contexts, state.planar, node, eligible_axes, occupancy
+        )
+    if parent.idcm_eligible >> child & 1 and _code_direct_positions(
+        coder, contexts, level, source, state, morton, index, planar_mode, plane_pos_bits
     ):
         occupancy = 0
     else:
-        planes = _planes(level.axes, planar, upper, possible)
-        foretold, expected = 0, 0
-        if level.predict and no_plane_known(planes):
-            foretold, expected = predicted_children(family.grid, child)
-        known = integer(slice_.atlas.side > 0)
-        around = Surroundings(known, pattern, one, two, empty, foretold, expected)
-        occupancy = code_occupancy(coder, models, around, planes, occupancy)
-    if level.adjacent:
-        slice_.atlas.nodes[morton & ((1 << 3 * slice_.atlas.side) - 1)] = occupancy
-    return occupancy, pattern
+        masks = _planar_masks(level.coded_axes, planar_mode, plane_pos_bits, planar_possible)
+        is_predicted, prediction = 0, 0
+        if level.intra_pred and no_child_masked(masks):
+            is_predicted, prediction = predict_occupancy(parent.grid, child)
+        known = integer(state.atlas.side > 0)
+        neighbourhood = OccupancyNeighbourhood(
+            known, neigh_pattern, gt0, gt1, unocc, is_predicted, prediction
+        )
+        occupancy = code_occupancy(coder, contexts, neighbourhood, masks, occupancy)
+    if level.adjacent_child_ctx:
+        state.atlas.nodes[morton & ((1 << 3 * state.atlas.side) - 1)] = occupancy
+    return occupancy, neigh_pattern
 
 
 @inlined
-def _planes(axes: int, planar: int, upper: int, possible: int) -> Planes:
-    """What is known of a node's planes; along an axis that is not split only the lower exists."""
-    planar |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
-    return Planes(
-        masked_children(planar, upper, 0),
-        masked_children(planar, upper, 1),
-        masked_children(planar, upper, 2),
-        possible,
+def _planar_masks(
+    axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
+) -> PlanarMasks:
+    """Children masked by planar modes; along an axis that is not split only the lower exist."""
+    planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
+    return PlanarMasks(
+        planar_mask(planar_mode, plane_pos_bits, 0),
+        planar_mask(planar_mode, plane_pos_bits, 1),
+        planar_mask(planar_mode, plane_pos_bits, 2),
+        planar_possible,
     )
 
 
 @kernel
-def _eligible(level: Level, siblings: int, pattern: int, occupancy: int, tally: Ints) -> int:
-    """Children of a node that may be coded directly; turns the mask of candidates in `tally`."""
-    if level.direct == 0:
+def _idcm_eligible_children(
+    level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
+) -> int:
+    """Children of a node that may be coded directly; rotates the mask in `counters`."""
+    if level.idcm_mode == 0:
         return 0
-    family = 8 if level.root else COUNT[siblings]
-    size = max(level.bits[0], level.bits[1], level.bits[2])
-    if not is_candidate(level.direct, size, pattern, family, COUNT[occupancy]):
+    parent = 8 if level.root else POPCOUNT[sibling_occupancy]
+    size = max(level.node_size_log2[0], level.node_size_log2[1], level.node_size_log2[2])
+    if not is_idcm_eligible(level.idcm_mode, size, neigh_pattern, parent, POPCOUNT[occupancy]):
         return 0
-    mask, enabled = 0, tally[4]
+    mask, enabled = 0, counters[4]
     for child in range(8):
         if occupancy >> child & 1:
             mask |= (enabled & 1) << child
             enabled = enabled >> 1 | (enabled & 1) << 31
-    tally[4] = enabled
+    counters[4] = enabled
     return mask
 
 
 @kernel
-def _code_directly(
+def _code_direct_positions(
     coder: Any,
-    models: Models,
+    contexts: Contexts,
     level: Level,
     source: Source | None,
-    slice_: Slice,
+    state: SliceState,
     morton: int,
     index: int,
-    planar: int,
-    upper: int,
+    planar_mode: int,
+    plane_pos_bits: int,
 ) -> bool:
-    """Code whether a node's points are coded directly and, if so, code them."""
+    """Code whether a node's points are coded directly (IDCM) and, if so, code them."""
     leaves, points, start, end = 0, 0, 0, 0
     if source is not None:
-        start, end = integer(source.start[index]), integer(source.start[index + 1])
+        start, end = integer(source.first_leaf[index]), integer(source.first_leaf[index + 1])
         leaves = end - start
-        points = leaves if level.unique else _points(source, start, end)
-    direct = integer(fits(level.unique, leaves, points))
-    if not code_bit(coder, models.probabilities, IS_DIRECT, direct):
+        points = leaves if level.unique_points else _points(source, start, end)
+    is_direct = integer(can_be_direct(level.unique_points, leaves, points))
+    if not code_bit(coder, contexts.probabilities, CTX_BLOCK_SKIP_TH, is_direct):
         return False
     if source is not None:
-        local_points(source.leaves[start:end], level.bits, slice_.given, level.joint)
-    node = DirectNode(level.bits, level.unique, level.joint, planar, upper)
-    leaves, points = code_direct(
-        coder, models, node, slice_.given, leaves, points, slice_.coded, slice_.left
+        local_points(
+            source.leaves[start:end], level.node_size_log2, state.given, level.joint_2pt_idcm
+        )
+    node = IdcmNode(
+        level.node_size_log2, level.unique_points, level.joint_2pt_idcm, planar_mode, plane_pos_bits
+    )
+    leaves, points = code_direct_positions(
+        coder, contexts, node, state.given, leaves, points, state.coded, state.left
     )
     if source is None:
         for i in range(leaves):
-            repeats = points - leaves + 1 if i == 0 else 1
-            _put(slice_, placed(morton, level.bits, slice_.coded[i]), repeats)
+            point_count = points - leaves + 1 if i == 0 else 1
+            _append_points(
+                state, leaf_code(morton, level.node_size_log2, state.coded[i]), point_count
+            )
     return True
 
 
 @kernel
 def _points(source: Source, start: int, end: int) -> int:
-    """Points at the leaves from `start` to `end`."""
+    """Number of points at the leaves from `start` to `end`."""
     points = 0
     for leaf in range(start, end):
         points += source.counts[leaf]
@@ -332,38 +379,40 @@ def _points(source: Source, start: int, end: int) -> int:
 
 
 @kernel
-def _code_leaves(
+def _code_leaf_point_counts(
     coder: Any,
-    models: Models,
+    contexts: Contexts,
     level: Level,
     source: Source | None,
-    slice_: Slice,
+    state: SliceState,
     morton: int,
     occupancy: int,
     index: int,
 ) -> None:
-    """Code how many points each leaf of a node of the last level holds; a decoder keeps them."""
-    base = below(morton, level.axes)
-    leaf = integer(source.first[index]) if source is not None else 0
+    """Code the number of points of each leaf of a node of the last level; decoders append them."""
+    base = below(morton, level.coded_axes)
+    leaf = integer(source.first_child[index]) if source is not None else 0
     for child in range(8):
         if occupancy >> child & 1 == 0:
             continue
         points = integer(1)
-        if not level.unique:
-            more = integer(source.counts[leaf]) - 1 if source is not None else 0
-            if code_bit(coder, models.probabilities, DUPLICATES_GT0, integer(more > 0)):
+        if not level.unique_points:
+            dup_point_cnt = integer(source.counts[leaf]) - 1 if source is not None else 0
+            if code_bit(
+                coder, contexts.probabilities, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)
+            ):
                 points = 2 + code_exp_golomb(
-                    coder, models.probabilities, DUPLICATES_PREFIX, more - 1
+                    coder, contexts.probabilities, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1
                 )
         if source is None:
-            _put(slice_, base | child, points)
+            _append_points(state, base | child, points)
         leaf += 1
 
 
 @kernel
-def _put(slice_: Slice, morton: int, points: int) -> None:
-    """Keep `points` decoded points at a leaf, as far as there may be so many."""
-    done = slice_.tally[0]
-    for i in range(done, min(done + points, slice_.tally[1])):
-        slice_.leaves[i] = morton
-    slice_.tally[0] = done + points
+def _append_points(state: SliceState, morton: int, points: int) -> None:
+    """Append decoded points at a leaf, as far as more are allowed."""
+    done = state.counters[0]
+    for i in range(done, min(done + points, state.counters[1])):
+        state.leaves[i] = morton
+    state.counters[0] = done + points

@@ -1,8 +1,8 @@
 """High-level syntax of G-PCC geometry: parameter sets, tile inventory, data unit, encapsulation.
 
-Names and order are those of ISO/IEC 23090-9, first edition, as the reference software
-release-v14.0 reads and writes them. Points lie in the coding axis order; x, y, z below are in the
-order of the file.
+Names and order are those of ISO/IEC 23090-9, first edition, clause 7.3 (in TMC13: hls.h,
+io_hls.cpp); type-length-value encapsulation is its Annex B. Points lie in the coding axis order;
+x, y, z below are in the order of the file.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _NOTHING: Three = (0, 0, 0)
 
 @dataclass
 class SequenceParameterSet:
-    """What holds for the whole stream: origin, unit and scale of the points, entropy coding."""
+    """Sequence parameter set: origin, unit and scale of the points, entropy coding."""
 
     main_profile_compatibility_flag: int = 0
     reserved_profile_compatibility_21bits: int = 0
@@ -61,7 +61,7 @@ class SequenceParameterSet:
 
 @dataclass
 class GeometryParameterSet:
-    """Which coding tools the geometry uses."""
+    """Geometry parameter set: the coding tools in use."""
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -90,7 +90,7 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a geometry data unit: one slice."""
+    """Header of a geometry data unit, that is, of a slice."""
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -109,7 +109,7 @@ class GeometryHeader:
 
 @dataclass
 class GeometryFooter:
-    """What stands after a slice's entropy-coded data."""
+    """Footer after a slice's entropy-coded data."""
 
     octree_lvl_num_points_minus1: list[int] = field(default_factory=list)
     geom_num_points_minus1: int = 0
@@ -117,7 +117,7 @@ class GeometryFooter:
 
 @dataclass
 class Tile:
-    """One tile's box."""
+    """Bounding box of a tile."""
 
     tile_id: int = 0
     tile_origin_xyz: Three = _NOTHING
@@ -126,7 +126,7 @@ class Tile:
 
 @dataclass
 class TileInventory:
-    """Boxes of the tiles; no use is made of them in decoding."""
+    """Bounding boxes of the tiles; decoding does not use them."""
 
     ti_seq_parameter_set_id: int = 0
     ti_frame_ctr_lsb_bits: int = 1
@@ -174,7 +174,7 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
 
 
 def _pass_over_attribute(io: SyntaxElements) -> None:
-    """Read an attribute's description, of which nothing is kept."""
+    """Skip an attribute's description."""
     if not isinstance(io, Reader):
         raise TypeError("attributes are only read")
     for _ in ("attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1"):
@@ -192,7 +192,7 @@ def _pass_over_attribute(io: SyntaxElements) -> None:
 
 
 def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:
-    """Syntax of the geometry parameter set; InputError for tools that are not octree coding."""
+    """Syntax of the geometry parameter set; InputError for tools other than octree coding."""
     io.u(gps, "gps_geom_parameter_set_id", 4)
     io.u(gps, "gps_seq_parameter_set_id", 4)
     io.flag(gps, "slice_geom_origin_scale_present")
@@ -313,19 +313,19 @@ def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:
-    """Bytes of a structure: `syntax` applied to its record and those that it depends on."""
+    """Bytes of a structure: its syntax function applied to the records that it depends on."""
     writer = Writer()
     syntax(writer, *records)
     return writer.bytes()
 
 
-def encapsulated(payload_type: int, payload: bytes) -> bytes:
-    """A payload with its type and length (type-length-value encapsulation)."""
+def encapsulate(payload_type: int, payload: bytes) -> bytes:
+    """A payload with its type and length (Annex B)."""
     return _TLV.pack(payload_type, len(payload)) + payload
 
 
 def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Types and contents of a stream's payloads; InputError when it is not made of such."""
+    """Types and contents of a stream's payloads; InputError for anything else."""
     place = 0
     while place < len(stream):
         if len(stream) - place < _TLV.size:

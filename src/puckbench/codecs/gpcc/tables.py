@@ -1,4 +1,4 @@
-"""Constant tables of the octree coder, and what is derived from them once.
+"""Constant tables of the octree coder (`tables.cpp` of TMC13), and what follows from them.
 
 A neighbour pattern has a bit for each occupied face neighbour: 1 x+1, 2 x-1, 4 y-1, 8 y+1, 16 z-1,
 32 z+1. A child's index is 4x + 2y + z; an occupancy has a bit for each child.
@@ -36,120 +36,78 @@ ADAPTATION = np.array(
 
 # Number of entries for each of the eight coded bits in the map from contexts to models.
 _MAP_LENGTHS = (9, 18, 35, 68, 69, 134, 135, 136)
-MAP_SIZE = sum(_MAP_LENGTHS)
-MAP_COUNT = 18
+CTX_MAP_SIZE = sum(_MAP_LENGTHS)
+CTX_MAP_COUNT = 18
 _MAP_STARTS = (0, *np.cumsum(_MAP_LENGTHS[:-1]).tolist())
 
 # How far a map entry e moves, by (255 - e) >> 4 after a one and by e >> 4 after a zero.
-MAP_DELTA = np.array(
+CTX_MAP_DELTA = np.array(
     [0, 1, 1, 2, 4, 7, 9, 11, 14, 16, 19, 23, 22, 18, 13, 6],
     dtype=np.int64,
 )
 
 # Classes of occupied neighbours for the last three bits, from unoccupied + 2 * (number occupied).
-ADJACENT_REDUCED = np.array([0, 0, 1, 2, 3, 3], dtype=np.int64)
+ADJACENCY_REDUCED = np.array([0, 0, 1, 2, 3, 3], dtype=np.int64)
 
 _CODING_ORDER = (1, 7, 5, 3, 2, 6, 4, 0)
 
 # Symmetry classes of the 64 neighbour patterns: neighbours known everywhere, or in the parent only.
-_CLASSES_9 = (
-    *(
-        0,
-        1,
-        1,
-        1,
-        1,
-        2,
-        2,
-        3,
-        1,
-        2,
-        2,
-        3,
-        1,
-        3,
-        3,
-        4,
-        1,
-        2,
-        2,
-        3,
-        2,
-        5,
-        5,
-        6,
-        2,
-        5,
-        5,
-        6,
-        3,
-        6,
-        6,
-        7,
-    ),
-    *(
-        1,
-        2,
-        2,
-        3,
-        2,
-        5,
-        5,
-        6,
-        2,
-        5,
-        5,
-        6,
-        3,
-        6,
-        6,
-        7,
-        1,
-        3,
-        3,
-        4,
-        3,
-        6,
-        6,
-        7,
-        3,
-        6,
-        6,
-        7,
-        4,
-        7,
-        7,
-        8,
-    ),
+_CLASSES_9 = tuple(
+    int(digit) for digit in "0111122312231334122325562556366712232556255636671334366736674778"
 )
 _SIBLING_CLASSES = {
-    0: 0,
-    1: 5,
-    2: 5,
-    4: 5,
-    8: 5,
-    5: 1,
-    6: 1,
-    9: 1,
-    10: 1,
-    16: 2,
-    17: 3,
-    18: 3,
-    20: 3,
-    24: 3,
-    21: 7,
-    22: 7,
-    25: 7,
-    26: 7,
-    32: 2,
-    33: 3,
-    34: 3,
-    36: 3,
-    40: 3,
-    37: 7,
-    38: 7,
-    41: 7,
-    42: 7,
+    **dict.fromkeys((0,), 0),
+    **dict.fromkeys(
+        (
+            1,
+            2,
+            4,
+            8,
+        ),
+        5,
+    ),
+    **dict.fromkeys(
+        (
+            5,
+            6,
+            9,
+            10,
+        ),
+        1,
+    ),
+    **dict.fromkeys(
+        (
+            16,
+            32,
+        ),
+        2,
+    ),
+    **dict.fromkeys(
+        (
+            17,
+            18,
+            20,
+            24,
+            33,
+            34,
+            36,
+            40,
+        ),
+        3,
+    ),
+    **dict.fromkeys(
+        (
+            21,
+            22,
+            25,
+            26,
+            37,
+            38,
+            41,
+            42,
+        ),
+        7,
+    ),
 }
 _CLASSES_5 = (0, 1, 2, 3, 1, 2, 3, 4, 4)
 _CLASSES_3 = (0, 1, 1, 2, 2, 1, 2, 2, 2)
@@ -175,14 +133,14 @@ _TURN_X = {
 }
 
 
-def _turned(pattern: int) -> list[int]:
+def _turned(neigh_pattern: int) -> list[int]:
     """Where each child stands after the node is turned so that its pattern is its class's."""
-    turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[pattern & 15]]]
-    if pattern & 48 == 16:
+    turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
+    if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
-    if pattern in _TURN_Y:
+    if neigh_pattern in _TURN_Y:
         turns.append(_Y270)
-    turns.append((_SAME, _X90, _X270_Y180, _X90_Y180)[_TURN_X.get(pattern, 0)])
+    turns.append((_SAME, _X90, _X270_Y180, _X90_Y180)[_TURN_X.get(neigh_pattern, 0)])
     places = list(range(8))
     for turn in turns:
         places = [turn[place] for place in places]
@@ -192,8 +150,8 @@ def _turned(pattern: int) -> list[int]:
 def _coded_children() -> list[list[int]]:
     """For each pattern the children in the order in which their occupancy is coded."""
     rows = []
-    for pattern in range(64):
-        places = _turned(pattern)
+    for neigh_pattern in range(64):
+        places = _turned(neigh_pattern)
         rows.append([places.index(place) for place in _CODING_ORDER])
     return rows
 
@@ -201,8 +159,8 @@ def _coded_children() -> list[list[int]]:
 def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
     """First map entry for each pattern and coded bit; the bits coded before it are added."""
     rows = [list(_MAP_STARTS)]
-    for pattern in range(1, 64):
-        nine = classes[pattern]
+    for neigh_pattern in range(1, 64):
+        nine = classes[neigh_pattern]
         five, three = _CLASSES_5[nine], _CLASSES_3[nine]
         reduced = [max(c - 1, 0) for c in (*[nine] * 4, five, five, three, 1)]
         rows.append([_MAP_STARTS[i] + (reduced[i] << i) + i + 1 for i in range(8)])
@@ -210,10 +168,10 @@ def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
 
 
 CODED_CHILD = np.array(_coded_children(), dtype=np.int64)
-MAP_BASE = np.array(
+CTX_MAP_BASE = np.array(
     [_map_bases(tuple(_SIBLING_CLASSES.get(p, 0) for p in range(64))), _map_bases(_CLASSES_9)],
     dtype=np.int64,
 )
 """By whether neighbours outside the parent are known, then pattern, then coded bit."""
 
-COUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)
+POPCOUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The octree of a set of points: which axes each level splits, and every node's occupancy."""
+"""Octree of a set of points: the axes that each level splits (QTBT), every node's occupancy."""
 
 from __future__ import annotations
 
@@ -14,34 +14,44 @@ Bytes = NDArray[np.uint8]
 Indices = NDArray[np.int32]
 Bits = tuple[int, int, int]
 
-_AXES = (4, 2, 1)
+_AXIS_MASKS = (4, 2, 1)
 
 
-def split_axes(bits: Bits, qtbt: bool, before_octree: int = 4, least_size: int = 0) -> list[int]:
-    """The axes (4 x, 2 y, 1 z) that each level splits, from a root of 2**bits.
+def coded_axes(
+    bits: Bits, qtbt: bool, max_num_qtbt_before_ot: int = 4, min_qtbt_size_log2: int = 0
+) -> list[int]:
+    """The axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
 
-    Without `qtbt` the root is a cube. With it, `before_octree` levels halve only the longest
-    sides, then nodes are split along all axes until their shortest side is 2**least_size.
+    Parameters
+    ----------
+    bits
+        log2 of the sides of the root.
+    qtbt
+        Whether the root is a box; without it, it is a cube.
+    max_num_qtbt_before_ot
+        Levels that first split the longest sides alone.
+    min_qtbt_size_log2
+        log2 of the shortest side from which on only longer sides are split.
     """
     if not qtbt:
         return [7] * max(bits)
     longest, shortest = max(bits), min(bits)
-    before_octree = min(before_octree, longest - shortest)
-    least_size = 0 if longest == shortest else min(least_size, shortest)
+    max_num_qtbt_before_ot = min(max_num_qtbt_before_ot, longest - shortest)
+    min_qtbt_size_log2 = 0 if longest == shortest else min(min_qtbt_size_log2, shortest)
     size, levels = list(bits), []
     while max(size) > 0:
-        partial = before_octree > 0 or min(size) == least_size
+        partial = max_num_qtbt_before_ot > 0 or min(size) == min_qtbt_size_log2
         split = [not partial or side == max(size) for side in size]
-        levels.append(sum(a for a, s in zip(_AXES, split, strict=True) if s))
+        levels.append(sum(a for a, s in zip(_AXIS_MASKS, split, strict=True) if s))
         size = [side - s for side, s in zip(size, split, strict=True)]
-        before_octree = max(before_octree - 1, 0)
-        if min(size) == max(size) == least_size:
-            least_size = -1
+        max_num_qtbt_before_ot = max(max_num_qtbt_before_ot - 1, 0)
+        if min(size) == max(size) == min_qtbt_size_log2:
+            min_qtbt_size_log2 = -1
     return levels
 
 
-def node_bits(levels: list[int]) -> list[Bits]:
-    """Log2 of the node size along x, y, z at each level, and last that of a leaf, (0, 0, 0)."""
+def node_sizes_log2(levels: list[int]) -> list[Bits]:
+    """log2 of the node size along x, y, z at each level, and last that of a leaf, (0, 0, 0)."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -51,15 +61,15 @@ def node_bits(levels: list[int]) -> list[Bits]:
 
 @dataclass(frozen=True)
 class TreeLevel:
-    """All nodes of a level in order: occupancy, and index of each one's first child below."""
+    """All nodes of a level in order: occupancy, and index of the first child in the level below."""
 
     occupancy: Bytes
-    first: Indices
+    first_child: Indices
 
 
 @dataclass(frozen=True)
 class Tree:
-    """Levels from the root down; the leaves' keys in order and the number of points at each."""
+    """Levels from the root down; the leaves' sorted keys, and the number of points at each."""
 
     levels: list[TreeLevel]
     keys: Ints
@@ -69,19 +79,29 @@ class Tree:
 @compiled
 def bounds(points: Ints) -> tuple[Ints, Ints]:
     """Least and largest coordinates (3,) of points (n, 3), n > 0."""
-    least, most = points[0].copy(), points[0].copy()
+    low, high = points[0].copy(), points[0].copy()
     for i in range(len(points)):
         for axis in range(3):
-            least[axis] = min(least[axis], points[i, axis])
-            most[axis] = max(most[axis], points[i, axis])
-    return least, most
+            low[axis] = min(low[axis], points[i, axis])
+            high[axis] = max(high[axis], points[i, axis])
+    return low, high
 
 
 def build_tree(points: Ints, corner: Ints, levels: list[int]) -> Tree:
-    """The tree of points (n, 3) within the root that `levels` split and that begins at `corner`."""
-    keys = _keys(points, corner, _key_tables(_bit_places(levels)))
+    """Build the octree of points.
+
+    Parameters
+    ----------
+    points
+        (n, 3) integer coordinates.
+    corner
+        (3,) origin of the root.
+    levels
+        The axes that each level splits.
+    """
+    keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     keys.sort()
-    keys, counts = _distinct(keys)
+    keys, counts = _unique(keys)
     found, below = [], keys
     for axes in reversed(levels):
         children = _child_of_bits(axes)
@@ -94,7 +114,7 @@ def leaf_starts(tree: Tree) -> list[Indices]:
     """For each level the index of every node's first leaf, and the number of leaves."""
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):
-        starts.append(starts[-1][np.append(level.first, len(starts[-1]) - 1)])
+        starts.append(starts[-1][np.append(level.first_child, len(starts[-1]) - 1)])
     return starts[:0:-1]
 
 
@@ -103,31 +123,31 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
     if all(axes == 7 for axes in levels):
         return tree.keys
     tables = np.zeros((8, 256), dtype=np.int64)
-    for axis, places in enumerate(_bit_places(levels)):
-        for bit, place in enumerate(places):
-            set_ = np.arange(256) >> place % 8 & 1
-            tables[place // 8] |= set_ << (3 * bit + 2 - axis)
+    for axis, positions in enumerate(_key_positions(levels)):
+        for bit, position in enumerate(positions):
+            is_set = np.arange(256) >> position % 8 & 1
+            tables[position // 8] |= is_set << (3 * bit + 2 - axis)
     return _permuted(tree.keys, tables)
 
 
-def _bit_places(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """For each axis, from its lowest bit, where the bit stands in a key that orders the leaves."""
-    places: tuple[list[int], list[int], list[int]] = ([], [], [])
-    place = 0
+def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
+    """For each axis, the position of its bits, lowest first, in a key that sorts the leaves."""
+    positions: tuple[list[int], list[int], list[int]] = ([], [], [])
+    position = 0
     for axes in reversed(levels):
         for axis in (2, 1, 0):
-            if axes & _AXES[axis]:
-                places[axis].append(place)
-                place += 1
-    return places
+            if axes & _AXIS_MASKS[axis]:
+                positions[axis].append(position)
+                position += 1
+    return positions
 
 
-def _key_tables(places: tuple[list[int], list[int], list[int]]) -> Ints:
+def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
     """What each byte of each coordinate adds to the key: (axis, byte, value)."""
     tables = np.zeros((3, 3, 256), dtype=np.int64)
-    for axis, of_axis in enumerate(places):
-        for bit, place in enumerate(of_axis):
-            tables[axis, bit // 8] |= (np.arange(256) >> bit % 8 & 1) << place
+    for axis, of_axis in enumerate(positions):
+        for bit, position in enumerate(of_axis):
+            tables[axis, bit // 8] |= (np.arange(256) >> bit % 8 & 1) << position
     return tables
 
 
@@ -160,25 +180,25 @@ def _permuted(keys: Ints, tables: Ints) -> Ints:
 
 
 @compiled
-def _distinct(keys: Ints) -> tuple[Ints, Indices]:
-    """The distinct ones of sorted keys, and how often each stands there."""
+def _unique(keys: Ints) -> tuple[Ints, Indices]:
+    """The distinct ones of sorted keys, and their counts."""
     count = 1
     for i in range(1, len(keys)):
         count += integer(keys[i] != keys[i - 1])
-    distinct = np.empty(count, dtype=np.int64)
+    unique = np.empty(count, dtype=np.int64)
     counts = np.zeros(count, dtype=np.int32)
     k = -1
     for i in range(len(keys)):
         if i == 0 or keys[i] != keys[i - 1]:
             k += 1
-            distinct[k] = keys[i]
+            unique[k] = keys[i]
         counts[k] += 1
-    return distinct, counts
+    return unique, counts
 
 
 @compiled
 def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
-    """Parents of nodes with sorted keys, of which the lowest `width` bits tell the child."""
+    """Parents of nodes with sorted keys, whose lowest `width` bits give the child."""
     count = 1
     for i in range(1, len(keys)):
         count += integer((keys[i] ^ keys[i - 1]) >> width != 0)

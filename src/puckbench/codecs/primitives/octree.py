@@ -11,6 +11,7 @@ from puckbench.codecs.primitives.octree_arrays import Ints, Leaves
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import fit_plane
+from puckbench.geometry.morton import codes
 
 
 class Level(NamedTuple):
@@ -41,7 +42,7 @@ def build_octree(
         Level of the cells.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
-    order = np.argsort(_morton(cells), kind="stable")
+    order = np.argsort(codes(cells, np.arange(3)), kind="stable")
     cells = cells[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)
     levels: list[Level] = []
@@ -100,14 +101,6 @@ def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
     planes, counts = np.zeros(len(places), np.int64), np.array([len(places), 0])
     found = (np.concatenate(corner), np.concatenate(side))
     return places, Leaves(*found, planes, np.empty((0, 4)), counts)
-
-
-def _morton(cells: Ints) -> Ints:
-    keys = np.zeros(len(cells), np.int64)
-    for bit in range(20):
-        for axis in range(3):
-            keys |= ((cells[:, axis] >> bit) & 1) << (3 * bit + 2 - axis)
-    return keys
 
 
 def group_by_cell(points: Floats, cell: float) -> tuple[Ints, Ints]:

@@ -156,19 +156,19 @@ def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
         for k in range(0, len(stream), REVOLUTION_BYTES)
     ]
     if sum(int(surface.columns().sum()) for surface in found) > MAX_COLUMNS:
-        raise InputError("the stream is damaged (its round surfaces are too large)")
+        raise InputError("the stream is damaged (its surfaces of revolution are too large)")
     return found
 
 
 def _unpack_one(stream: bytes) -> RevolutionSurface:
-    kind, *column, radius, angle, first_row, rows = _PARAMETERS.unpack(stream)
+    kind, *position, radius, angle, first_row, rows = _PARAMETERS.unpack(stream)
     axis = np.zeros(3)
     at = kind >> 1
     if at > 2 or radius == 0 or rows > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
-        raise InputError("the stream is damaged (its round surfaces make no sense)")
-    axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, column[3] / _SLOPE, column[4] / _SLOPE
+        raise InputError("the stream is damaged (its surfaces of revolution make no sense)")
+    axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, position[3] / _SLOPE, position[4] / _SLOPE
     axis /= np.linalg.norm(axis)
-    origin = np.array(column[:3]) / _POSITION
+    origin = np.array(position[:3]) / _POSITION
     return RevolutionSurface(
         kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, rows
     )
