@@ -30,7 +30,7 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.jobs.preparation import Returns, prepare
 from puckbench.lidar.errors import open_error_model
-from puckbench.lidar.origin import free_origin
+from puckbench.lidar.placement import free_origin
 from puckbench.lidar.scan import scan
 from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.sweep import open_sweep

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
 from puckbench.io.recordings.pcap import udp_datagram
-from puckbench.lidar.recordings import decode_packets, read_capture
+from puckbench.lidar.recordings import decode_packets, read_recording
 from puckbench.lidar.recordings.packets import PACKET
 from puckbench.lidar.recordings.reading import MESSAGES, SCAN, packets_of_capture, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
@@ -110,12 +110,12 @@ def test_other_files_are_named_with_their_fault(tmp_path: Path, data: bytes, mes
     path = tmp_path / "a.pcap"
     path.write_bytes(data)
     with pytest.raises(InputError, match=f"a.pcap: .*{message}"):
-        read_capture(path)
+        read_recording(path)
 
 
 def test_a_missing_file_is_named_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^[^:]*gone\.pcap: no such file or directory$"):
-        read_capture(tmp_path / "gone.pcap")
+        read_recording(tmp_path / "gone.pcap")
 
 
 def test_packets_without_a_return_are_an_error(tmp_path: Path) -> None:
@@ -123,14 +123,14 @@ def test_packets_without_a_return_are_an_error(tmp_path: Path) -> None:
     packets["blocks"]["returns"]["distance"] = 0
     dark = replace(LOG, payloads=packets.view(np.uint8))
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(dark))
-    with pytest.raises(InputError, match=r"a.pcap: no return in the capture"):
-        read_capture(tmp_path / "a.pcap")
+    with pytest.raises(InputError, match=r"a.pcap: no return in the recording"):
+        read_recording(tmp_path / "a.pcap")
 
 
 def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
     path = tmp_path / "a.pcap"
     path.write_bytes(PCAP)
-    assert read_capture(path, start_s=0.001, end_s=0.002).about["packets"] == 1
+    assert read_recording(path, start_s=0.001, end_s=0.002).about["packets"] == 1
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -139,23 +139,23 @@ def test_a_bag_gives_the_packets_of_all_its_messages(tmp_path: Path, order: str)
     log = read_packets(bag(tmp_path / "bag #1.db3", messages))
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received.tolist() == [5.25, 6.25, 5.25]
-    assert len(read_capture(tmp_path)) == len(decode_packets(LOG.payloads))
+    assert len(read_recording(tmp_path)) == len(decode_packets(LOG.payloads))
 
 
 def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
     bag(tmp_path / "a.db3", [], "sensor_msgs/msg/Image")
     with pytest.raises(InputError, match=r"a.db3: the ROS bag must have one topic"):
-        read_capture(tmp_path / "a.db3")
+        read_recording(tmp_path / "a.db3")
     bag(tmp_path / "b.db3", [])
     with pytest.raises(InputError, match=r"b.db3: the ROS bag has no message"):
-        read_capture(tmp_path / "b.db3")
+        read_recording(tmp_path / "b.db3")
 
 
 def test_a_damaged_data_base_is_refused(tmp_path: Path) -> None:
     data = bag(tmp_path / "a.db3", [scan_message(LOG.payloads)]).read_bytes()
     (tmp_path / "b.db3").write_bytes(data[:3000])
     with pytest.raises(InputError, match=r"b.db3: not a readable ROS bag"):
-        read_capture(tmp_path / "b.db3")
+        read_recording(tmp_path / "b.db3")
 
 
 def test_a_message_that_claims_more_packets_than_it_has_is_refused(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_message_that_claims_more_packets_than_it_has_is_refused(tmp_path: Pat
         (message[:-10], message[:28] + b"\xff\xff\xff\xff" + message[32:], b"\x07" * 40, b"")
     ):
         with pytest.raises(InputError, match=r"\d.db3: not a readable ROS bag"):
-            read_capture(bag(tmp_path / f"{number}.db3", [damaged]))
+            read_recording(bag(tmp_path / f"{number}.db3", [damaged]))
 
 
 def stores(writer: object, ros1: bool) -> tuple[Any, Any]:
@@ -201,7 +201,7 @@ def test_a_ros_1_bag_gives_its_packets(tmp_path: Path, compress: bool) -> None:
     log = read_packets(tmp_path / "a.bag")
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received.tolist() == [5.25, 6.25, 7.25]
-    assert read_capture(tmp_path / "a.bag").about["format"] == "rosbag"
+    assert read_recording(tmp_path / "a.bag").about["format"] == "rosbag"
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
@@ -220,7 +220,7 @@ def test_ros_2_bag_folders_and_their_files_are_read(tmp_path: Path, storage: str
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 2])
     with pytest.raises(InputError, match=rf"{file.name}: not a readable ROS bag"):
-        read_capture(file)
+        read_recording(file)
 
 
 def test_a_pcapng_capture_gives_the_same_packets(tmp_path: Path) -> None:

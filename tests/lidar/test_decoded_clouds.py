@@ -13,7 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.io.pcd import parse_pcd
 from puckbench.lidar import load_sensor
 from puckbench.lidar.export import export
-from puckbench.lidar.recordings import read_capture
+from puckbench.lidar.recordings import read_recording
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
 HEADER = """# .PCD v0.7
@@ -47,9 +47,9 @@ ASCII = HEADER.encode() + b"DATA ascii\n3 4 0.5 0 0 0 0\n0 -2 0 0 0 0 15\n"
 
 @pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
 def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
-    table = read_capture(DATA / "single.pcap")
+    table = read_recording(DATA / "single.pcap")
     export(tmp_path / f"a{suffix}", table)
-    again = read_capture(tmp_path / f"a{suffix}")
+    again = read_recording(tmp_path / f"a{suffix}")
     # PCD has single precision, and neither knows the vertical correction's share of z.
     assert again.xyz == pytest.approx(table.xyz, abs=1e-6)
     assert again["distance"] == pytest.approx(table["distance"], abs=1e-6)
@@ -59,9 +59,9 @@ def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_las_comes_back_to_a_tenth_of_a_millimetre(tmp_path: Path, suffix: str) -> None:
-    table = read_capture(DATA / "single.pcap")
+    table = read_recording(DATA / "single.pcap")
     export(tmp_path / f"a{suffix}", table)
-    again = read_capture(tmp_path / f"a{suffix}")
+    again = read_recording(tmp_path / f"a{suffix}")
     assert np.abs(again.xyz - table.xyz).max() <= 0.5e-4 + 1e-9
     for name in ("laser_id", "timestamp", "reflectivity"):
         assert again[name].tolist() == table[name].tolist()
@@ -69,17 +69,17 @@ def test_las_comes_back_to_a_tenth_of_a_millimetre(tmp_path: Path, suffix: str) 
     for at in (len(data) // 2, 300, 100):
         (tmp_path / f"b{suffix}").write_bytes(data[:at])
         with pytest.raises(InputError, match=f"b{suffix}: "):
-            read_capture(tmp_path / f"b{suffix}")
+            read_recording(tmp_path / f"b{suffix}")
     data[107:111] = b"\xff\xff\xff\xff"
     (tmp_path / f"b{suffix}").write_bytes(data)
     with pytest.raises(InputError, match=f"b{suffix}: "):
-        read_capture(tmp_path / f"b{suffix}")
+        read_recording(tmp_path / f"b{suffix}")
 
 
 @pytest.mark.parametrize("data", [BINARY, ASCII, COMPRESSED])
 def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.pcd").write_bytes(data)
-    table = read_capture(tmp_path / "a.pcd")
+    table = read_recording(tmp_path / "a.pcd")
     elevations = np.asarray(load_sensor("vlp16").laser_elevation_deg)[table["laser_id"]]
     assert elevations.tolist() == [-15, 15]
     assert table["azimuth"] == pytest.approx([np.arctan2(3, 4), np.pi])
@@ -87,8 +87,8 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
 
 
 def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
-    export(tmp_path / "a.csv", read_capture(DATA / "single.pcap"))
-    assert read_capture(tmp_path / "a.csv", start_s=0.001)["timestamp"].min() >= 0.001
+    export(tmp_path / "a.csv", read_recording(DATA / "single.pcap"))
+    assert read_recording(tmp_path / "a.csv", start_s=0.001)["timestamp"].min() >= 0.001
 
 
 @pytest.mark.parametrize(
@@ -120,13 +120,13 @@ def test_damage_is_one_line_that_names_the_file(
 ) -> None:
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError, match=f"{name}: .*{message}"):
-        read_capture(tmp_path / name)
+        read_recording(tmp_path / name)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd", ".las"])
 def test_a_missing_cloud_is_named(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match=f"a{suffix}: no such file"):
-        read_capture(tmp_path / f"a{suffix}")
+        read_recording(tmp_path / f"a{suffix}")
 
 
 @given(

@@ -14,7 +14,7 @@ from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan, write_scan
 from puckbench.lidar.export import FORMATS, export, read_source
-from puckbench.lidar.recordings import read_capture, write_capture_table
+from puckbench.lidar.recordings import read_recording, write_returns
 from tests.support.sensor_scenes import ROOM, room
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
@@ -123,21 +123,21 @@ def test_evd_is_read_as_blensor_reads_it(table: ScanTable, tmp_path: Path) -> No
 def test_a_scan_exported_as_packets_is_read_as_a_capture(scan_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.pcap"
     assert main(["export", str(scan_file), str(out)]) == 0
-    assert len(read_capture(out)) == len(read_source(scan_file))
+    assert len(read_recording(out)) == len(read_source(scan_file))
 
 
 def test_a_real_capture_is_exported_with_its_lasers(capture_file: Path, tmp_path: Path) -> None:
     from plyfile import PlyData
 
     assert main(["export", str(capture_file), str(tmp_path / "a.ply")]) == 0
-    expected = read_capture(DATA / "dual.pcap")
+    expected = read_recording(DATA / "dual.pcap")
     vertices = PlyData.read(tmp_path / "a.ply")["vertex"]
     assert np.array_equal(vertices["y"], expected["y"])
     assert np.array_equal(vertices["return_kind"], expected["return_kind"])
 
 
 def test_reflectivity_of_a_capture_is_the_intensity_of_las(tmp_path: Path) -> None:
-    table = read_capture(DATA / "single.pcap")
+    table = read_recording(DATA / "single.pcap")
     export(tmp_path / "a.las", table)
     data = (tmp_path / "a.las").read_bytes()
     assert struct.unpack_from("<H", data, 227 + 12)[0] == table["reflectivity"][0]
@@ -146,8 +146,8 @@ def test_reflectivity_of_a_capture_is_the_intensity_of_las(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("out", "extra", "message"),
     [
-        ("a.evd", [], "a real capture has no true coordinates"),
-        ("a.ply", ["--clean"], "a real capture has no true coordinates"),
+        ("a.evd", [], "a recording has no true coordinates"),
+        ("a.ply", ["--clean"], "a recording has no true coordinates"),
         ("a.xyz", [], "unknown suffix '.xyz' (known: .ply, .pcd, .csv"),
     ],
 )
@@ -191,7 +191,7 @@ def test_a_capture_of_another_sensor_is_one_line_and_no_file(
     assert main(["capture", str(tmp_path / "a.pcap"), str(tmp_path / "a.parquet")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "a.pcap: a capture of HDL-32E" in error
+    assert "a.pcap: a recording of HDL-32E" in error
     assert not (tmp_path / "a.parquet").exists()
 
 
@@ -213,6 +213,6 @@ def test_points_too_far_apart_for_las_are_refused(table: ScanTable, tmp_path: Pa
 
 
 def test_a_written_capture_table_is_told_from_a_scan(tmp_path: Path) -> None:
-    table = read_capture(DATA / "single.pcap")
-    write_capture_table(tmp_path / "a.parquet", table)
+    table = read_recording(DATA / "single.pcap")
+    write_returns(tmp_path / "a.parquet", table)
     assert type(read_source(tmp_path / "a.parquet")) is type(table)

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.walls.ray_statistics import (
+from puckbench.lidar.walls.statistics import (
     LaserBias,
     azimuth_step,
     laser_bias,

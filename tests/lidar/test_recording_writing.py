@@ -11,7 +11,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
-from puckbench.lidar.recordings import CaptureTable, decode_packets, read_capture
+from puckbench.lidar.recordings import RecordedReturns, decode_packets, read_recording
 from puckbench.lidar.recordings.writing import scan_packets, write_pcap
 from tests.support.sensor_scenes import ROOM, room
 
@@ -25,9 +25,9 @@ def table() -> ScanTable:
 
 
 @pytest.fixture
-def read(table: ScanTable, tmp_path: Path) -> CaptureTable:
+def read(table: ScanTable, tmp_path: Path) -> RecordedReturns:
     write_pcap(tmp_path / "a.pcap", table)
-    return read_capture(tmp_path / "a.pcap")
+    return read_recording(tmp_path / "a.pcap")
 
 
 def as_fired_clockwise(table: ScanTable) -> ScanTable:
@@ -37,7 +37,7 @@ def as_fired_clockwise(table: ScanTable) -> ScanTable:
     return table.select(np.lexsort((table["laser_id"], azimuth, turn)))
 
 
-def test_every_return_comes_back(table: ScanTable, read: CaptureTable) -> None:
+def test_every_return_comes_back(table: ScanTable, read: RecordedReturns) -> None:
     rows = as_fired_clockwise(table)
     assert read["laser_id"].tolist() == rows["laser_id"].tolist()
     # Half the unit of 2 mm.
@@ -59,7 +59,7 @@ def test_lasers_that_fire_one_after_another_come_back_at_their_own_azimuths() ->
     assert np.abs(np.degrees(turned)).max() < 0.0051
 
 
-def test_points_of_a_level_spin_come_back(table: ScanTable, read: CaptureTable) -> None:
+def test_points_of_a_level_spin_come_back(table: ScanTable, read: RecordedReturns) -> None:
     correction = np.asarray(load_sensor("vlp16").vertical_correction_mm) / 1000
     level = read.xyz
     level[:, 2] -= correction[read["laser_id"]]
@@ -67,7 +67,7 @@ def test_points_of_a_level_spin_come_back(table: ScanTable, read: CaptureTable) 
     assert np.abs(level - expected).max() < 1.0e-3 + np.radians(0.0051) * 4
 
 
-def test_time_runs_on_by_the_turn(read: CaptureTable) -> None:
+def test_time_runs_on_by_the_turn(read: RecordedReturns) -> None:
     assert read["turn"].max() == 1
     ideal = (read["turn"] + read["azimuth"] / (2 * np.pi)) / 5
     # A column takes four of the real sensor's firing times, six columns share a packet's stamp.

@@ -11,12 +11,12 @@ from puckbench.core.errors import InputError
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import (
     decode_packets,
-    read_capture,
-    read_capture_table,
-    write_capture_table,
+    read_recording,
+    read_returns,
+    write_returns,
 )
-from puckbench.lidar.recordings.capture_table import BOTH, LAST, STRONGEST
 from puckbench.lidar.recordings.packets import PACKET
+from puckbench.lidar.recordings.returns import BOTH, LAST, STRONGEST
 from tests.support.capture_lookalike import BOX, ROTATION_HZ, box_capture
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
@@ -63,7 +63,7 @@ def test_dual_returns_of_one_surface_make_one_row() -> None:
 
 @pytest.mark.parametrize("name", ["single", "dual"])
 def test_a_capture_decodes_as_velodyne_decoder_decodes_it(name: str) -> None:
-    table = read_capture(DATA / f"{name}.pcap")
+    table = read_recording(DATA / f"{name}.pcap")
     other = np.load(DATA / f"{name}.npz")
     assert table["laser_id"].tolist() == other["laser_id"].tolist()
     assert table["reflectivity"].tolist() == other["reflectivity"].tolist()
@@ -97,9 +97,9 @@ def test_blocks_left_out_do_not_bend_the_azimuth() -> None:
 
 
 def test_a_table_survives_its_file(tmp_path: Path) -> None:
-    table = read_capture(DATA / "dual.pcap")
-    write_capture_table(tmp_path / "a.parquet", table)
-    again = read_capture_table(tmp_path / "a.parquet")
+    table = read_recording(DATA / "dual.pcap")
+    write_returns(tmp_path / "a.parquet", table)
+    again = read_returns(tmp_path / "a.parquet")
     assert again.about == table.about
     assert all(np.array_equal(again[name], column) for name, column in table.columns.items())
 
@@ -109,14 +109,14 @@ def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
     from pyarrow import parquet
 
     parquet.write_table(pa.table({"distance": [1.0]}), tmp_path / "a.parquet")
-    with pytest.raises(InputError, match="not a capture table, it lacks timestamp"):
-        read_capture_table(tmp_path / "a.parquet")
+    with pytest.raises(InputError, match="not a table of returns, it lacks timestamp"):
+        read_returns(tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("product", 0x21, "a capture of HDL-32E"),
+        ("product", 0x21, "a recording of HDL-32E"),
         ("product", 0x7F, "an unknown sensor .product 0x7F"),
         ("mode", 0x12, "return mode 0x12"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.walls.stillness import still_rows, turn_shift
 from tests.support.room_captures import NOISE, ROTATION_HZ, captured, room_scan
 from tests.support.sensor_scenes import ROOM
@@ -12,22 +12,22 @@ from tests.support.sensor_scenes import ROOM
 TURN_S = 1 / ROTATION_HZ
 
 
-def drive(*stops: tuple[float, float]) -> CaptureTable:
+def drive(*stops: tuple[float, float]) -> RecordedReturns:
     """Eight turns of a noisy sensor that is x metres from the middle at each time (in turns)."""
     path = tuple((turn * TURN_S, x, 0.0, 0.0, 0.0, 0.0, 0.0) for turn, x in stops)
     return captured(room_scan(8, path=path, noise=NOISE))
 
 
-def turn(table: CaptureTable, number: int) -> CaptureTable:
+def turn(table: RecordedReturns, number: int) -> RecordedReturns:
     return table.select(table["turn"] == number)
 
 
 @pytest.fixture(scope="module")
-def standing() -> CaptureTable:
+def standing() -> RecordedReturns:
     return captured(room_scan(4, noise=NOISE))
 
 
-def test_all_turns_of_a_standing_sensor_are_still(standing: CaptureTable) -> None:
+def test_all_turns_of_a_standing_sensor_are_still(standing: RecordedReturns) -> None:
     rows, still = still_rows(standing)
     assert len(rows) == len(standing)
     assert still.turns == len(np.unique(standing["turn"]))
@@ -60,19 +60,19 @@ def test_the_shift_towards_a_wall_is_that_of_the_sensor() -> None:
     assert turn_shift(here, here) == 0
 
 
-def test_somebody_who_walks_past_does_not_end_the_interval(standing: CaptureTable) -> None:
+def test_somebody_who_walks_past_does_not_end_the_interval(standing: RecordedReturns) -> None:
     passing = (standing["turn"] == 2) & (standing["azimuth"] > 1.0) & (standing["azimuth"] < 2.0)
     distance = np.where(passing, 0.8, standing["distance"])
     walked = replace(standing, columns={**standing.columns, "distance": distance})
     assert still_rows(walked)[1].turns == still_rows(standing)[1].turns
 
 
-def test_one_turn_does_not_tell(standing: CaptureTable) -> None:
+def test_one_turn_does_not_tell(standing: RecordedReturns) -> None:
     with pytest.raises(InputError, match="one turn does not show"):
         still_rows(turn(standing, 1))
 
 
-def test_turns_that_see_nothing_together_are_refused(standing: CaptureTable) -> None:
+def test_turns_that_see_nothing_together_are_refused(standing: RecordedReturns) -> None:
     sides = (standing["turn"] % 2 == 0) == (standing["azimuth"] < np.pi)
     with pytest.raises(InputError, match="too few returns of two turns compare"):
         still_rows(standing.select(sides))

@@ -1,9 +1,9 @@
 import numpy as np
 
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.walls.range_image import (
     COLUMNS,
-    CellImage,
+    RangeImage,
     largest_patch,
     widened,
     without_ends,
@@ -12,21 +12,21 @@ from puckbench.lidar.walls.range_image import (
 
 def image(*spans: tuple[int, int, int]) -> np.ndarray:
     """Cells of (laser, first column, last column) in an image of 16 lasers."""
-    cells = np.zeros((16, COLUMNS), dtype=bool)
+    pixels = np.zeros((16, COLUMNS), dtype=bool)
     for laser, first, last in spans:
-        cells[laser, np.arange(first, last + 1) % COLUMNS] = True
-    return cells
+        pixels[laser, np.arange(first, last + 1) % COLUMNS] = True
+    return pixels
 
 
 def test_a_patch_across_the_seam_is_one() -> None:
-    cells = image((3, 350, 365), (4, 355, 361), (10, 100, 109))
-    assert np.array_equal(largest_patch(cells, cells * 1.0), image((3, 350, 365), (4, 355, 361)))
+    pixels = image((3, 350, 365), (4, 355, 361), (10, 100, 109))
+    assert np.array_equal(largest_patch(pixels, pixels * 1.0), image((3, 350, 365), (4, 355, 361)))
 
 
 def test_the_largest_patch_is_that_with_the_most_returns() -> None:
-    cells = image((3, 10, 30), (10, 100, 102))
-    returns = np.where(image((10, 100, 102)), 50.0, 1.0) * cells
-    assert np.array_equal(largest_patch(cells, returns), image((10, 100, 102)))
+    pixels = image((3, 10, 30), (10, 100, 102))
+    returns = np.where(image((10, 100, 102)), 50.0, 1.0) * pixels
+    assert np.array_equal(largest_patch(pixels, returns), image((10, 100, 102)))
 
 
 def test_a_gap_of_two_cells_is_bridged_and_one_of_three_is_not() -> None:
@@ -53,9 +53,9 @@ def test_returns_are_counted_by_laser_elevation_and_degree() -> None:
         "azimuth": np.radians([0.5, 359.99, 359.2, 0.6]),
         "distance": np.ones(4),
     }
-    cells = CellImage.of(CaptureTable(columns))
-    counts = cells.counts(np.array([True, True, True, False]))
+    pixels = RangeImage.of(RecordedReturns(columns))
+    counts = pixels.counts(np.array([True, True, True, False]))
     assert counts.shape == (2, COLUMNS)
     assert (counts[0, 0], counts[1, 359], counts.sum()) == (1, 2, 3)
-    assert cells.rows(counts > 1).tolist() == [False, True, True, False]
-    assert cells.laser_rank.tolist() == [0, 1, 1, 0]
+    assert pixels.rows(counts > 1).tolist() == [False, True, True, False]
+    assert pixels.laser_rank.tolist() == [0, 1, 1, 0]

@@ -20,13 +20,14 @@ from puckbench.lidar.recordings.packets import PACKET
 from puckbench.lidar.recordings.writing import pcap_bytes, write_pcap
 from puckbench.lidar.residual_table import COLUMNS, REAL, joined, read_residuals
 from puckbench.lidar.walls.detection import PlaneSearch
-from puckbench.lidar.walls.options import CaptureOptions, capture_options
 from puckbench.lidar.walls.residuals import (
-    CapturedPlanes,
-    capture_residuals,
-    captured_planes,
+    RecordedPlanes,
+    RecordingOptions,
+    recorded_planes,
+    recording_options,
+    recording_residuals,
 )
-from puckbench.lidar.walls.summary import capture_summary, plane_statistics
+from puckbench.lidar.walls.statistics import plane_statistics, recording_summary
 from tests.support.capture_lookalike import box_capture
 from tests.support.room_captures import NOISE, ROTATION_HZ, room_scan
 from tests.support.sensor_scenes import quad
@@ -44,8 +45,8 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[ScanTable, Path]:
 
 
 @pytest.fixture(scope="module")
-def planes(room: tuple[ScanTable, Path]) -> CapturedPlanes:
-    return captured_planes(room[1], CaptureOptions())
+def planes(room: tuple[ScanTable, Path]) -> RecordedPlanes:
+    return recorded_planes(room[1], RecordingOptions())
 
 
 def bias_of(scan: ScanTable) -> Floats:
@@ -60,8 +61,8 @@ def without_line(values: Floats) -> Floats:
     return values - np.polyval(np.polyfit(rise, values, 1), rise)
 
 
-def test_the_ray_noise_of_a_scan_is_recovered(planes: CapturedPlanes) -> None:
-    noise = capture_summary(planes)["ray_noise"]
+def test_the_ray_noise_of_a_scan_is_recovered(planes: RecordedPlanes) -> None:
+    noise = recording_summary(planes)["ray_noise"]
     # Distances are rounded to 2 mm.
     expected = np.hypot(NOISE["ray_sigma_m"], 0.002 / np.sqrt(12))
     assert noise["sigma_m"] == pytest.approx(expected, rel=0.015)
@@ -69,7 +70,7 @@ def test_the_ray_noise_of_a_scan_is_recovered(planes: CapturedPlanes) -> None:
 
 
 def test_the_bias_of_each_laser_is_recovered_on_each_wall(
-    room: tuple[ScanTable, Path], planes: CapturedPlanes
+    room: tuple[ScanTable, Path], planes: RecordedPlanes
 ) -> None:
     expected = without_line(bias_of(room[0]))
     statistics = plane_statistics(planes)
@@ -80,8 +81,8 @@ def test_the_bias_of_each_laser_is_recovered_on_each_wall(
         assert part.bias.std_m == pytest.approx(np.std(expected, ddof=1), rel=0.03)
 
 
-def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: CapturedPlanes) -> None:
-    summary = capture_summary(planes)
+def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: RecordedPlanes) -> None:
+    summary = recording_summary(planes)
     found = summary["bias_repeatability"]
     assert found["pairs"] == 6
     assert found["correlation"] > 0.99
@@ -89,8 +90,8 @@ def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: CapturedPlanes) -> 
     assert max(plane["unevenness_m"] for plane in summary["planes"]) < 0.0015
 
 
-def test_the_table_is_that_of_a_virtual_scans_residuals(planes: CapturedPlanes) -> None:
-    table = capture_residuals(planes)
+def test_the_table_is_that_of_a_virtual_scans_residuals(planes: RecordedPlanes) -> None:
+    table = recording_residuals(planes)
     assert tuple(table.columns) == COLUMNS
     assert set(table["model"]) == {REAL}
     assert set(table["surface"]) == {"wall"}
@@ -98,32 +99,34 @@ def test_the_table_is_that_of_a_virtual_scans_residuals(planes: CapturedPlanes) 
     assert set(table["frame"]) == set(planes.table["turn"])
     assert table["elevation_deg"].abs().max() == 15
     assert table["range_m"].min() >= 2.4
-    assert table["residual_m"].std() == pytest.approx(capture_summary(planes)["std_m"], rel=1e-6)
+    assert table["residual_m"].std() == pytest.approx(recording_summary(planes)["std_m"], rel=1e-6)
 
 
-def test_residuals_are_positive_on_the_sensors_side(planes: CapturedPlanes) -> None:
-    table = capture_residuals(planes)
+def test_residuals_are_positive_on_the_sensors_side(planes: RecordedPlanes) -> None:
+    table = recording_residuals(planes)
     nearer = table["range_m"] * np.cos(table["incidence_rad"]) - table["distance_m"]
     # The vertical correction and the rounding of the distance to 1 cm aside.
     assert np.corrcoef(nearer, table["residual_m"])[0, 1] < -0.9
 
 
-def test_the_table_joins_one_of_another_model(planes: CapturedPlanes) -> None:
-    table = capture_residuals(planes)
+def test_the_table_joins_one_of_another_model(planes: RecordedPlanes) -> None:
+    table = recording_residuals(planes)
     other = table.assign(model=pd.Categorical(["vlp16"] * len(table)))
     both = joined([table, other])
     assert list(both["model"].cat.categories) == [REAL, "vlp16"]
 
 
 def test_the_residuals_of_a_capture_do_not_change(room: tuple[ScanTable, Path]) -> None:
-    one, other = (capture_residuals(captured_planes(room[1], CaptureOptions())) for _ in range(2))
+    one, other = (
+        recording_residuals(recorded_planes(room[1], RecordingOptions())) for _ in range(2)
+    )
     pd.testing.assert_frame_equal(one, other)
 
 
 def test_a_plane_chosen_by_hand_is_the_one_that_is_found(
-    room: tuple[ScanTable, Path], planes: CapturedPlanes
+    room: tuple[ScanTable, Path], planes: RecordedPlanes
 ) -> None:
-    chosen = captured_planes(room[1], capture_options({"planes": [WALL_AHEAD]}))
+    chosen = recorded_planes(room[1], recording_options({"planes": [WALL_AHEAD]}))
     (one,) = chosen.surfaces
     ahead = max(planes.surfaces, key=lambda surface: -surface.plane.normal[1])
     assert one.distance_m == pytest.approx(ahead.distance_m, abs=1e-3)
@@ -131,15 +134,15 @@ def test_a_plane_chosen_by_hand_is_the_one_that_is_found(
 
 
 def test_a_table_of_the_returns_serves_as_the_capture(
-    room: tuple[ScanTable, Path], planes: CapturedPlanes, tmp_path: Path
+    room: tuple[ScanTable, Path], planes: RecordedPlanes, tmp_path: Path
 ) -> None:
     assert main(["capture", str(room[1]), str(tmp_path / "a.parquet")]) == 0
-    again = captured_planes(tmp_path / "a.parquet", CaptureOptions())
-    pd.testing.assert_frame_equal(capture_residuals(again), capture_residuals(planes))
+    again = recorded_planes(tmp_path / "a.parquet", RecordingOptions())
+    pd.testing.assert_frame_equal(recording_residuals(again), recording_residuals(planes))
 
 
 def test_an_interval_given_is_taken_as_it_is(room: tuple[ScanTable, Path]) -> None:
-    planes = captured_planes(room[1], capture_options({"still_s": [0.2, 0.4]}))
+    planes = recorded_planes(room[1], recording_options({"still_s": [0.2, 0.4]}))
     assert planes.still is None
     assert planes.table["timestamp"].max() < 0.21
 
@@ -147,7 +150,7 @@ def test_an_interval_given_is_taken_as_it_is(room: tuple[ScanTable, Path]) -> No
 def test_the_first_turns_of_an_interval_may_be_all_that_count(
     room: tuple[ScanTable, Path],
 ) -> None:
-    planes = captured_planes(room[1], capture_options({"most_turns": 5}))
+    planes = recorded_planes(room[1], recording_options({"most_turns": 5}))
     assert planes.still is not None
     assert planes.still.turns == 12
     assert np.unique(planes.table["turn"]).tolist() == [0, 1, 2, 3, 4]
@@ -155,7 +158,7 @@ def test_the_first_turns_of_an_interval_may_be_all_that_count(
 
 def test_beams_with_two_returns_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(box_capture(320, dual=True)))
-    planes = captured_planes(tmp_path / "a.pcap", CaptureOptions())
+    planes = recorded_planes(tmp_path / "a.pcap", RecordingOptions())
     assert not set(planes.table["laser_id"]) & {2, 4, 9}
     assert sorted({one.kind for one in planes.surfaces}) == ["wall"]
 
@@ -195,7 +198,7 @@ def test_another_sensors_capture_is_refused(
     log.payloads.view(PACKET)["product"] = 0x21
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(log))
     line = fails(tmp_path / "a.pcap", tmp_path / "a.parquet", capsys)
-    assert "a capture of HDL-32E" in line
+    assert "a recording of HDL-32E" in line
 
 
 @pytest.mark.parametrize(("kept", "fault"), [(10, "not a packet capture"), (900, "no data packet")])
@@ -288,12 +291,12 @@ def test_a_capture_damaged_inside_is_refused(
 
 def test_an_interval_too_short_for_a_plane_is_refused(room: tuple[ScanTable, Path]) -> None:
     with pytest.raises(InputError, match="no plane of a wall, floor or ceiling"):
-        captured_planes(room[1], capture_options({"still_s": (0.0, 0.001)}))
+        recorded_planes(room[1], recording_options({"still_s": (0.0, 0.001)}))
 
 
 def test_half_a_turn_has_planes_and_no_ray_noise(room: tuple[ScanTable, Path]) -> None:
-    planes = captured_planes(room[1], capture_options({"still_s": (0.0, 0.05)}))
-    summary = capture_summary(planes)
+    planes = recorded_planes(room[1], recording_options({"still_s": (0.0, 0.05)}))
+    summary = recording_summary(planes)
     assert len(summary["planes"]) in {2, 3}
     assert summary["ray_noise"] is None
     assert summary["planes"][0]["unevenness_m"] is None
@@ -301,7 +304,7 @@ def test_half_a_turn_has_planes_and_no_ray_noise(room: tuple[ScanTable, Path]) -
 
 
 def test_every_option_is_documented_with_its_default() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "captures.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "capture_options.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| (`\w+`(?:, `\w+`)?) \| ([^|]*) \|", text, re.MULTILINE))
     documented = {
         name: default.strip("` ")
@@ -313,7 +316,7 @@ def test_every_option_is_documented_with_its_default() -> None:
         )
     }
     limits = {name: field.default for name, field in PlaneSearch.model_fields.items()}
-    own = set(CaptureOptions.model_fields)
+    own = set(RecordingOptions.model_fields)
     assert set(documented) == set(limits) | own
     for name, default in limits.items():
         value = json.loads(documented[name])

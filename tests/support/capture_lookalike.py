@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import load_sensor
-from puckbench.lidar.recordings.packet_log import PacketLog
-from puckbench.lidar.recordings.packets import LASERS, RETURN
+from puckbench.lidar.recordings.packets import LASERS, RETURN, PacketLog
 from puckbench.lidar.recordings.writing import distance_counts, pack_blocks
 
 BOX = np.array([1.5, 2.0, 0.9])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from puckbench.geometry.mesh import Mesh
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
-from puckbench.lidar.recordings import CaptureTable, decode_packets
+from puckbench.lidar.recordings import RecordedReturns, decode_packets
 from puckbench.lidar.recordings.writing import scan_packets
 from tests.support.sensor_scenes import ROOM, room
 
@@ -45,6 +45,6 @@ def room_scan(
     return scan(mesh or room(), load_sensor("vlp16"), sweep, model, place, rng)
 
 
-def captured(table: ScanTable) -> CaptureTable:
+def captured(table: ScanTable) -> RecordedReturns:
     """What a decoder makes of a scan's packets."""
     return decode_packets(scan_packets(table).payloads)

@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Estimate and write the model file; the estimates and intervals to print."""
     from puckbench.lidar.calibration import calibrate, write_calibration
-    from puckbench.lidar.calibration.tables import read_tables, settings_for
+    from puckbench.lidar.calibration.files import read_tables, settings_for
 
     tables, model = read_tables(options.residuals, options.model)
     settings = settings_for(model, options.cells, options.parameters, options.quantum_mm)

@@ -20,9 +20,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode and write the table."""
     from puckbench.lidar import load_sensor
-    from puckbench.lidar.recordings import read_capture, write_capture_table
+    from puckbench.lidar.recordings import read_recording, write_returns
 
     sensor = load_sensor(options.sensor) if options.sensor else None
-    table = read_capture(options.capture, sensor, options.start, options.end)
-    write_capture_table(options.out, table)
+    table = read_recording(options.capture, sensor, options.start, options.end)
+    write_returns(options.out, table)
     return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}

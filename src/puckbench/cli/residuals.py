@@ -64,13 +64,16 @@ def _scanned(options: argparse.Namespace) -> dict[str, Any]:
 
 def _captured(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.lidar.residual_table import REAL, write_residuals
-    from puckbench.lidar.walls.options import capture_options
-    from puckbench.lidar.walls.residuals import capture_residuals, captured_planes
-    from puckbench.lidar.walls.summary import capture_summary
+    from puckbench.lidar.walls.residuals import (
+        recorded_planes,
+        recording_options,
+        recording_residuals,
+    )
+    from puckbench.lidar.walls.statistics import recording_summary
 
-    planes = captured_planes(options.capture, capture_options(options.capture_options))
-    write_residuals(options.out, capture_residuals(planes))
-    summary = {"model": REAL, **capture_summary(planes)}
+    planes = recorded_planes(options.capture, recording_options(options.capture_options))
+    write_residuals(options.out, recording_residuals(planes))
+    summary = {"model": REAL, **recording_summary(planes)}
     return summary if options.json else _lines(summary)
 
 

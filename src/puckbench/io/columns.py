@@ -1,7 +1,7 @@
 """Tables of returns whose columns are declared as data: rows in memory, Parquet with units on disk.
 
 A kind of table is a class with its declaration (`Declared`); the table of a virtual scan and that
-of a real capture are two of them.
+of a recording are two of them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The virtual sensor: rotating LiDARs as data, sweeps, ray casting, error models, scan tables."""
 
 from puckbench.lidar.errors import ErrorModel, error_model_names, open_error_model
-from puckbench.lidar.origin import free_origin
+from puckbench.lidar.placement import free_origin
 from puckbench.lidar.scan import ScanJob, scan
 from puckbench.lidar.scan_table import (
     COLUMNS,

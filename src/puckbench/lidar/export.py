@@ -14,11 +14,11 @@ from puckbench.io.evd import write_evd
 from puckbench.io.las import write_las
 from puckbench.io.pcd import write_pcd
 from puckbench.io.ply import write_ply
-from puckbench.lidar.recordings.capture_table import CaptureTable, read_capture_table
+from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
 from puckbench.lidar.recordings.writing import write_pcap
 from puckbench.lidar.scan_table import ScanTable, read_scan
 
-Source = ScanTable | CaptureTable
+Source = ScanTable | RecordedReturns
 Columns = dict[str, NDArray[Any]]
 
 # What takes any columns of points; the other formats take a virtual scan.
@@ -42,33 +42,31 @@ _OF_RECORDINGS = (
 
 
 def read_source(path: Path) -> Source:
-    """A scan table or a capture table; InputError when the file is neither."""
+    """A scan table or a table of returns; InputError when the file is neither."""
     from pyarrow import ArrowException, parquet
 
     try:
         metadata = parquet.read_schema(path).metadata or {}
     except (OSError, ArrowException):
         return read_scan(path)
-    is_capture = CaptureTable.declared.key.encode() in metadata
-    return read_capture_table(path) if is_capture else read_scan(path)
+    is_capture = RecordedReturns.declared.key.encode() in metadata
+    return read_returns(path) if is_capture else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     """Write `source` in the format of `path`'s suffix, whole or not at all; what was written.
 
     Measured coordinates, or the true ones when `clean`; BlenSor's format has both. Raises
-    InputError for an unknown suffix, no rows, or a capture where only a scan will do.
+    InputError for an unknown suffix, no rows, or a recording where only a scan will do.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown suffix {suffix!r} (known: {', '.join(FORMATS)})")
     if len(source) == 0:
         raise InputError(f"{path}: there is no return to export")
-    if isinstance(source, CaptureTable):
+    if isinstance(source, RecordedReturns):
         if clean or suffix not in _POINTS:
-            raise InputError(
-                f"{path}: a real capture has no true coordinates and no scan's columns"
-            )
+            raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
         _POINTS[suffix](path, {name: source[name] for name in _OF_RECORDINGS})
     elif suffix in _POINTS:
         _POINTS[suffix](path, _scan_columns(source, clean))

@@ -43,7 +43,7 @@ COLUMNS = (
 """Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
 
 `range_m` is the distance from the sensor to the measured point, `frame` the frame of the scan (the
-turn of a capture); `plane_u_m`, `plane_v_m` are those of `plane_coordinates`. These four came
+turn of a recording); `plane_u_m`, `plane_v_m` are those of `plane_coordinates`. These four came
 later: an older table, which figures still take, has none.
 """
 _LATER = ("range_m", "frame", "plane_u_m", "plane_v_m")

@@ -7,8 +7,8 @@ model `calibrated` draws from.
 """
 
 from puckbench.lidar.calibration.calibrating import Calibration, Settings, calibrate
+from puckbench.lidar.calibration.files import model_file, write_calibration
 from puckbench.lidar.calibration.fitting import Estimate
-from puckbench.lidar.calibration.model_file import model_file, write_calibration
 
 __all__ = [
     "Calibration",

@@ -28,7 +28,7 @@ class Settings:
     """How residuals are read.
 
     cells: what shares a bias besides the laser and the scan. ``"frame"``: one laser in one frame,
-    as virtual scans draw it. ``"spot"``: one laser in one direction, for the captures of a sensor
+    as virtual scans draw it. ``"spot"``: one laser in one direction, for the recordings of a sensor
     that stands still. Then `frame_sigma_m` is the unevenness of the walls, and the planes follow
     the means of the rings alone: the shape of a wall along a ring is not to tell of the sensor. The
     lasers' mean bias moves a wall as a whole, then, and is taken to be zero.

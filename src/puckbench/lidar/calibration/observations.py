@@ -81,8 +81,8 @@ class Observations:
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
     """The range errors of residual tables, one table per device.
 
-    cells: ``"frame"``, or ``"spot"`` for the captures of a sensor that stands still, where what one
-    laser sees in one direction is the same in every turn.
+    cells: ``"frame"``, or ``"spot"`` for the recordings of a sensor that stands still, where what
+    one laser sees in one direction is the same in every turn.
 
     Raises InputError for no table, columns that are missing (an older table) or not finite,
     incidences or ranges that cannot be, and too few rows.
@@ -135,7 +135,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 def _heights(rows: pd.DataFrame) -> Floats:
     """Distance from the sensor to the fitted plane, m, (n,).
 
-    One number per plane: the ranges of a capture are not from the sensor's origin (vertical
+    One number per plane: the ranges of a recording are not from the sensor's origin (vertical
     correction) and do not agree on it to better than some millimetres.
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]

@@ -1,17 +1,17 @@
 """Captures of a real VLP-16 as tables (packet captures, ROS 2 bags), and scans as packets."""
 
-from puckbench.lidar.recordings.capture_table import (
-    CaptureTable,
-    read_capture_table,
-    write_capture_table,
-)
 from puckbench.lidar.recordings.packets import decode_packets
-from puckbench.lidar.recordings.reading import read_capture
+from puckbench.lidar.recordings.reading import read_recording
+from puckbench.lidar.recordings.returns import (
+    RecordedReturns,
+    read_returns,
+    write_returns,
+)
 
 __all__ = [
-    "CaptureTable",
+    "RecordedReturns",
     "decode_packets",
-    "read_capture",
-    "read_capture_table",
-    "write_capture_table",
+    "read_recording",
+    "read_returns",
+    "write_returns",
 ]

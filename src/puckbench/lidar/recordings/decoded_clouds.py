@@ -15,7 +15,7 @@ from puckbench.io.csv_columns import read_csv
 from puckbench.io.las import read_las
 from puckbench.io.pcd import read_pcd
 from puckbench.io.ply import read_ply
-from puckbench.lidar.recordings.capture_table import CAPTURE_COLUMNS, CaptureTable
+from puckbench.lidar.recordings.returns import RETURN_COLUMNS, RecordedReturns
 from puckbench.lidar.sensor import Sensor, load_sensor
 
 _READERS = {
@@ -35,7 +35,7 @@ _REFLECTIVITIES = ("reflectivity", "intensity")
 Columns = Mapping[str, NDArray[Any]]
 
 
-def read_points(path: Path, sensor: Sensor | None = None) -> CaptureTable:
+def read_points(path: Path, sensor: Sensor | None = None) -> RecordedReturns:
     """Points x, y, z (sensor's frame) with a laser column, as a table; m.
 
     Laser ids are taken from `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
@@ -66,9 +66,9 @@ def read_points(path: Path, sensor: Sensor | None = None) -> CaptureTable:
     }
     unknown = np.zeros(len(xyz))
     table = {
-        name: known.get(name, unknown).astype(kind) for name, (kind, *_) in CAPTURE_COLUMNS.items()
+        name: known.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
-    return CaptureTable(table, {"sensor": device.name, "format": path.suffix[1:].lower()})
+    return RecordedReturns(table, {"sensor": device.name, "format": path.suffix[1:].lower()})
 
 
 def _lasers(columns: Columns, sensor: Sensor) -> NDArray[np.intp]:

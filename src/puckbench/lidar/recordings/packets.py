@@ -1,4 +1,4 @@
-"""VLP-16 data packets: 12 blocks of two firing sequences, decoded into a capture table.
+"""VLP-16 data packets: 12 blocks of two firing sequences, decoded into a table of returns.
 
 Layout and conventions after the VLP-16 User Manual 63-9243 Rev. E, chapter 9: a block is a flag,
 the azimuth of its first firing in 0.01 degrees and 32 returns of distance (2 mm) and reflectivity;
@@ -7,6 +7,8 @@ a packet ends with the time of its first firing in microseconds past the hour an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,8 +16,40 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings.capture_table import BOTH, LAST, STRONGEST, CaptureTable
+from puckbench.lidar.recordings.returns import BOTH, LAST, STRONGEST, RecordedReturns
 from puckbench.lidar.sensor import Sensor, load_sensor
+
+PACKET_BYTES = 1206
+
+
+@dataclass(frozen=True)
+class PacketLog:
+    """Payloads (p, 1206) uint8 and reception times (p,), s since 1970, in the order recorded.
+
+    about: counts of what was not a data packet, and what was cut off.
+    """
+
+    payloads: NDArray[np.uint8]
+    received: Floats
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.payloads)
+
+    def between(self, start_s: float, end_s: float) -> PacketLog:
+        """Packets received from `start_s` to before `end_s` seconds after the first one."""
+        since = self.received - self.received[:1]
+        rows = (since >= start_s) & (since < end_s)
+        return PacketLog(self.payloads[rows], self.received[rows], self.about)
+
+
+def joined(
+    payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
+) -> PacketLog:
+    """A log of payloads of 1,206 bytes each."""
+    data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, PACKET_BYTES)
+    return PacketLog(data, np.asarray(received, dtype=np.float64), about)
+
 
 BLOCKS = 12
 LASERS = 16
@@ -48,7 +82,7 @@ PACKET = np.dtype(
 _GREATEST_RISE = 100
 
 
-def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> CaptureTable:
+def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> RecordedReturns:
     """Returns of data packets, (p, 1206) bytes in the order of arrival, as a table.
 
     sensor: None for the one that the packets name, a VLP-16 or a Puck Hi-Res.
@@ -80,7 +114,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
     }
     columns = {name: np.broadcast_to(part, rows.shape)[rows] for name, part in shaped.items()}
     about = {"sensor": device.name, "returns": MODES[mode], "packets": len(packets)}
-    return CaptureTable(with_points(columns, device), about)
+    return RecordedReturns(with_points(columns, device), about)
 
 
 def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, NDArray[Any]]:
@@ -113,7 +147,7 @@ def _checked_mode(packets: NDArray[Any]) -> int:
     for code in products:
         if code not in SENSORS:
             name = PRODUCTS.get(code, "an unknown sensor")
-            raise InputError(f"a capture of {name} (product 0x{code:02X}), not of a VLP-16")
+            raise InputError(f"a recording of {name} (product 0x{code:02X}), not of a VLP-16")
     if len(products) > 1:
         raise InputError("packets of a VLP-16 and of a Puck Hi-Res in one capture")
     modes = np.unique(packets["mode"])

@@ -10,10 +10,9 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
-from puckbench.lidar.recordings.capture_table import CaptureTable, read_capture_table
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
-from puckbench.lidar.recordings.packet_log import PACKET_BYTES, PacketLog, joined
-from puckbench.lidar.recordings.packets import decode_packets
+from puckbench.lidar.recordings.packets import PACKET_BYTES, PacketLog, decode_packets, joined
+from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
 from puckbench.lidar.sensor import Sensor
 
 SCAN = "velodyne_msgs/msg/VelodyneScan"
@@ -24,12 +23,12 @@ MESSAGES = {
 """Messages of the ROS driver velodyne_msgs, in ROS's notation."""
 
 
-def read_capture(
+def read_recording(
     path: Path,
     sensor: Sensor | None = None,
     start_s: float = 0.0,
     end_s: float = math.inf,
-) -> CaptureTable:
+) -> RecordedReturns:
     """Read the returns of a packet capture, a ROS bag, a decoded cloud or a table of returns.
 
     Parameters
@@ -37,7 +36,7 @@ def read_capture(
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
         that tells each point's laser (.csv, .ply, .pcd; see `decoded_clouds.read_points`), or a
-        table that `write_capture_table` wrote (.parquet).
+        table that `write_returns` wrote (.parquet).
     sensor
         None for the one that the packets name; a table has its own.
     start_s, end_s
@@ -45,7 +44,7 @@ def read_capture(
 
     Returns
     -------
-    CaptureTable
+    RecordedReturns
         `about` has the format and what was left aside: `other_packets`, `bytes_cut_off`.
 
     Raises
@@ -55,7 +54,7 @@ def read_capture(
     """
     try:
         if path.suffix.lower() == ".parquet":
-            table = _between(read_capture_table(path), start_s, end_s)
+            table = _between(read_returns(path), start_s, end_s)
         elif path.suffix.lower() in SUFFIXES:
             table = _between(read_points(path, sensor), start_s, end_s)
         else:
@@ -88,14 +87,14 @@ def packets_of_capture(data: bytes) -> PacketLog:
     InputError
         For another format, or data packets from several senders.
     """
-    capture = read_datagrams(data)
-    packets = [one for one in capture.datagrams if len(one.payload) == PACKET_BYTES]
+    recording = read_datagrams(data)
+    packets = [one for one in recording.datagrams if len(one.payload) == PACKET_BYTES]
     senders = sorted({one.sender for one in packets})
     if len(senders) > 1:
         names = ", ".join(senders[:4])
         raise InputError(f"data packets of {len(senders)} senders ({names}): keep one of them")
-    others = capture.others + len(capture.datagrams) - len(packets)
-    about = {"format": "pcap", "other_packets": others, "bytes_cut_off": capture.bytes_cut_off}
+    others = recording.others + len(recording.datagrams) - len(packets)
+    about = {"format": "pcap", "other_packets": others, "bytes_cut_off": recording.bytes_cut_off}
     return joined([one.payload for one in packets], [one.received for one in packets], about)
 
 
@@ -110,7 +109,7 @@ def _packets_of_bag(path: Path) -> PacketLog:
     return joined([one.data.tobytes() for one in packets], received, about)
 
 
-def _between(table: CaptureTable, start_s: float, end_s: float) -> CaptureTable:
+def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:
     """Rows from `start_s` to before `end_s` seconds after the first one."""
     since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
     return table.select((since >= start_s) & (since < end_s))

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings.packet_log import PACKET_BYTES, PacketLog
 from puckbench.lidar.recordings.packets import (
     BLOCKS,
     CENTIDEGREES,
@@ -22,8 +21,10 @@ from puckbench.lidar.recordings.packets import (
     LASERS,
     MODES,
     PACKET,
+    PACKET_BYTES,
     RETURN,
     VLP16,
+    PacketLog,
 )
 from puckbench.lidar.scan_table import ScanTable
 from puckbench.lidar.sensor import load_sensor

@@ -1,9 +1,9 @@
-"""Walls, floors and ceilings in a capture of a sensor that stands still.
+"""Walls, floors and ceilings in a recording of a sensor that stands still.
 
-Planes are looked for in the sensor's own image (`cells`): a cell is on a plane when nearly all of
-its returns are, and a plane is one connected patch of cells. So a plane through points that have
+Planes are looked for in the sensor's range image: a pixel is on a plane when nearly all of its
+returns are, and a plane is one connected patch of pixels. So a plane through points that have
 nothing in common falls apart, and the edges of a patch, with their mixed returns, are cut off by
-whole cells. Returns that graze a plane do not support it: the rings of the level lasers would make
+whole pixels. Returns that graze a plane do not support it: the rings of the level lasers would make
 a floor at the height of the sensor.
 """
 
@@ -21,9 +21,9 @@ from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane, robust_plane, robust_std
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.residual_table import plane_coordinates
-from puckbench.lidar.walls.range_image import CellImage, Mask, largest_patch, widened, without_ends
+from puckbench.lidar.walls.range_image import Mask, RangeImage, largest_patch, widened, without_ends
 
 WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
 
@@ -35,10 +35,10 @@ _TAKEN_THRESHOLDS = 3
 
 
 class PlaneSearch(Model):
-    """What counts as a plane of a capture; lengths in m.
+    """What counts as a plane of a recording; lengths in m.
 
     threshold_m: a return farther from a plane than this is not on it while patches are looked for.
-    share_on_plane: of a cell's returns that must be, for the cell to be.
+    share_on_plane: of a pixel's returns that must be, for the pixel to be.
     most_planes: patches that are looked at, the largest first.
     up: what is up in the sensor's frame, of any length; a sensor that is tilted sees more floor.
     tilt_deg: a wall may be so far from upright, a floor or ceiling from level.
@@ -78,7 +78,7 @@ class PlaneSearch(Model):
 
 @dataclass(frozen=True)
 class Surface:
-    """A plane of a capture, its normal towards the sensor, and the rows (n,) that count.
+    """A plane of a recording, its normal towards the sensor, and the rows (n,) that count.
 
     width_m and height_m are the extents of these rows on the plane: level, and across.
     """
@@ -104,15 +104,15 @@ class Rejected:
 
 
 def find_surfaces(
-    table: CaptureTable, search: PlaneSearch, rng: np.random.Generator
+    table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[Surface], list[Rejected]]:
-    """Planes of a capture by RANSAC, those with the most returns first, and those not taken.
+    """Planes of a recording by RANSAC, those with the most returns first, and those not taken.
 
     They are looked for one after the other: the returns of a patch are taken out before the next
     one, whether it is taken or not. The same generator finds the same planes.
     """
     least = least_returns(table, search)
-    view = _View(table.xyz, table["azimuth"], CellImage.of(table), search, least)
+    view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
     free = np.ones(len(table), dtype=bool)
     taken: list[Surface] = []
     rejected: list[Rejected] = []
@@ -134,7 +134,7 @@ def find_surfaces(
 
 
 def surface_of(
-    table: CaptureTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
+    table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> Surface:
     """The robust plane of some returns (at least three, or none count), and which of them count."""
     part = table.select(rows)
@@ -147,7 +147,7 @@ def surface_of(
     return Surface(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
 
 
-def fault_of(table: CaptureTable, surface: Surface, search: PlaneSearch) -> str | None:
+def fault_of(table: RecordedReturns, surface: Surface, search: PlaneSearch) -> str | None:
     """Why a surface is not taken, or None."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
@@ -163,12 +163,12 @@ def fault_of(table: CaptureTable, surface: Surface, search: PlaneSearch) -> str 
     return next((text for found, text in faults if found), None)
 
 
-def least_returns(table: CaptureTable, search: PlaneSearch) -> int:
-    """Returns that a plane must have in all turns of a capture together."""
+def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
+    """Returns that a plane must have in all turns of a recording together."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
-def incidence(table: CaptureTable, plane: Plane) -> Floats:
+def incidence(table: RecordedReturns, plane: Plane) -> Floats:
     """Angle between each return's nominal ray and the plane's normal, rad, (n,)."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
@@ -191,11 +191,11 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class _View:
-    """Points (n, 3), azimuths (n,) and image of a capture; what is sought, in how many returns."""
+    """Points (n, 3), azimuths (n,) and range image of a recording; what is sought there."""
 
     points: Floats
     azimuth: Floats
-    image: CellImage
+    image: RangeImage
     search: PlaneSearch
     least: int
 
@@ -226,7 +226,7 @@ class _View:
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """A plane refitted to its largest patch of free returns until both stay, and the patch.
 
-        Each laser is allowed its bias, or those with the greatest would lose their cells.
+        Each laser is allowed its bias, or those with the greatest would lose their pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))

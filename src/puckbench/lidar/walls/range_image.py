@@ -1,4 +1,4 @@
-"""The image of a sensor that stands still: cells of one laser and one degree of azimuth."""
+"""The range image of a sensor that stands still: a pixel is one laser in one degree of azimuth."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
 
 Mask = NDArray[np.bool_]
-"""Rows of a capture (n,), or cells of an image (lasers by elevation, columns of azimuth)."""
+"""Rows of a recording (n,), or pixels of an image (lasers by elevation, columns of azimuth)."""
 
 COLUMNS = 360
 
 
 @dataclass(frozen=True)
-class CellImage:
-    """The cell of each return (n,), and the image's shape."""
+class RangeImage:
+    """The pixel of each return (n,), and the image's shape."""
 
-    cell: NDArray[np.intp]
+    pixel: NDArray[np.intp]
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, table: CaptureTable) -> CellImage:
-        """The image of a capture's returns."""
+    def of(cls, table: RecordedReturns) -> RangeImage:
+        """The image of a recording's returns."""
         levels, rank = np.unique(table["elevation"], return_inverse=True)
         column = (table["azimuth"] * (COLUMNS / math.tau)).astype(np.intp) % COLUMNS
         return cls(rank * COLUMNS + column, (len(levels), COLUMNS))
@@ -34,42 +34,42 @@ class CellImage:
     @property
     def laser_rank(self) -> NDArray[np.intp]:
         """The row of the image that each return is in, (n,)."""
-        return self.cell // self.shape[1]
+        return self.pixel // self.shape[1]
 
     def counts(self, rows: Mask) -> Floats:
-        """Number of the given returns in each cell."""
+        """Number of the given returns in each pixel."""
         size = self.shape[0] * self.shape[1]
-        counts: Floats = np.bincount(self.cell[rows], minlength=size).astype(np.float64)
+        counts: Floats = np.bincount(self.pixel[rows], minlength=size).astype(np.float64)
         return counts.reshape(self.shape)
 
-    def rows(self, cells: Mask) -> Mask:
-        """The returns of the given cells."""
-        chosen: Mask = cells.ravel()[self.cell]
+    def rows(self, pixels: Mask) -> Mask:
+        """The returns of the given pixels."""
+        chosen: Mask = pixels.ravel()[self.pixel]
         return chosen
 
 
-def largest_patch(cells: Mask, returns: Floats) -> Mask:
-    """The connected patch of cells with the most returns; a gap of up to two cells is bridged."""
+def largest_patch(pixels: Mask, returns: Floats) -> Mask:
+    """The connected patch of pixels with the most returns; a gap of up to two pixels is bridged."""
     from scipy import ndimage
 
-    # The seam of the image is put where the fewest cells are, so that it cuts no patch.
-    seam = int(np.argmin(cells.sum(axis=0)))
-    labels, count = ndimage.label(widened(np.roll(cells, -seam, axis=1)))
-    labels = np.roll(labels, seam, axis=1) * cells
+    # The seam of the image is put where the fewest pixels are, so that it cuts no patch.
+    seam = int(np.argmin(pixels.sum(axis=0)))
+    labels, count = ndimage.label(widened(np.roll(pixels, -seam, axis=1)))
+    labels = np.roll(labels, seam, axis=1) * pixels
     sizes = np.bincount(labels.ravel(), returns.ravel(), minlength=count + 1)
-    largest: Mask = cells & (labels == 1 + int(np.argmax(sizes[1:]))) if count else cells
+    largest: Mask = pixels & (labels == 1 + int(np.argmax(sizes[1:]))) if count else pixels
     return largest
 
 
-def widened(cells: Mask) -> Mask:
-    """The cells and the eight neighbours of each."""
-    beside = cells | np.roll(cells, 1, axis=1) | np.roll(cells, -1, axis=1)
+def widened(pixels: Mask) -> Mask:
+    """The pixels and the eight neighbours of each."""
+    beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
     return wide
 
 
-def without_ends(cells: Mask) -> Mask:
-    """The cells between two others of the same laser: where a surface ends, returns are mixed."""
-    inner: Mask = cells & np.roll(cells, 1, axis=1) & np.roll(cells, -1, axis=1)
+def without_ends(pixels: Mask) -> Mask:
+    """The pixels between two others of the same laser: where a surface ends, returns are mixed."""
+    inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner

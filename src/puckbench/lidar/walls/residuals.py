@@ -1,4 +1,4 @@
-"""Plane residuals of a real capture: Procedure 1 of the thesis (section 5.1.2) on what is there.
+"""Plane residuals of a recording: Procedure 1 of the thesis (section 5.1.2) on what is there.
 
 The interval in which the sensor stood still, its planes, and the signed distances of the returns
 to them, as the residuals of virtual scans have them, with the statistics that only repeated turns
@@ -8,19 +8,24 @@ of a real sensor give.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, parsed
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import ransac_plane
 from puckbench.lidar import load_sensor
-from puckbench.lidar.recordings import CaptureTable, read_capture
-from puckbench.lidar.recordings.capture_table import BOTH
+from puckbench.lidar.recordings import RecordedReturns, read_recording
+from puckbench.lidar.recordings.returns import BOTH
 from puckbench.lidar.residual_table import COLUMNS, REAL, SURFACES, about_plane
 from puckbench.lidar.walls.detection import (
     PlaneSearch,
@@ -31,43 +36,89 @@ from puckbench.lidar.walls.detection import (
     kind_of,
     surface_of,
 )
-from puckbench.lidar.walls.options import CaptureOptions, Crop
-from puckbench.lidar.walls.ray_statistics import range_deviation
-from puckbench.lidar.walls.stillness import Still, still_rows
+from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
+
+
+class Crop(Model):
+    """A plane chosen by hand: what it is, and the box (two corners, m, sensor's frame) to crop to.
+
+    The box should leave out the surface's edges, where returns are mixed.
+    """
+
+    surface: Literal["wall", "floor", "ceiling"]
+    box: tuple[tuple[float, ...], ...]
+
+    @model_validator(mode="after")
+    def _of_two_corners(self) -> Self:
+        if len(self.box) != 2 or any(len(corner) != 3 for corner in self.box):
+            raise InputError("box must be two corners of three numbers, [[x, y, z], [x, y, z]]")
+        if not np.all(np.less(*self.box)):
+            raise InputError("each number of the box's first corner must be below the second's")
+        return self
+
+    def rows(self, points: Floats) -> NDArray[np.intp]:
+        """Indices of the points (n, 3) in the box."""
+        low, high = np.array(self.box)
+        return np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
+
+
+class RecordingOptions(Model):
+    """Options of a recording's residuals; all have defaults.
+
+    sensor: name or YAML file (default: what the packets say). still_s: start and end of the
+    interval that counts, in s after the first packet (default: the longest one in which the turns
+    repeat its first within `most_shift_m`). most_turns: of it, the first ones. planes: those chosen
+    by hand (default: found, as `search` says).
+    """
+
+    sensor: str | None = None
+    still_s: tuple[float, ...] | None = None
+    most_shift_m: PositiveFloat = SHIFT_M
+    most_turns: PositiveInt = 100
+    planes: Annotated[tuple[Crop, ...], Field(min_length=1)] | None = None
+    search: PlaneSearch = PlaneSearch()
+
+    @model_validator(mode="after")
+    def _of_an_interval(self) -> Self:
+        if self.still_s is not None and (
+            len(self.still_s) != 2 or not 0 <= self.still_s[0] < self.still_s[1]
+        ):
+            raise InputError("still_s must be [start, end] in seconds, 0 or later, start first")
+        return self
+
+
+def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
+    """Options as JSON or YAML has them; InputError for an unknown one or a wrong value."""
+    return parsed(RecordingOptions, given, "capture options")
+
 
 # Of a plane chosen by hand; one that is found has the limits of `PlaneSearch`.
 _LEAST_RETURNS = 50
 
 
 @dataclass(frozen=True)
-class CapturedPlanes:
-    """The returns of a capture that count, where it stood still, and the planes in it.
+class RecordedPlanes:
+    """The returns of a recording that count, where it stood still, and the planes in it.
 
     still: None when the interval was given.
     """
 
-    table: CaptureTable
+    table: RecordedReturns
     still: Still | None
     surfaces: list[Surface]
     rejected: list[Rejected]
 
-    def deviations(self, surface: Surface) -> tuple[CaptureTable, Floats]:
-        """The rows of a surface, and what their ranges are longer than the plane's, m, (n,)."""
-        rows = self.table.select(surface.rows)
-        residuals = surface.plane.distances(rows.xyz)
-        return rows, range_deviation(residuals, incidence(rows, surface.plane))
 
+def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
+    """Read a recording, choose its still interval, and find its planes (or crop to those given).
 
-def captured_planes(path: Path, options: CaptureOptions) -> CapturedPlanes:
-    """Read a capture, choose its still interval, and find its planes (or crop to those given).
-
-    Of a dual capture only the beams with a single return count: the others straddle an edge.
-    Raises InputError, one line that names the file, for a capture that cannot be read, that never
+    Of a dual recording only the beams with a single return count: the others straddle an edge.
+    Raises InputError, one line that names the file, for a recording that cannot be read, that never
     stands still, or that has no plane.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
-    table, still = read_capture(path, sensor, start, end), None
+    table, still = read_recording(path, sensor, start, end), None
     try:
         if options.still_s is None:
             table, still = still_rows(table, options.most_shift_m)
@@ -77,11 +128,11 @@ def captured_planes(path: Path, options: CaptureOptions) -> CapturedPlanes:
         surfaces, rejected = _planes(table, options)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return CapturedPlanes(table, still, surfaces, rejected)
+    return RecordedPlanes(table, still, surfaces, rejected)
 
 
-def capture_residuals(planes: CapturedPlanes) -> pd.DataFrame:
-    """Residual table of a capture, columns as `residuals.COLUMNS`.
+def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
+    """Residual table of a recording, columns as `residuals.COLUMNS`.
 
     The model is `REAL`; distance_m is the plane's distance from the sensor, rounded to 1 cm; run
     is the number of the plane from 1; frame is the turn of the sensor; range_m is as measured.
@@ -97,7 +148,9 @@ def capture_residuals(planes: CapturedPlanes) -> pd.DataFrame:
     return table[list(COLUMNS)]
 
 
-def _planes(table: CaptureTable, options: CaptureOptions) -> tuple[list[Surface], list[Rejected]]:
+def _planes(
+    table: RecordedReturns, options: RecordingOptions
+) -> tuple[list[Surface], list[Rejected]]:
     """The planes chosen by hand, or those found; InputError when there are none."""
     if options.planes:
         chosen = [
@@ -112,7 +165,7 @@ def _planes(table: CaptureTable, options: CaptureOptions) -> tuple[list[Surface]
     return surfaces, rejected
 
 
-def _cropped(table: CaptureTable, crop: Crop, search: PlaneSearch, number: int) -> Surface:
+def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: int) -> Surface:
     """The plane of the returns in a box, fitted as those that are found."""
     rows, what = crop.rows(table.xyz), f"plane {number} ({crop.surface})"
     if len(rows) < _LEAST_RETURNS:
@@ -138,7 +191,7 @@ def _why(rejected: list[Rejected]) -> str:
     return f"(the largest of {len(rejected)} not taken: {place}, {most.reason})"
 
 
-def _rows_of(rows: CaptureTable, surface: Surface, number: int) -> pd.DataFrame:
+def _rows_of(rows: RecordedReturns, surface: Surface, number: int) -> pd.DataFrame:
     about = about_plane(rows.xyz, surface.plane, np.zeros(3))
     columns = {
         **about,

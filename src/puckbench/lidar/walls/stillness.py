@@ -1,4 +1,4 @@
-"""When the sensor of a capture stood still: successive turns that measure the same distances."""
+"""When the sensor of a recording stood still: successive turns that measure the same distances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
 
 SHIFT_M = 0.003
 """Turns whose distances differ by less than this repeat each other."""
@@ -37,14 +37,14 @@ class Still:
         return self.last - self.first + 1
 
 
-def still_rows(table: CaptureTable, limit_m: float = SHIFT_M) -> tuple[CaptureTable, Still]:
+def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
     """The longest interval of at least two turns that repeat its first one, and its rows.
 
     Raises InputError when no turn repeats the one before it.
     """
     turns = _turns(table)
     if len(turns) < 2:
-        raise InputError("a capture of one turn does not show whether the sensor stood still")
+        raise InputError("a recording of one turn does not show whether the sensor stood still")
     numbers = list(turns)
     best = run = Still(numbers[0], numbers[0], 0.0)
     reference, smallest = table.select(turns[run.first]), math.inf
@@ -62,7 +62,7 @@ def still_rows(table: CaptureTable, limit_m: float = SHIFT_M) -> tuple[CaptureTa
     return table.select((table["turn"] >= best.first) & (table["turn"] <= best.last)), best
 
 
-def turn_shift(reference: CaptureTable, other: CaptureTable) -> float:
+def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """How far distances of one turn are from another's, m; infinite when too few compare.
 
     Each return of `other` is compared with the same laser's distances of `reference`, interpolated
@@ -79,14 +79,14 @@ def turn_shift(reference: CaptureTable, other: CaptureTable) -> float:
     return float(np.quantile(medians, 0.75))
 
 
-def _turns(table: CaptureTable) -> dict[int, NDArray[np.intp]]:
+def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
     """The rows of each turn, the turns in order."""
     order = np.argsort(table["turn"], kind="stable")
     numbers, starts = np.unique(table["turn"][order], return_index=True)
     return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
-def _changes(reference: CaptureTable, other: CaptureTable) -> tuple[Floats, Floats]:
+def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
     """Changes of distance from the reference, and azimuths of the returns that compare."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
@@ -100,7 +100,7 @@ def _changes(reference: CaptureTable, other: CaptureTable) -> tuple[Floats, Floa
     return change[rows], other["azimuth"][rows]
 
 
-def _places(table: CaptureTable) -> Floats:
+def _places(table: RecordedReturns) -> Floats:
     return np.asarray(table["laser_id"] * _LASER_STRIDE + table["azimuth"])
 
 

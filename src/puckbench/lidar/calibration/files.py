@@ -1,6 +1,7 @@
-"""The model file of a calibration: what the error model `calibrated` reads, and where it is from.
+"""The files of a calibration: the residual tables that it reads and the model file that it writes.
 
-The same tables give the same bytes: numbers are rounded, and there is no date in it.
+The error model `calibrated` draws from a model file. The same tables give the same bytes: numbers
+are rounded, and there is no date in it.
 """
 
 from __future__ import annotations
@@ -9,13 +10,54 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import yaml
 
 from puckbench import __version__
+from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_bytes
-from puckbench.lidar.calibration.calibrating import SPOT, Calibration
+from puckbench.lidar.calibration.calibrating import FRAME, SPOT, Calibration, Settings
 from puckbench.lidar.calibration.fitting import Estimate
+from puckbench.lidar.calibration.likelihood import NAMES
 from puckbench.lidar.errors.calibrated import FORMAT
+from puckbench.lidar.residual_table import REAL, read_residuals
+
+# The VLP-16 tells ranges in steps of 2 mm (User Manual 63-9243 Rev. E, section 9.3).
+_RECORDING_QUANTUM_M = 0.002
+
+
+def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
+    """The rows of one model in each table, and which one: `model`, or the only one that there is.
+
+    Raises InputError, with the file's name, for a table without such rows or with several models.
+    """
+    tables = [read_residuals(path) for path in paths]
+    models = sorted({str(name) for table in tables for name in table["model"].unique()})
+    if model is None and len(models) > 1:
+        raise InputError(f"the tables have the models {', '.join(models)}: choose one")
+    chosen = model or (models[0] if models else "")
+    kept = [table[table["model"] == chosen] for table in tables]
+    for path, table in zip(paths, kept, strict=True):
+        if table.empty:
+            raise InputError(f"{path}: no row of the model {chosen!r}")
+    return kept, chosen
+
+
+def settings_for(
+    model: str,
+    cells: str | None = None,
+    parameters: Sequence[str] | None = None,
+    quantum_mm: float | None = None,
+) -> Settings:
+    """Settings for the residuals of a model: spots and steps of 2 mm for those of recordings.
+
+    What is not None is as given.
+    """
+    real = model == REAL
+    quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
+    default = SPOT if real else FRAME
+    return Settings(cells or default, tuple(parameters or NAMES), quantum_m)
+
 
 # A micrometre is far below what any sensor's ranges tell.
 _DIGITS = 6

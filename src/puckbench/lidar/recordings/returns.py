@@ -1,4 +1,4 @@
-"""The capture table: one row per return of a real sensor, in the sensor's own frame; Parquet."""
+"""The returns of a recording: one row per return, in the sensor's own frame; Parquet on disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from puckbench.io.columns import Columns, Declared, Table, read_table, write_tab
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return: BOTH is the only return of a beam that was asked for two."""
 
-CAPTURE_COLUMNS: Columns = {
+RETURN_COLUMNS: Columns = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
     "turn": ("<i4", "", "turn of the sensor, from 0; a turn begins at azimuth 0"),
     "laser_id": ("<i2", "", "laser, from 0"),
@@ -26,17 +26,17 @@ CAPTURE_COLUMNS: Columns = {
 
 
 @dataclass(frozen=True)
-class CaptureTable(Table):
+class RecordedReturns(Table):
     """Returns of a real sensor in the order of firing."""
 
-    declared = Declared("capture table", "puckbench_capture", CAPTURE_COLUMNS)
+    declared = Declared("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 
-def write_capture_table(path: Path, table: CaptureTable) -> None:
+def write_returns(path: Path, table: RecordedReturns) -> None:
     """Write a Parquet file as `columns.write_table` does."""
     write_table(path, table)
 
 
-def read_capture_table(path: Path) -> CaptureTable:
-    """Read what `write_capture_table` wrote; InputError when it is missing or something else."""
-    return read_table(path, CaptureTable)
+def read_returns(path: Path) -> RecordedReturns:
+    """Read what `write_returns` wrote; InputError when it is missing or something else."""
+    return read_table(path, RecordedReturns)

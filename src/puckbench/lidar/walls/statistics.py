@@ -7,8 +7,9 @@ direction spread from turn to turn, whatever its bias and whatever the wall's sh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
 
@@ -16,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.recordings import CaptureTable
+from puckbench.lidar.recordings import RecordedReturns
+from puckbench.lidar.walls.detection import WALL, Surface, incidence
+from puckbench.lidar.walls.residuals import RecordedPlanes
 
 LEAST_TURNS = 3
 """Turns that a direction must return in, for its spread to count."""
@@ -128,7 +131,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
     return Repeatability(len(covariances), float(np.mean(correlations)), shared)
 
 
-def azimuth_step(table: CaptureTable) -> float:
+def azimuth_step(table: RecordedReturns) -> float:
     """The usual azimuth between two firings of a laser, rad; nan when no laser fired twice."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
@@ -141,3 +144,110 @@ def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
     """Number of different turns in each group."""
     pairs = np.unique(np.column_stack([group, turn]), axis=0)
     return np.bincount(pairs[:, 0])
+
+
+@dataclass(frozen=True)
+class PlaneStatistics:
+    """A surface of a recording with its rows' residuals (n,) and deviations along the ray (n,)."""
+
+    surface: Surface
+    rows: RecordedReturns
+    residual: Floats
+    deviation: Floats
+    bias: LaserBias
+    noise: RayNoise | None
+
+    @property
+    def unevenness_m(self) -> float | None:
+        """What spreads the deviations besides biases and rays: the shape of the wall."""
+        if self.noise is None or len(self.bias.lasers) == 0:
+            return None
+        means = np.zeros(int(self.rows["laser_id"].max()) + 1)
+        means[self.bias.lasers] = self.bias.mean_m
+        known = np.isin(self.rows["laser_id"], self.bias.lasers)
+        rest = (self.deviation - means[self.rows["laser_id"]])[known]
+        return math.sqrt(max(float(np.var(rest)) - self.noise.sigma_m**2, 0.0))
+
+    def described(self) -> dict[str, Any]:
+        """The statistics by name, for JSON; biases in m by laser."""
+        biases = zip(self.bias.lasers.tolist(), self.bias.mean_m.tolist(), strict=True)
+        return {
+            "surface": self.surface.kind,
+            "distance_m": self.surface.distance_m,
+            "width_m": self.surface.width_m,
+            "height_m": self.surface.height_m,
+            "rows": len(self.rows),
+            "lasers": len(np.unique(self.rows["laser_id"])),
+            "std_m": float(self.residual.std(ddof=1)),
+            "laser_bias_std_m": self.bias.std_m,
+            "ray_noise": None if self.noise is None else asdict(self.noise),
+            "unevenness_m": self.unevenness_m,
+            "laser_bias_m": {str(laser): mean for laser, mean in biases},
+        }
+
+
+def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
+    """Statistics of each plane of a recording."""
+    step = azimuth_step(planes.table)
+    return [_statistics(planes.table, surface, step) for surface in planes.surfaces]
+
+
+def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
+    """What the recording is, its statistics, its planes, and those not taken, for JSON.
+
+    ray_noise is that of all planes together, laser_bias_std_m the root of the mean variance of the
+    walls' biases; the rest is told by `RayNoise`, `LaserBias`, `Repeatability` and `Rejected`.
+    """
+    step, parts = azimuth_step(planes.table), plane_statistics(planes)
+    walls = [part.bias for part in parts if part.surface.kind == WALL]
+    stds = [bias.std_m for bias in walls if bias.std_m is not None]
+    repeated, noise = repeatability(walls), _noise_of_all(parts, step)
+    residuals = np.concatenate([part.residual for part in parts])
+    return {
+        **_about(planes),
+        "rows": len(residuals),
+        "mean_m": float(residuals.mean()),
+        "std_m": float(residuals.std(ddof=1)),
+        "ray_noise": None if noise is None else asdict(noise),
+        "laser_bias_std_m": math.sqrt(float(np.mean(np.square(stds)))) if stds else None,
+        "bias_repeatability": None if repeated is None else asdict(repeated),
+        "planes": [part.described() for part in parts],
+        "rejected": [_rejected(one.surface, one.reason) for one in planes.rejected],
+    }
+
+
+def _statistics(table: RecordedReturns, surface: Surface, step: float) -> PlaneStatistics:
+    rows = table.select(surface.rows)
+    residual = surface.plane.distances(rows.xyz)
+    deviation = range_deviation(residual, incidence(rows, surface.plane))
+    laser = rows["laser_id"]
+    noise = ray_noise(deviation, laser, rows["azimuth"], rows["turn"], step)
+    return PlaneStatistics(surface, rows, residual, deviation, laser_bias(deviation, laser), noise)
+
+
+def _noise_of_all(parts: Sequence[PlaneStatistics], step: float) -> RayNoise | None:
+    """Ray noise over all planes; a laser counts anew on each, where its bias may differ."""
+    lasers = [part.rows["laser_id"] + 1000 * place for place, part in enumerate(parts)]
+    azimuth, turn = (
+        np.concatenate([part.rows[name] for part in parts]) for name in ("azimuth", "turn")
+    )
+    deviation = np.concatenate([part.deviation for part in parts])
+    return ray_noise(deviation, np.concatenate(lasers), azimuth, turn, step)
+
+
+def _about(planes: RecordedPlanes) -> dict[str, Any]:
+    about, time = planes.table.about, planes.table["timestamp"]
+    return {
+        "capture": about["source"],
+        "sensor": about["sensor"],
+        "returns": about.get("returns"),
+        "bytes_cut_off": about.get("bytes_cut_off", 0),
+        "still_s": [float(time.min()), float(time.max())],
+        "turns": len(np.unique(planes.table["turn"])),
+        "shift_m": planes.still and planes.still.shift_m,
+    }
+
+
+def _rejected(surface: Surface, reason: str) -> dict[str, Any]:
+    where = {"surface": surface.kind, "distance_m": surface.distance_m, "rows": len(surface.rows)}
+    return {**where, "reason": reason}
