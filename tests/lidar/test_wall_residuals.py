@@ -304,7 +304,9 @@ def test_half_a_turn_has_planes_and_no_ray_noise(room: tuple[ScanTable, Path]) -
 
 
 def test_every_option_is_documented_with_its_default() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "capture_options.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "capture_options.md").read_text(
+        encoding="utf-8"
+    )
     rows = dict(re.findall(r"^\| (`\w+`(?:, `\w+`)?) \| ([^|]*) \|", text, re.MULTILINE))
     documented = {
         name: default.strip("` ")

@@ -62,7 +62,7 @@ def read_recording(
             decoded = decode_packets(log.payloads, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
-            raise InputError("no return in the capture")
+            raise InputError("no return in the recording")
     except InputError as error:
         raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
     return replace(table, about={**table.about, "source": path.name})
