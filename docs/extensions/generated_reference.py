@@ -112,30 +112,33 @@ def data_sets() -> str:
 
 
 def tables() -> str:
-    """Every table that is made from others."""
+    """Every table with its title, and what it is made from."""
     from puckbench.metrics.registry import table_entries
 
     return _table(
-        ["table", "made from"],
+        ["table", "title", "group", "made from"],
         (
-            (f"`{name}`", ", ".join(f"`{item}`" for item in (*entry.inputs, *entry.optional)))
+            (f"`{name}`", entry.title, entry.category, _names((*entry.inputs, *entry.optional)))
             for name, entry in table_entries().items()
-            if not entry.rule
         ),
     )
 
 
 def figures() -> str:
-    """Every figure with its title."""
+    """Every figure with its title, and what it is drawn from."""
     from puckbench.figures.registry import figure_entries
 
     return _table(
-        ["figure", "title", "group", "thesis"],
+        ["figure", "title", "group", "drawn from", "thesis"],
         (
-            (f"`{name}`", entry.title, entry.category, entry.thesis)
+            (f"`{name}`", entry.title, entry.category, _names(entry.inputs), entry.thesis)
             for name, entry in figure_entries().items()
         ),
     )
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def _table(titles: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from puckbench.core.files import read_json
-from tests.support.bench import ROOT, Bench
+from tests.support.bench import BOX, ROOT, Bench
 from tests.support.pages import blocks, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
@@ -100,7 +100,7 @@ def test_a_codec_and_a_data_set_of_ones_own_run_as_their_pages_show(fresh: Bench
 def test_the_run_that_the_readme_describes_is_valid(fresh: Bench) -> None:
     write_files(fresh.folder, CODEC)
     (fresh.folder / "data" / "mine").mkdir(parents=True)
-    (fresh.folder / "box.off").rename(fresh.folder / "data" / "mine" / "box.off")
+    (fresh.folder / "data" / "mine" / "box.off").write_text(BOX)
     (fresh.folder / "config.yaml").write_text(blocks("README.md", "yaml")[0])
     jobs = fresh.planned("tables")
     assert jobs["scan"] == 1
