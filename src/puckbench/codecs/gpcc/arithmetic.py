@@ -256,10 +256,10 @@ def save(coder: Any, state: State) -> None:
 
 
 @kernel
-def code_bit(coder: Any, probabilities: NDArray[np.uint16], model: int, bit: int) -> int:
+def code_bit(coder: Any, probabilities: NDArray[np.uint16], context: int, bit: int) -> int:
     """Code one bit with an adaptive context."""
-    coded, state, probability = step(coder, load(coder), integer(probabilities[model]), bit)
-    probabilities[model] = probability
+    coded, state, probability = step(coder, load(coder), integer(probabilities[context]), bit)
+    probabilities[context] = probability
     save(coder, state)
     return coded
 

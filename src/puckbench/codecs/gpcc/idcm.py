@@ -147,7 +147,7 @@ def _code_same_bits(
     equal = True
     for axis in range(3):
         same = integer(1)
-        model = 0
+        ctx = 0
         while bits_left[axis] > 0 and same:
             bits_left[axis] -= 1
             one, other = (
@@ -157,10 +157,10 @@ def _code_same_bits(
             same = code_bit(
                 coder,
                 contexts.probabilities,
-                CTX_SAME_BIT_HIGH + 5 * axis + model,
+                CTX_SAME_BIT_HIGH + 5 * axis + ctx,
                 integer(one == other),
             )
-            model = min(4, model + 1)
+            ctx = min(4, ctx + 1)
             bit = integer(0)
             if same or not equal:
                 bit = code_bypass(coder, one)
