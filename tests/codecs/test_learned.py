@@ -91,7 +91,8 @@ def test_headers_of_another_kind_are_refused(header: bytes, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
-    assert "no weights given" in open_codec(name, {"options": {"weights": None}}).available().why
+    with pytest.raises(InputError, match=f"codec {name}: weights is None, but must be"):
+        open_codec(name, {"options": {"weights": None}})
     assert "has no weights for" in _codec(name, tmp_path).available().why
     assert "no such folder" in _codec(name, tmp_path / "nowhere").available().why
 

@@ -245,7 +245,6 @@ def test_clouds_that_span_too_much_are_refused(codec: Codec) -> None:
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
-        ({"options": {"weights": None}}, "weights is None"),
         ({"options": {"weights": "nowhere"}}, "no such folder"),
         ({"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
     ],

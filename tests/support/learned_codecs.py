@@ -32,7 +32,6 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
-RATES |= {"pcgcv1": RATES["pcgcv1_plus"], "pcgcv2": RATES["pcgcv2_plus"]}
 
 
 def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
@@ -74,7 +73,8 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
 
 def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
     """A codec's entry with weights, at the rates that tiny sets have."""
-    return {"rates": RATES[codec], "options": {"weights": str(weights), **more}}
+    rates = RATES[codec if codec in RATES else f"{codec}_plus"]  # as published: the same
+    return {"rates": rates, "options": {"weights": str(weights), **more}}
 
 
 def shell(radii: tuple[int, int, int] = (20, 14, 9), points: int = 6000) -> np.ndarray:
