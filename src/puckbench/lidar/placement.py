@@ -1,4 +1,4 @@
-"""Whether a sensor can stand, or move, where it was told to: free, within the scene, not walled in.
+"""Where a sensor can stand or move in a scene: in free space, within it, and not walled in.
 
 From outside of a convex scene less than half of all directions meet it, and from inside a closed
 one all do. So a sensor is taken to be outside where no more than half of them do; only in a notch
@@ -21,7 +21,7 @@ INSIDE = 0.5
 
 # A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
 _LEAST_CLEARANCE_M = 1e-3
-# What encloses a sensor more tightly than this is no room to scan but a thing that it is in.
+# What encloses a sensor more tightly than this is no room to scan but an object that it is in.
 _LEAST_REACH_M = 1.0
 _DIRECTIONS = 256
 _IF_MEANT = "(--anywhere scans from there all the same)"
@@ -102,12 +102,25 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """The free spot nearest to the middle of the floor plan, `height` m above the floor, (3,).
+    """Find the free spot nearest to the middle of the floor plan, (3,), m.
 
-    Free: no surface within `clearance` m, and inside the scene: something is straight below, and
-    more than the share `inside` of rays in all directions hit the scene. Spots are tried on a
-    grid of at least 5 cm.
-    Raises InputError when there is none.
+    Spots are tried on a grid of at least 5 cm.
+
+    Parameters
+    ----------
+    mesh
+        The scene, metres, z up.
+    height
+        Of the spot above the floor, m.
+    clearance
+        No surface is nearer to it than this, m.
+    inside
+        More than this share of rays in all directions meet the scene, and one straight down does.
+
+    Raises
+    ------
+    InputError
+        There is no such spot.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -135,7 +148,7 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Height of the floor: the level above which nine in ten looks down from mid height end.
+    """Height of the floor: above it end nine of ten rays straight down from mid height.
 
     Not the lowest vertex: a floor can have a thickness, and a captured room stray points below.
     """

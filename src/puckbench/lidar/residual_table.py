@@ -86,9 +86,16 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """What a residual table tells of points (n, 3), m, and a plane fitted to them, by column.
+    """Columns of a residual table for measured points and the plane fitted to them.
 
-    origin: (3,), where the sensor stands, on the side that the plane's normal points to.
+    Parameters
+    ----------
+    points
+        (n, 3), m.
+    plane
+        Its normal points to the sensor's side.
+    origin
+        (3,), where the sensor stands, m.
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -101,7 +108,7 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Where points (n, 3) are in a plane, m, (n, 2): from the foot of the sensor's perpendicular.
+    """Coordinates of points (n, 3) within a plane, m, (n, 2), from the sensor's foot on it.
 
     The first axis is level, the second goes up the plane's slope. Another plane near this one is at
     a distance of ``a + b u + c v`` from it: that is how a calibration takes the fit back.

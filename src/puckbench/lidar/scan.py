@@ -27,7 +27,7 @@ from puckbench.lidar.sweep import Rays, Sweep
 __all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
-"""Is told how many frames are done, and of how many."""
+"""Called with the numbers of frames that are done and to be done."""
 
 # Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
@@ -104,7 +104,7 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan `mesh` (metres, z up) by a sensor that stands at `origin` (3,) and sweeps.
+    """Scan a mesh by a virtual sensor that sweeps over it.
 
     A row is one nominal ray. Its clean values are the truth about that ray: where it meets the
     surface, on what, at what angle. Its noisy values are what the sensor measured. A model that
@@ -114,10 +114,28 @@ def scan(
     one must hit something in range. A missed ray has no row and no noise.
 
     The rows come in the order of firing (frame, azimuth step, laser id).
-    progress(frames done, frames) is called as work goes on.
 
-    Raises InputError for a mesh without faces, an origin that is no point or touches the mesh, or
-    no return at all.
+    Parameters
+    ----------
+    mesh
+        The scene, metres, z up.
+    model
+        The sensor's errors.
+    origin
+        (3,), where the sensor stands or its trajectory counts from, m.
+    rng
+        Source of the errors' random streams.
+    progress
+        Called with (frames done, frames) as work goes on.
+
+    Raises
+    ------
+    InputError
+        For a mesh without faces, an origin that is no point or touches the mesh, or no return.
+
+    References
+    ----------
+    Thesis, section 5.2.
     """
     return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
 

@@ -19,12 +19,23 @@ _STEP_TOLERANCE = 0.05
 
 
 class Sensor(Model):
-    """A rotating LiDAR (thesis Tables 4.1 and 4.2); a tuple has one entry per laser id.
+    """A rotating LiDAR; a tuple has one entry per laser id.
 
-    `divergence_..._deg` are full widths of the beam; `rotation_hz` and `azimuth_step_deg` are
-    what the sensor runs at unless a sweep says otherwise. `accuracy_m` is the typical one that the
-    manufacturer states, either way; no error model uses it. Lasers that do not fire one after the
-    other state `firing_offsets_us`, from the start of a firing sequence, in place of the interval.
+    Parameters
+    ----------
+    rotation_hz, azimuth_step_deg
+        Rate and step of the rotation, unless a sweep gives others.
+    divergence_horizontal_deg, divergence_vertical_deg
+        Full widths of the beam.
+    firing_interval_us, firing_offsets_us
+        Time from laser to laser within a firing sequence, or, for lasers that do not fire one after
+        the other, the time of each from the start of the sequence.
+    accuracy_m
+        The typical one that the manufacturer states, either way; no error model uses it.
+
+    References
+    ----------
+    Thesis, Tables 4.1 and 4.2.
     """
 
     name: str
@@ -117,7 +128,10 @@ def sensor_names() -> list[str]:
 def load_sensor(name_or_path: str | Path) -> Sensor:
     """Load a shipped sensor by name, or a user's own from a YAML file.
 
-    Raises InputError (one line) for an unknown name, an unreadable file or a wrong entry.
+    Raises
+    ------
+    InputError
+        For an unknown name, an unreadable file or a wrong entry.
     """
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:

@@ -3,8 +3,8 @@
 Conventions, those of BlenSor with its camera's axes named for a level sensor: x right, y forward,
 z up; the sensor turns about z, counter-clockwise seen from above, starting forward; pitch turns
 it about x, upwards positive. All lasers of an azimuth step fire together; one pose per frame.
-Two things go past BlenSor where they are asked for: `timing="firing"` gives each laser its own
-moment, and a trajectory gives each azimuth step its own pose.
+Two options go past BlenSor: `timing="firing"` gives each laser its own moment, and a trajectory
+gives each azimuth step its own pose.
 """
 
 from __future__ import annotations
@@ -235,12 +235,20 @@ SWEEPS: dict[str, dict[str, Any]] = {
 
 
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
-    """A sweep by the name of a preset, or by values that differ from a preset.
+    """Open a sweep by the name of a preset, or by values that differ from a preset.
 
-    The entry ``preset`` of a mapping names it (default: ``thesis``), for example
-    ``{"preset": "thesis_room", "duration_s": 1.0}``. A ``trajectory`` is rows of poses or the path
-    of a file with them, and the sweep lasts as long as it does unless it says otherwise. Raises
-    InputError for an unknown name.
+    Parameters
+    ----------
+    settings
+        A name, or values of a `Sweep`; ``preset`` names the preset of the others (default:
+        ``thesis``), as in ``{"preset": "thesis_room", "duration_s": 1.0}``. A ``trajectory`` is
+        rows of poses or the path of a file with them; without a ``duration_s`` the sweep lasts as
+        long as its trajectory.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or a wrong value.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")

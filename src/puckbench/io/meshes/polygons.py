@@ -16,7 +16,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Polygons:
-    """What a mesh file says, before it is made into triangles.
+    """The polygons of a mesh file, before they are made into triangles.
 
     vertices: (v, 3) float64. corners: (sum of sizes,) int64 vertex indices, face after face.
     sizes: (f,) int64 corners per face. up: the axis the format prescribes, None where it does

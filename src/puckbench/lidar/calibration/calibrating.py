@@ -30,8 +30,8 @@ class Settings:
     cells: what shares a bias besides the laser and the scan. ``"frame"``: one laser in one frame,
     as virtual scans draw it. ``"spot"``: one laser in one direction, for the recordings of a sensor
     that stands still. Then `frame_sigma_m` is the unevenness of the walls, and the planes follow
-    the means of the rings alone: the shape of a wall along a ring is not to tell of the sensor. The
-    lasers' mean bias moves a wall as a whole, then, and is taken to be zero.
+    the means of the rings alone: the shape of a wall along a ring must not pass for an error of the
+    sensor. The lasers' mean bias moves a wall as a whole, then, and is taken to be zero.
 
     parameters: those to estimate, the others are zero. quantum_m: steps of the ranges (2 mm for a
     VLP-16, 0 for virtual scans without a receiver).
@@ -78,7 +78,7 @@ class Calibration:
 def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) -> Calibration:
     """Maximum-likelihood parameters of the range errors in residual tables, one per device.
 
-    Raises InputError for tables that cannot tell them; see `observations` and `Settings`.
+    Raises InputError for tables that do not determine them; see `observations` and `Settings`.
     """
     settings = settings or Settings()
     seen = observations(tables, cells=settings.cells)
@@ -101,7 +101,7 @@ def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) 
 
 
 def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    """`best`, or the greatest lasers' sigma there may be where it is zero: no bias is for sure."""
+    """`best`, with the upper end of its interval for a lasers' sigma that was estimated as zero."""
     lasers = found.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best

@@ -22,7 +22,7 @@ from puckbench.lidar.calibration.likelihood import NAMES
 from puckbench.lidar.errors.calibrated import FORMAT
 from puckbench.lidar.residual_table import REAL, read_residuals
 
-# The VLP-16 tells ranges in steps of 2 mm (User Manual 63-9243 Rev. E, section 9.3).
+# The VLP-16 gives ranges in steps of 2 mm (User Manual 63-9243 Rev. E, section 9.3).
 _RECORDING_QUANTUM_M = 0.002
 
 
@@ -59,14 +59,14 @@ def settings_for(
     return Settings(cells or default, tuple(parameters or NAMES), quantum_m)
 
 
-# A micrometre is far below what any sensor's ranges tell.
+# A micrometre is far below the resolution of any sensor's ranges.
 _DIGITS = 6
 
 
 def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The content of a model file: parameters, 95 % intervals, and provenance.
 
-    sources: what to say of each table, as `described_table` does.
+    sources: name and hash of each table, as `described_table` gives them.
     """
     return {
         "format": FORMAT,
@@ -109,7 +109,7 @@ def _parameters(found: Calibration) -> dict[str, Any]:
     parameters: dict[str, Any] = {
         **sigmas,
         "ray_distribution": found.shape.distribution,
-        # A mean that is not told from zero is what the planes could have followed.
+        # A mean that does not differ from zero is what the planes could have followed.
         "range_mean_m": 0.0 if mean is None or mean.low <= 0 <= mean.high else _rounded(mean.value),
         "most_incidence_rad": _rounded(found.domain.most_incidence_rad),
         "ranges_m": [_rounded(one) for one in found.domain.ranges_m],

@@ -22,7 +22,7 @@ from puckbench.lidar.calibration.observations import Observations
 # A parameter is outside its 95 % interval where the deviance is greater by this (chi squared, 1).
 DEVIANCE_95 = 3.841458820694124
 _NORMAL_95 = 1.959963984540054
-# Above this relative error a sigma's likelihood is not symmetric: its profile tells the interval.
+# Above this relative error a sigma's likelihood is not symmetric: its profile gives the interval.
 _SHARP = 0.1
 _MM = 1e-3
 # Of what a ray's sigma depends on, each scaled to the length of one: beyond it they are the same.
@@ -39,7 +39,7 @@ class Estimate:
 
 
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
-    """Those of `wanted` that the observations can tell: a scan's bias needs two scans of a laser.
+    """Those of `wanted` that can be estimated: a scan's bias needs two scans of a laser.
 
     Raises InputError for a name that is no parameter, or if incidence and range go together.
     """

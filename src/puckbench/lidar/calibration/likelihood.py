@@ -94,7 +94,7 @@ class RestrictedLikelihood:
         """Expected biases of the lasers, (lasers,) m, the mean among them, and their covariance.
 
         Given the sigmas and the residuals (best linear unbiased prediction): what the residuals
-        cannot tell, such as a trend over one wall that its plane could have followed, is zero.
+        cannot determine, such as a trend over one wall that its plane could have followed, is zero.
         """
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)

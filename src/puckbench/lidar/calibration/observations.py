@@ -1,4 +1,4 @@
-"""What a residual table says of the range errors: one row per return, grouped as biases are drawn.
+"""Range errors from residual tables: one row per return, grouped as biases are drawn.
 
 The residual, the range and the place on the plane give the measured point, and so the ray. A return
 beyond where its ray meets the fitted plane has that excess for a range error, up to how far the
@@ -22,7 +22,7 @@ from puckbench.geometry.cloud import Floats
 NEEDED = ("distance_m", "surface", "run", "laser_id", "residual_m", "incidence_rad")
 PLACE = ("range_m", "frame", "plane_u_m", "plane_v_m")
 _NUMBERS = tuple(name for name in (*NEEDED, *PLACE) if name != "surface")
-# Nearer to grazing than this a residual says nothing of the range: 1 mm of plane is 20 mm of it.
+# Nearer to grazing a residual has no information on the range: 1 mm of plane is 20 mm of it.
 _LEAST_COSINE = 0.05
 # A returned spot of a static sensor: twice the azimuth step at 600 turns a minute.
 SPOT_RAD = np.radians(0.4)
@@ -44,7 +44,7 @@ class Observations:
     of one surface: groups is (g + 1,), its first rows and the end; surface, laser, scan, cell are
     (g,) codes from 0. A cell is one laser in one frame (or on one spot) of one scan, `scan` one
     laser in one scan; lasers of different devices have different codes. laser_ids: (lasers,).
-    tells_mean: whether the lasers' mean bias can be told from the planes at all.
+    tells_mean: whether the lasers' mean bias can be separated from the planes at all.
     """
 
     error: Floats

@@ -83,15 +83,27 @@ _GREATEST_RISE = 100
 
 
 def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> RecordedReturns:
-    """Returns of data packets, (p, 1206) bytes in the order of arrival, as a table.
-
-    sensor: None for the one that the packets name, a VLP-16 or a Puck Hi-Res.
+    """Decode data packets into a table of returns.
 
     The azimuth of a firing lies between that of its block and the next; x = R cos(w) sin(a),
     y = R cos(w) cos(a), z = R sin(w) + the laser's vertical correction. Identical returns of a
     dual packet make one row. Firings without a return have none.
 
-    Raises InputError for no packet, another sensor's packets, damaged ones, or mixed return modes.
+    Parameters
+    ----------
+    payloads
+        (p, 1206) uint8, in the order of arrival.
+    sensor
+        None for the one that the packets name, a VLP-16 or a Puck Hi-Res.
+
+    Raises
+    ------
+    InputError
+        For no packet, another sensor's packets, damaged ones, or mixed return modes.
+
+    References
+    ----------
+    VLP-16 User Manual 63-9243 Rev. E, chapter 9.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)

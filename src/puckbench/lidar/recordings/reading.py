@@ -35,8 +35,8 @@ def read_recording(
     ----------
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        that tells each point's laser (.csv, .ply, .pcd; see `decoded_clouds.read_points`), or a
-        table that `write_returns` wrote (.parquet).
+        with the laser of each point (.csv, .ply, .pcd, .las, .laz; see
+        `decoded_clouds.read_points`), or a table that `write_returns` wrote (.parquet).
     sensor
         None for the one that the packets name; a table has its own.
     start_s, end_s
@@ -69,7 +69,7 @@ def read_recording(
 
 
 def read_packets(path: Path) -> PacketLog:
-    """Data packets of a recording; the format is told by its first bytes, not its name."""
+    """Data packets of a recording; its format is known by its first bytes, not its name."""
     if path.is_dir():
         return _packets_of_bag(path)
     data = read_bytes(path)

@@ -32,7 +32,7 @@ from puckbench.lidar.sensor import load_sensor
 _PORT = 2368
 _SENDER, _RECEIVER = bytes([192, 168, 1, 201]), b"\xff" * 4
 _MAC = b"\xff" * 6 + bytes.fromhex("607688000001")
-# Where a scan tells no reflectivity: a bright diffuse surface.
+# Where a scan has no reflectivity: that of a bright diffuse surface.
 _REFLECTIVITY = 100
 
 

@@ -30,7 +30,7 @@ WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
 _FIT_ROUNDS = 10
 _SAMPLES, _SAMPLE_SPAN_RAD = 384, math.radians(30)
 _MOST_SCORED, _PLANES_AT_A_TIME = 4096, 32
-# Returns so many thresholds from a patch belong to no other plane.
+# Returns within this many thresholds of a patch belong to no other plane.
 _TAKEN_THRESHOLDS = 3
 
 
@@ -43,7 +43,7 @@ class PlaneSearch(Model):
     up: what is up in the sensor's frame, of any length; a sensor that is tilted sees more floor.
     tilt_deg: a wall may be so far from upright, a floor or ceiling from level.
     most_incidence_deg: returns that meet the plane at a greater angle do not count.
-    inlier_sigmas: nor those farther from it than so many robust standard deviations.
+    inlier_sigmas: nor those farther from it than this many robust standard deviations.
     least_laser_share: nor those of a laser with less than this share of the median laser's: such a
     laser runs along an edge.
     least_...: a patch that has less of what counts is not taken (of returns: in the mean turn).
@@ -106,10 +106,15 @@ class Rejected:
 def find_surfaces(
     table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[Surface], list[Rejected]]:
-    """Planes of a recording by RANSAC, those with the most returns first, and those not taken.
+    """Find the planes of a recording by RANSAC, one after the other.
 
-    They are looked for one after the other: the returns of a patch are taken out before the next
-    one, whether it is taken or not. The same generator finds the same planes.
+    The returns of a patch are taken out before the next plane is looked for, whether the patch is
+    accepted or not. The same generator finds the same planes.
+
+    Returns
+    -------
+    tuple
+        The surfaces accepted, those with the most returns first, and those rejected.
     """
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
@@ -200,7 +205,7 @@ class _View:
     least: int
 
     def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
-        """Returns within so many thresholds of a plane that they do not graze."""
+        """Returns within a number of thresholds of a plane that they do not graze."""
         close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
         # The cosine of the incidence is the plane's distance over the point's.
         steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)

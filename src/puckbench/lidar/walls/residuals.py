@@ -63,12 +63,19 @@ class Crop(Model):
 
 
 class RecordingOptions(Model):
-    """Options of a recording's residuals; all have defaults.
+    """How the residuals of a recording are measured; every option has a default.
 
-    sensor: name or YAML file (default: what the packets say). still_s: start and end of the
-    interval that counts, in s after the first packet (default: the longest one in which the turns
-    repeat its first within `most_shift_m`). most_turns: of it, the first ones. planes: those chosen
-    by hand (default: found, as `search` says).
+    Parameters
+    ----------
+    sensor
+        Name or YAML file; by default the one that the packets name.
+    still_s
+        Start and end of the interval that counts, s after the first packet; by default the longest
+        one in which the turns repeat its first within `most_shift_m`.
+    most_turns
+        How many turns of the interval count, its first ones.
+    planes
+        Planes chosen by hand; by default they are found with the limits of `search`.
     """
 
     sensor: str | None = None
@@ -113,8 +120,16 @@ def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
     """Read a recording, choose its still interval, and find its planes (or crop to those given).
 
     Of a dual recording only the beams with a single return count: the others straddle an edge.
-    Raises InputError, one line that names the file, for a recording that cannot be read, that never
-    stands still, or that has no plane.
+
+    Raises
+    ------
+    InputError
+        One line that names the file, for a recording that cannot be read, whose sensor never stands
+        still, or that has no plane.
+
+    References
+    ----------
+    Procedure 1 of the thesis, section 5.1.2.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)

@@ -196,7 +196,7 @@ def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
     """What the recording is, its statistics, its planes, and those not taken, for JSON.
 
     ray_noise is that of all planes together, laser_bias_std_m the root of the mean variance of the
-    walls' biases; the rest is told by `RayNoise`, `LaserBias`, `Repeatability` and `Rejected`.
+    walls' biases; the rest is that of `RayNoise`, `LaserBias`, `Repeatability` and `Rejected`.
     """
     step, parts = azimuth_step(planes.table), plane_statistics(planes)
     walls = [part.bias for part in parts if part.surface.kind == WALL]
