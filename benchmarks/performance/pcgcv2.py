@@ -24,7 +24,7 @@ import numpy as np
 import torch
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.sparse.kernel_map import blocks_layout
+from puckbench.codecs.learned.sparse.kernel_map import block_kernel_map
 from puckbench.codecs.learned.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
 from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
@@ -71,7 +71,7 @@ def decoder_work(sets: list[Voxels]) -> float:
     total = 0
     for parents, (width, wider) in zip(sets[:0:-1], DECODER, strict=True):
         present = (parents.neighbours >= 0).sum(axis=1)
-        pairs = sum(int(present[k]) * blocks_layout().sizes[k] ** 2 for k in range(OFFSETS))
+        pairs = sum(int(present[k]) * block_kernel_map().sizes[k] ** 2 for k in range(OFFSETS))
         near, own = block_work(wider)
         total += len(parents) * 8 * (width * wider + own) + pairs * (near + wider**2 + wider)
     return total

@@ -14,7 +14,7 @@ from puckbench.codecs.learned.grid_level import (
     on_grid,
     side_of,
 )
-from puckbench.codecs.learned.sparse.voxels import distinct, morton_keys
+from puckbench.codecs.learned.sparse.voxels import unique_keys, morton_keys
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import RATES, changes, save_tiny
@@ -60,7 +60,7 @@ def test_clouds_too_wide_for_keys_are_left_as_they_are() -> None:
 
 
 def test_keys_and_points_agree() -> None:
-    keys = distinct(morton_keys(_plane(4).astype(np.int64)))
+    keys = unique_keys(morton_keys(_plane(4).astype(np.int64)))
     assert halvings(keys, 4) == halvings_of(_plane(4), 4) == 2
 
 

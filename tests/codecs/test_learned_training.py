@@ -15,7 +15,7 @@ from puckbench.codecs.learned.pcgcv2.model import PCGCv2
 from puckbench.codecs.learned.pcgcv2.training import Trainer
 from puckbench.codecs.learned.pcgcv2.training_settings import Training
 from puckbench.codecs.learned.pcgcv2.weights import load_weights
-from puckbench.codecs.learned.sparse.thread_pool import crew
+from puckbench.codecs.learned.sparse.thread_pool import thread_pool
 from puckbench.codecs.learned.training.settings import open_training
 from puckbench.codecs.learned.training.validation import faults
 from puckbench.codecs.learned.weights_file import read_weights
@@ -160,15 +160,15 @@ def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
 def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
     """Checkpoints once had fewer keys, and those of the octree coder no noise."""
     training = Training(alphas=ALPHAS, steps=4, widths=TINY2.widths)
-    with crew(1) as workers:
-        old = Trainer(PCGCv2(TINY2), training, workers)
+    with thread_pool(1) as pool:
+        old = Trainer(PCGCv2(TINY2), training, pool)
         old.done = 3
         old.save(tmp_path / "a.pt")
         state = torch.load(tmp_path / "a.pt", weights_only=True)
         kept = {name: state[name] for name in ("model", "optimiser", "done")}
         settings = {name: asdict(training)[name] for name in ("steps", "seed")}
         torch.save({**kept, "settings": settings}, tmp_path / "b.pt")
-        new = Trainer(PCGCv2(TINY2), training, workers)
+        new = Trainer(PCGCv2(TINY2), training, pool)
         new.resume(tmp_path / "b.pt")
     assert new.done == 3
     for name, value in old.model.state_dict().items():

@@ -25,7 +25,7 @@ from puckbench.codecs.learned.octree_net.stream import Coded, read_stream, write
 from puckbench.codecs.learned.octree_net.symbols import EVEN, ODD, groups_of, slots_of, symbols_of
 from puckbench.codecs.learned.octree_net.training import bits_per_level
 from puckbench.codecs.learned.octree_net.weights import load_weights, save_weights
-from puckbench.codecs.learned.sparse.thread_pool import crew
+from puckbench.codecs.learned.sparse.thread_pool import thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
@@ -196,16 +196,16 @@ def test_the_training_counts_what_the_network_says_to_the_coder() -> None:
         np.log2(run.sum(axis=1) / run[np.arange(len(run)), of_run]).sum()
         for run, of_run in zip(runs, symbols, strict=True)
     )
-    with crew(1) as workers:
-        bits = float(sum(bits_per_level(model, KEYS, levels, workers)))
+    with thread_pool(1) as pool:
+        bits = float(sum(bits_per_level(model, KEYS, levels, pool)))
     assert said == pytest.approx(bits, rel=0.01)
 
 
 def test_the_cloud_teaches_what_the_network_does_not_know() -> None:
     model = octree_network()
     part = Coder(model, 1).encode(KEYS)
-    with crew(1) as workers:
-        bits = float(sum(bits_per_level(model, KEYS, part.levels, workers)))
+    with thread_pool(1) as pool:
+        bits = float(sum(bits_per_level(model, KEYS, part.levels, pool)))
     assert 8 * len(part.symbols) < 0.75 * bits
 
 

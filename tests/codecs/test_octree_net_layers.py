@@ -26,9 +26,9 @@ from puckbench.codecs.learned.octree_net.inference import (
 from puckbench.codecs.learned.octree_net.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.model import Shape
 from puckbench.codecs.learned.octree_net.symbols import groups_of, slots_of, symbols_of
-from puckbench.codecs.learned.sparse.convolution import site
-from puckbench.codecs.learned.sparse.kernel_map import rows_layout
-from puckbench.codecs.learned.sparse.thread_pool import crew
+from puckbench.codecs.learned.sparse.convolution import neighbourhood
+from puckbench.codecs.learned.sparse.kernel_map import voxel_kernel_map
+from puckbench.codecs.learned.sparse.thread_pool import thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels, pyramid
 from tests.support.learned_codecs import octree_network
 
@@ -73,10 +73,10 @@ def test_a_level_says_what_the_models_own_layers_say() -> None:
     features = start(network, len(own))
     features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
-    with crew(2) as workers, torch.no_grad():
-        where = site(table, rows_layout(), workers)
+    with thread_pool(2) as pool, torch.no_grad():
+        where = neighbourhood(table, voxel_kernel_map(), pool)
         mine = model.before_groups(torch.from_numpy(given / UNITS), where)
-        ours = before_groups(network, features, table, workers)
+        ours = before_groups(network, features, table, pool)
         for number, rows in enumerate(groups_of(own)):
             at = torch.from_numpy(rows)
             expected = model.of_group(number, mine, at, where)
@@ -91,7 +91,7 @@ def test_a_level_says_what_the_models_own_layers_say() -> None:
             for chunk in chunks:
                 group.finish(chunk, second[rows[chunk]], ours)
         slots = slots_of(first, second)
-        handed = below(network, ours, slots, workers)
+        handed = below(network, ours, slots, pool)
     whole = (model.below(mine, torch.from_numpy(slots)) * UNITS).detach().numpy()
     assert np.array_equal(handed.all.reshape(-1, 32), whole)
     assert np.array_equal(handed.active.reshape(-1, 32), whole.clip(0, 255))

@@ -9,7 +9,7 @@ from puckbench.codecs.learned.octree_net.fixed_point import MOST_SUM, largest_su
 from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet, Shape
 from puckbench.codecs.learned.octree_net.training import Trainer, bits_per_level, limit
 from puckbench.codecs.learned.octree_net.training_settings import Training
-from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
 from puckbench.codecs.learned.training.examples import turned
 from puckbench.codecs.learned.training.loop import train
@@ -28,14 +28,14 @@ def _examples(seed: int = 1) -> Examples:
     return Examples([_room()], side=16, cubes=2, fewest=20, seed=seed)
 
 
-def _trainer(workers: Crew, steps: int = 4) -> Trainer:
+def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
-    return Trainer(OctreeNet(Shape(width=8)), Training(steps=steps, side=16), workers)
+    return Trainer(OctreeNet(Shape(width=8)), Training(steps=steps, side=16), pool)
 
 
 def test_training_lowers_the_bits() -> None:
-    with crew(2) as workers:
-        trainer = _trainer(workers, steps=40)
+    with thread_pool(2) as pool:
+        trainer = _trainer(pool, steps=40)
         bits = [trainer.step(_examples().batch(0)) for _ in range(40)]
     assert np.mean(bits[-5:]) < 0.9 * np.mean(bits[:5])
 
@@ -47,31 +47,31 @@ def test_equal_logits_cost_eight_bits_a_voxel_of_each_level() -> None:
             head.logits.kernel.zero_()
             head.logits.bias.zero_()
     keys = np.unique(morton_keys(_room().clip(0, 63).astype(np.int64)))
-    with crew(1) as workers, torch.no_grad():
-        bits = [float(level) for level in bits_per_level(model, keys, 3, workers)]
+    with thread_pool(1) as pool, torch.no_grad():
+        bits = [float(level) for level in bits_per_level(model, keys, 3, pool)]
     assert bits == pytest.approx([8 * len(np.unique(keys >> 3 * depth)) for depth in (3, 2, 1)])
 
 
 def test_every_parameter_has_a_gradient() -> None:
-    with crew(1) as workers:
-        trainer = _trainer(workers)
+    with thread_pool(1) as pool:
+        trainer = _trainer(pool)
         trainer.step(_examples().batch(0))
     assert all(value.grad is not None for value in trainer.model.parameters())
 
 
 def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
     batch = _examples().batch
-    with crew(2) as workers:
-        whole = _trainer(workers)
+    with thread_pool(2) as pool:
+        whole = _trainer(pool)
         train(whole, batch, tmp_path / "whole.pt", 10, lambda step, bits: None)
-        broken = _trainer(workers)
+        broken = _trainer(pool)
         for step in range(2):
             broken.step(batch(step))
         broken.save(tmp_path / "broken.pt")
-        resumed = _trainer(workers)
+        resumed = _trainer(pool)
         train(resumed, batch, tmp_path / "broken.pt", 1, lambda step, bits: None)
         with pytest.raises(InputError, match="other settings"):
-            _trainer(workers, steps=5).resume(tmp_path / "broken.pt")
+            _trainer(pool, steps=5).resume(tmp_path / "broken.pt")
     assert resumed.done == whole.done == 4
     for name, value in whole.model.state_dict().items():
         assert torch.equal(resumed.model.state_dict()[name], value), name

@@ -10,7 +10,7 @@ from puckbench.codecs.learned.pcgcv1.initialisation import level, sphere
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, Shape
 from puckbench.codecs.learned.pcgcv1.training import Trainer
 from puckbench.codecs.learned.pcgcv1.training_settings import Training
-from puckbench.codecs.learned.sparse.voxels import distinct, morton_keys
+from puckbench.codecs.learned.sparse.voxels import unique_keys, morton_keys
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 SIDE = 16
@@ -71,7 +71,7 @@ def test_the_networks_learn_where_an_empty_answer_is_the_first_way_down() -> Non
     training = Training(
         steps=60, side=SIDE, cubes=1, alphas=(2.0, 10.0), widths=(4, 8, 16), rate_first=3e-3
     )
-    keys = distinct(morton_keys(_plane()[0, 0].nonzero().numpy()))
+    keys = unique_keys(morton_keys(_plane()[0, 0].nonzero().numpy()))
     with training.trainer() as trainer:
         losses = [trainer.step([keys]) for _ in range(training.steps)]
     undecided = math.log(4)  # of an occupied voxel, where the answer is one in four everywhere

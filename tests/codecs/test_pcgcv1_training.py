@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from puckbench.codecs.learned.gains import spread_gains
+from puckbench.codecs.learned.gains import initialise_gains
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1
 from puckbench.codecs.learned.pcgcv1.training import BETA, Trainer, dense, loss_of
 from puckbench.codecs.learned.pcgcv1.training_settings import Training
-from puckbench.codecs.learned.sparse.voxels import distinct, morton_keys
+from puckbench.codecs.learned.sparse.voxels import unique_keys, morton_keys
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import ALPHAS, TINY1
 
@@ -25,7 +25,7 @@ def _cubes() -> torch.Tensor:
 
 def _planes() -> list[np.ndarray]:
     """The voxels of those cubes."""
-    return [distinct(morton_keys(np.argwhere(cube[0].numpy()))) for cube in _cubes()]
+    return [unique_keys(morton_keys(np.argwhere(cube[0].numpy()))) for cube in _cubes()]
 
 
 def test_cubes_are_as_dense_as_their_voxels_say() -> None:
@@ -52,7 +52,7 @@ def test_an_undecided_network_costs_log_two_for_each_kind_of_voxel() -> None:
 def test_the_latents_bits_grow_with_its_gain() -> None:
     torch.manual_seed(0)
     model = PCGCv1(TINY1)
-    spread_gains(model, ALPHAS)
+    initialise_gains(model, ALPHAS)
     np.testing.assert_allclose(model.log_gains.exp()[:, 0].detach(), [0.5, 1])
     with torch.no_grad():
         model.log_gains += 4
@@ -77,4 +77,4 @@ def test_steps_lower_the_loss_and_reach_every_network() -> None:
 
 def test_as_many_alphas_as_rates() -> None:
     with pytest.raises(InputError, match="number of rates"):
-        spread_gains(PCGCv1(TINY1), (1.0,))
+        initialise_gains(PCGCv1(TINY1), (1.0,))

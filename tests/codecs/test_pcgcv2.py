@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.entropy_bottleneck import Bottleneck, Table, tables
+from puckbench.codecs.learned.entropy_bottleneck import EntropyBottleneck, Table, tables
 from puckbench.codecs.learned.pcgcv2.coder import Coder, split
 from puckbench.codecs.learned.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.learned.pcgcv2.model import SCALES, PCGCv2, Shape
@@ -19,11 +19,11 @@ from puckbench.codecs.learned.pcgcv2.published_weights import _NAMES, load_origi
 from puckbench.codecs.learned.pcgcv2.stream import Block, Coded, read_stream, write_coded
 from puckbench.codecs.learned.pcgcv2.weights import WeightSet, load_weights, save_weights
 from puckbench.codecs.learned.range_coding import decode_latent, encode_latent
-from puckbench.codecs.learned.sparse.convolution import site
-from puckbench.codecs.learned.sparse.kernel_map import blocks_layout, rows_layout
+from puckbench.codecs.learned.sparse.convolution import neighbourhood
+from puckbench.codecs.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.codecs.learned.sparse.layers import kept_children
-from puckbench.codecs.learned.sparse.thread_pool import crew
-from puckbench.codecs.learned.sparse.voxels import descended, keys_of_slots, morton_keys, pyramid
+from puckbench.codecs.learned.sparse.thread_pool import thread_pool
+from puckbench.codecs.learned.sparse.voxels import selected_children, keys_of_slots, morton_keys, pyramid
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import (
@@ -64,43 +64,43 @@ def codec(folder: Path) -> Codec:
 
 def test_joined_layers_give_what_the_modules_give() -> None:
     model = network2()
-    with crew(2) as workers, torch.no_grad():
-        found = analyse(model, KEYS, workers)
+    with thread_pool(2) as pool, torch.no_grad():
+        found = analyse(model, KEYS, pool)
         sets, families = pyramid(KEYS, SCALES)
-        sites = [site(voxels.neighbours, rows_layout(), workers) for voxels in sets]
+        sites = [neighbourhood(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets]
         latent = model.encoder(sites, families, torch.ones(len(KEYS), 1, 1))[:, 0]
         np.testing.assert_allclose(found.latent, latent.numpy(), rtol=1e-4, atol=1e-5)
-        decoded = synthesise(model, found.latent, found.coarse, found.counts, workers)
+        decoded = synthesise(model, found.latent, found.coarse, found.counts, pool)
         features, parents = torch.from_numpy(found.latent), sets[SCALES]
         for scale, keep in enumerate(reversed(found.counts)):
-            where = site(parents.neighbours, blocks_layout(), workers)
+            where = neighbourhood(parents.neighbours, block_kernel_map(), pool)
             children, logits = model.decoder.scale(scale)(features, where)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]
-            parents = descended(parents, kept)
+            parents = selected_children(parents, kept)
     assert found.counts == tuple(len(voxels) for voxels in sets[:SCALES])
     found_keys = morton_keys(decoded.voxels())
     assert len(np.intersect1d(found_keys, keys)) > 0.999 * len(keys)  # logits differ by rounding
 
 
 def test_tables_hold_the_bottlenecks_probabilities() -> None:
-    bottleneck = network2().bottleneck(0)
-    for channel, table in enumerate(tables(bottleneck)):
+    entropy_bottleneck = network2().entropy_bottleneck(0)
+    for channel, table in enumerate(tables(entropy_bottleneck)):
         integers = table.lowest + np.arange(len(table.frequencies) - 1)
         latent = torch.zeros(len(integers), TINY2.latent)
         latent[:, channel] = torch.from_numpy(integers)
-        likelihood = bottleneck.likelihood(latent)[:, channel].detach().numpy()
+        likelihood = entropy_bottleneck.likelihood(latent)[:, channel].detach().numpy()
         shares = table.frequencies / table.frequencies.sum()
         np.testing.assert_allclose(shares[:-1], likelihood, rtol=1e-3, atol=1e-6)
         assert likelihood.sum() == pytest.approx(1, abs=1e-4)
 
 
 def test_the_bottlenecks_bits_are_those_of_the_range_coder() -> None:
-    bottleneck = Bottleneck(2)
+    entropy_bottleneck = EntropyBottleneck(2)
     latent = np.rint(np.random.default_rng(0).normal(0, 3, (5000, 2))).astype(np.int32)
-    bits = -bottleneck.likelihood(torch.from_numpy(latent).float()).log2().sum().item()
-    assert 8 * len(encode_latent(latent, tables(bottleneck))) == pytest.approx(bits, rel=0.01)
+    bits = -entropy_bottleneck.likelihood(torch.from_numpy(latent).float()).log2().sum().item()
+    assert 8 * len(encode_latent(latent, tables(entropy_bottleneck))) == pytest.approx(bits, rel=0.01)
 
 
 def test_latents_come_back_even_those_outside_their_table() -> None:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from puckbench.codecs.learned.gains import spread_gains
+from puckbench.codecs.learned.gains import initialise_gains
 from puckbench.codecs.learned.pcgcv2.model import PCGCv2
 from puckbench.codecs.learned.pcgcv2.training import Loss, Trainer, loss_of
 from puckbench.codecs.learned.pcgcv2.training_settings import Training
-from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
 from puckbench.codecs.learned.training.examples import Examples, batch
 from puckbench.codecs.learned.training.loop import train
@@ -24,11 +24,11 @@ def _cloud(step: int) -> list[np.ndarray]:
     return [np.sort(morton_keys(shell + rng.integers(0, 4, 3)))]
 
 
-def _trainer(workers: Crew, steps: int = 4) -> Trainer:
+def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
     model = PCGCv2(TINY2)
-    spread_gains(model, ALPHAS)
-    return Trainer(model, Training(alphas=ALPHAS, steps=steps, rate_first=5e-3), workers)
+    initialise_gains(model, ALPHAS)
+    return Trainer(model, Training(alphas=ALPHAS, steps=steps, rate_first=5e-3), pool)
 
 
 def _number(value: torch.Tensor) -> float:
@@ -47,35 +47,35 @@ def test_clouds_of_a_batch_do_not_touch() -> None:
 
 
 def test_the_loss_is_the_weighted_sum_of_its_parts() -> None:
-    with crew(1) as workers:
-        trainer = _trainer(workers)
-        loss = loss_of(trainer.model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+    with thread_pool(1) as pool:
+        trainer = _trainer(pool)
+        loss = loss_of(trainer.model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
     entropy = np.dot(list(map(_number, loss.entropies)), [12 / 7, 6 / 7, 3 / 7])
     expected = 4.0 * entropy + _number(loss.bpp)
     assert _number(loss.total) == pytest.approx(expected / 2, rel=1e-5)
 
 
 def test_an_even_guess_costs_one_bit_a_candidate() -> None:
-    with crew(1) as workers:
-        model = _trainer(workers).model
+    with thread_pool(1) as pool:
+        model = _trainer(pool).model
         with torch.no_grad():
             for scale in range(3):
                 model.decoder.scale(scale).logits.kernel.zero_()
-        loss = loss_of(model, _cloud(0)[0], 0, 1.0, workers, torch.Generator())
+        loss = loss_of(model, _cloud(0)[0], 0, 1.0, pool, torch.Generator())
     assert [_number(entropy) for entropy in loss.entropies] == pytest.approx([1, 1, 1])
 
 
 def test_training_lowers_the_loss() -> None:
-    with crew(2) as workers:
-        trainer = _trainer(workers, steps=30)
+    with thread_pool(2) as pool:
+        trainer = _trainer(pool, steps=30)
         losses = [float(sum(trainer.step(_cloud(0)).entropies)) for _ in range(30)]
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
 
 
 def test_every_parameter_of_the_chosen_rate_has_a_gradient() -> None:
-    with crew(1) as workers:
-        model = _trainer(workers).model
-        loss = loss_of(model, _cloud(0)[0], 1, 4.0, workers, torch.Generator())
+    with thread_pool(1) as pool:
+        model = _trainer(pool).model
+        loss = loss_of(model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
         loss.total.backward()
     lacking = [name for name, value in model.named_parameters() if value.grad is None]
     assert lacking
@@ -87,14 +87,14 @@ def _ignore(step: int, loss: Loss) -> None:
 
 
 def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
-    with crew(2) as workers:
-        whole = _trainer(workers)
+    with thread_pool(2) as pool:
+        whole = _trainer(pool)
         train(whole, _cloud, tmp_path / "whole.pt", 10, _ignore)
-        broken = _trainer(workers)
+        broken = _trainer(pool)
         for step in range(2):
             broken.step(_cloud(step))
         broken.save(tmp_path / "broken.pt")
-        resumed = _trainer(workers)
+        resumed = _trainer(pool)
         train(resumed, _cloud, tmp_path / "broken.pt", 1, _ignore)
     assert resumed.done == whole.done == 4
     for name, value in whole.model.state_dict().items():
@@ -102,10 +102,10 @@ def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
 
 
 def test_another_trainings_checkpoint_is_refused(tmp_path: Path) -> None:
-    with crew(1) as workers:
-        _trainer(workers, steps=4).save(tmp_path / "a.pt")
+    with thread_pool(1) as pool:
+        _trainer(pool, steps=4).save(tmp_path / "a.pt")
         with pytest.raises(InputError, match="other settings"):
-            _trainer(workers, steps=5).resume(tmp_path / "a.pt")
+            _trainer(pool, steps=5).resume(tmp_path / "a.pt")
 
 
 def _plane() -> np.ndarray:

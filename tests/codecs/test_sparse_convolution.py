@@ -7,16 +7,16 @@ import pytest
 import torch
 from torch.nn.functional import conv3d, conv_transpose3d
 
-from puckbench.codecs.learned.sparse.convolution import Site, convolve, site
-from puckbench.codecs.learned.sparse.gather_scatter import TorchMover
-from puckbench.codecs.learned.sparse.kernel_map import Layout, blocks_layout, rows_layout
-from puckbench.codecs.learned.sparse.layers import Down, Pointwise, Up, largest, likeliest
-from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.convolution import Neighbourhood, convolve, neighbourhood
+from puckbench.codecs.learned.sparse.gather_scatter import TorchGatherScatter
+from puckbench.codecs.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
+from puckbench.codecs.learned.sparse.layers import Down, Pointwise, Up, top_k, likeliest
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import Voxels, morton_keys, morton_voxels, pyramid
 
 SIDE = 16
 CHILDREN = np.array([[child & 1, child >> 1 & 1, child >> 2] for child in range(8)])
-LAYOUTS = {"rows": rows_layout(), "blocks": blocks_layout()}
+LAYOUTS = {"rows": voxel_kernel_map(), "blocks": block_kernel_map()}
 
 
 def _sets() -> tuple[Voxels, Voxels]:
@@ -25,10 +25,10 @@ def _sets() -> tuple[Voxels, Voxels]:
     return sets[0], sets[1]
 
 
-def _positions(layout: Layout) -> tuple[Voxels, torch.Tensor]:
+def _positions(kernel_map: KernelMap) -> tuple[Voxels, torch.Tensor]:
     """A set, and where each feature of it lies in the dense grid: (n, children, 3)."""
     fine, coarse = _sets()
-    if layout.children == 1:
+    if kernel_map.children == 1:
         return fine, torch.from_numpy(morton_voxels(fine.keys)[:, None])
     return coarse, torch.from_numpy(2 * morton_voxels(coarse.keys)[:, None] + CHILDREN)
 
@@ -42,34 +42,34 @@ def _sparse(grid: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
     return grid[0].permute(1, 2, 3, 0)[at[..., 2], at[..., 1], at[..., 0]]
 
 
-def _operands(layout: Layout, width: int, wider: int) -> list[torch.Tensor]:
-    voxels, _ = _positions(layout)
+def _operands(kernel_map: KernelMap, width: int, wider: int) -> list[torch.Tensor]:
+    voxels, _ = _positions(kernel_map)
     maker = torch.Generator().manual_seed(0)
-    sizes = [(len(voxels), layout.children, width), (27, width, wider), (wider,)]
+    sizes = [(len(voxels), kernel_map.children, width), (27, width, wider), (wider,)]
     return [torch.randn(size, generator=maker).requires_grad_() for size in sizes]
 
 
-def _site(layout: Layout, workers: Crew, mover: str = "compiled") -> Site:
-    voxels, _ = _positions(layout)
-    made = site(voxels.neighbours, layout, workers)
+def _site(kernel_map: KernelMap, pool: ThreadPool, gather_scatter: str = "compiled") -> Neighbourhood:
+    voxels, _ = _positions(kernel_map)
+    made = neighbourhood(voxels.neighbours, kernel_map, pool)
     table = torch.from_numpy(voxels.neighbours).long()
-    return made if mover == "compiled" else replace(made, mover=TorchMover(table))
+    return made if gather_scatter == "compiled" else replace(made, gather_scatter=TorchGatherScatter(table))
 
 
 @pytest.mark.parametrize("mover", ["compiled", "torch"])
 @pytest.mark.parametrize(("width", "wider"), [(1, 4), (4, 8), (8, 1)])
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_values_and_gradients_are_those_of_a_dense_convolution(
-    name: str, width: int, wider: int, mover: str
+    name: str, width: int, wider: int, gather_scatter: str
 ) -> None:
-    layout = LAYOUTS[name]
-    _, at = _positions(layout)
-    features, kernel, bias = _operands(layout, width, wider)
+    kernel_map = LAYOUTS[name]
+    _, at = _positions(kernel_map)
+    features, kernel, bias = _operands(kernel_map, width, wider)
     dense_kernel = kernel.view(3, 3, 3, width, wider).permute(4, 3, 0, 1, 2)
     expected = _sparse(conv3d(_dense(features, at), dense_kernel, bias, padding=1), at)
     weights = torch.randn(expected.shape, generator=torch.Generator().manual_seed(2))
-    with crew(2) as workers:
-        found = convolve(features, kernel, bias, _site(layout, workers, mover))
+    with thread_pool(2) as pool:
+        found = convolve(features, kernel, bias, _site(kernel_map, pool, gather_scatter))
         gradients = torch.autograd.grad((found * weights).sum(), (features, kernel, bias))
     wanted = torch.autograd.grad((expected * weights).sum(), (features, kernel, bias))
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
@@ -109,12 +109,12 @@ def test_pointwise_is_a_product_for_each_voxel() -> None:
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_the_number_of_threads_changes_no_bit(name: str) -> None:
-    layout = LAYOUTS[name]
-    features, kernel, bias = (operand.detach() for operand in _operands(layout, 8, 4))
+    kernel_map = LAYOUTS[name]
+    features, kernel, bias = (operand.detach() for operand in _operands(kernel_map, 8, 4))
     results = []
     for threads in (1, 2, 3):
-        with crew(threads) as workers:
-            where = replace(_site(layout, workers), chunk_floats=1)
+        with thread_pool(threads) as pool:
+            where = replace(_site(kernel_map, pool), chunk_floats=1)
             results.append(convolve(features, kernel, bias, where))
     assert torch.equal(results[0], results[1])
     assert torch.equal(results[0], results[2])
@@ -122,9 +122,9 @@ def test_the_number_of_threads_changes_no_bit(name: str) -> None:
 
 @pytest.mark.parametrize("chunk_floats", [1, 2**12, 2**20])
 def test_chunks_change_nothing_but_rounding(chunk_floats: int) -> None:
-    features, kernel, bias = (operand.detach() for operand in _operands(blocks_layout(), 8, 4))
-    with crew(1) as workers:
-        where = _site(blocks_layout(), workers)
+    features, kernel, bias = (operand.detach() for operand in _operands(block_kernel_map(), 8, 4))
+    with thread_pool(1) as pool:
+        where = _site(block_kernel_map(), pool)
         whole = convolve(features, kernel, bias, where)
         parts = convolve(features, kernel, bias, replace(where, chunk_floats=chunk_floats))
     torch.testing.assert_close(parts, whole, rtol=1e-5, atol=1e-5)
@@ -132,14 +132,14 @@ def test_chunks_change_nothing_but_rounding(chunk_floats: int) -> None:
 
 def test_pytorch_gets_its_threads_back() -> None:
     before = torch.get_num_threads()
-    with crew(2):
+    with thread_pool(2):
         assert torch.get_num_threads() == 1
     assert torch.get_num_threads() == before
 
 
 def test_blocks_waste_no_product() -> None:
-    layout = blocks_layout()
-    kernels = np.concatenate([kernels.ravel() for kernels in layout.kernels])
+    kernel_map = block_kernel_map()
+    kernels = np.concatenate([kernels.ravel() for kernels in kernel_map.kernels])
     assert np.bincount(kernels).tolist() == [8] * 27
 
 
@@ -147,7 +147,7 @@ def test_blocks_waste_no_product() -> None:
 def test_the_largest_are_kept_and_of_equal_ones_the_first(count: int) -> None:
     logits = np.array([0.5, 2.0, 0.5, -1.0, 0.5, 3.0, 0.5], dtype=np.float32)
     order = sorted(range(len(logits)), key=lambda row: (-logits[row], row))
-    assert largest(logits, count).tolist() == sorted(order[:count])
+    assert top_k(logits, count).tolist() == sorted(order[:count])
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 6, 17, 40])

@@ -4,8 +4,8 @@ import pytest
 from puckbench.codecs.learned.sparse.voxels import (
     Voxels,
     children_voxels,
-    descended,
-    distinct,
+    selected_children,
+    unique_keys,
     morton_keys,
     morton_voxels,
     pyramid,
@@ -47,7 +47,7 @@ def test_neighbours_are_those_that_a_search_finds_at_every_scale() -> None:
 
 
 def test_distinct_keys_are_in_order_and_each_once() -> None:
-    assert distinct(np.array([5, 0, 7, 5, 0])).tolist() == [0, 5, 7]
+    assert unique_keys(np.array([5, 0, 7, 5, 0])).tolist() == [0, 5, 7]
 
 
 def test_coarser_sets_are_the_voxels_halved() -> None:
@@ -64,7 +64,7 @@ def test_coarser_sets_are_the_voxels_halved() -> None:
 def test_parents_left_without_children_are_gone_from_the_neighbourhood() -> None:
     sets, families = pyramid(np.sort(morton_keys(_scattered(12, 300))), scales=1)
     slots = families[0].slots[families[0].slots >> 3 != 4]
-    some = descended(sets[1], slots)
+    some = selected_children(sets[1], slots)
     assert len(some) < len(sets[0])
     assert np.array_equal(some.neighbours, _table_by_search(morton_voxels(some.keys)))
 

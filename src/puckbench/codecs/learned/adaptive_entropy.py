@@ -1,10 +1,10 @@
-"""Entropy coding of a latent value by value: what the network expects, mixed with contexts.
+"""Context-adaptive entropy coding of a latent: a prior's tables, mixed with adaptive contexts.
 
-The network's tables take each value for itself. But the latent of a surface is much like that of
-the surface beside it, and which of a voxel's neighbours are occupied, which is known before, says
-how the surface lies: adaptive contexts of both learn that from the cloud itself. Each value becomes
-a few bits: zero or not, the sign, one more or not. All arithmetic is on integers, so that every
-machine decodes the same.
+The tables of an entropy model treat each value by itself. But the latent of a surface resembles
+that of the surface beside it, and the occupancy of a voxel's neighbours, which the decoder knows,
+tells how the surface lies: adaptive contexts of both learn this from the cloud itself. Each value
+is coded as binary decisions: zero or not, the sign, one more or not. All arithmetic is on integers,
+so that every machine decodes the same.
 """
 
 from __future__ import annotations
@@ -24,31 +24,38 @@ from puckbench.codecs.common.binary_coder import (
     written,
 )
 from puckbench.codecs.common.context_mixing import Habits, Mixer, code_mixed, mixer
-from puckbench.codecs.learned.entropy_bottleneck import Table
-from puckbench.codecs.learned.sparse.voxels import FACES, OFFSETS
-from puckbench.codecs.learned.sparse.voxels import Table as Neighbours
+from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
+from puckbench.codecs.learned.sparse.voxels import FACES, OFFSETS, NeighbourTable
 from puckbench.core.compiling import compiled_in_place
 from puckbench.core.errors import InputError
 
 Integers = NDArray[np.int32]
 Ints = NDArray[np.int64]
-_UNARY = 20
-"""Magnitudes up to here are told one by one."""
-_MOST = _UNARY + 2**16 - 1
-_NODES = 12
-"""Bits of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
+_MAX_UNARY = 20
+"""Magnitudes up to here are coded in unary, larger ones by an Elias gamma code."""
+_MAX_MAGNITUDE = _MAX_UNARY + 2**16 - 1
+_DECISIONS = 12
+"""Binary decisions of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
-"""Contexts of seven kinds: see `_find_contexts`."""
+"""Numbers of contexts of the seven kinds, see `_find_contexts`."""
 _HABITS = Habits(estimate=0.4, context=0.15, pace=20, memory=SLOWEST)
-_MOST_BYTES = 80
-"""That a value takes: so many bits are coded for it, each at most log2(65,536 / 32) bits."""
+_MAX_VALUE_BYTES = 80
+"""Bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
 
 
 class _Tables(NamedTuple):
-    """The tables one after the other, without the escapes.
+    """The tables of a prior, concatenated without their escapes.
 
-    below: sums of the frequencies before each integer. first: where in them a table's begin; its
-    integers count from `lowest`. number, centre: of `Expected`.
+    Parameters
+    ----------
+    lowest
+        (tables,), the first integer of each.
+    first
+        (tables + 1,), where each begins in `below`.
+    below
+        Cumulative frequencies before each integer.
+    number, centre
+        As in `Prior`.
     """
 
     lowest: Ints
@@ -58,12 +65,19 @@ class _Tables(NamedTuple):
     centre: Integers
 
 
-class _Around(NamedTuple):
-    """What is known around a voxel; arrays to work in.
+class _Neighbourhood(NamedTuple):
+    """The causal neighbourhood of a voxel, and arrays to work in.
 
-    patterns: which neighbours there are at its faces, edges and corners, a bit each. rows, weights:
-    of those that were coded before, faces first, and how much they say. counts: how many these are,
-    and how many of them are at faces. contexts: of a value, of each kind.
+    Parameters
+    ----------
+    patterns
+        (3,), which neighbours are occupied at its faces, edges and corners, a bit each.
+    rows, weights
+        Neighbours that were coded before, those at faces first, and their weights in means.
+    counts
+        (2,), how many of these there are, in all and at faces.
+    contexts
+        The contexts of a value, but for the decision.
     """
 
     patterns: Ints
@@ -73,68 +87,81 @@ class _Around(NamedTuple):
     contexts: Ints
 
 
-class Expected(NamedTuple):
-    """What is expected of values (n, channels): the table of each, and where its zero is.
+class Prior(NamedTuple):
+    """The distributions of values (n, channels) by an entropy model.
 
-    tables: those in use. number, centre: (n, channels), which of them, and the value that its zero
-    stands for.
+    Parameters
+    ----------
+    tables
+        The tables in use.
+    number
+        (n, channels), the table of each value.
+    centre
+        (n, channels), the value that the zero of its table stands for.
     """
 
-    tables: tuple[Table, ...]
+    tables: tuple[FrequencyTable, ...]
     number: NDArray[np.integer[Any]]
     centre: NDArray[np.integer[Any]]
 
 
-def everywhere(tables: tuple[Table, ...], count: int) -> Expected:
-    """A table for each channel, at all places."""
+def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
+    """The prior of an entropy bottleneck: a table for each channel at all `count` places."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
-    return Expected(tables, number, np.zeros_like(number))
+    return Prior(tables, number, np.zeros_like(number))
 
 
-def encode_in_context(latent: Integers, neighbours: Neighbours, expected: Expected) -> bytes:
-    """Code integers (n, channels) at voxels in order, with their neighbours (27, n).
+def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
+    """Code a latent at voxels.
 
-    Values beyond 16 bits are clipped.
+    Parameters
+    ----------
+    latent
+        Integers (n, channels), in the order of the voxels; beyond 16 bits they are clipped.
+    neighbours
+        (27, n), table of the voxels' neighbours.
+    prior
+        Distributions of the values by the entropy model.
     """
-    values = np.clip(latent, -_MOST, _MOST).astype(np.int64)
-    bits = bit_writer(_MOST_BYTES * values.size + 16)
-    _code(bits, values, neighbours, expected)
+    values = np.clip(latent, -_MAX_MAGNITUDE, _MAX_MAGNITUDE).astype(np.int64)
+    bits = bit_writer(_MAX_VALUE_BYTES * values.size + 16)
+    _code(bits, values, neighbours, prior)
     return written(bits)
 
 
-def decode_in_context(data: bytes, neighbours: Neighbours, expected: Expected) -> Integers:
-    """Integers (n, channels) of `encode_in_context`; InputError when the data are damaged."""
-    values = np.zeros(expected.number.shape, np.int64)
+def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
+    """The latent of `encode_with_contexts`; InputError when the data are damaged."""
+    values = np.zeros(prior.number.shape, np.int64)
     bits = bit_reader(data)
-    _code(bits, values, neighbours, expected)
+    _code(bits, values, neighbours, prior)
     if not read_to_its_end(bits):
         raise InputError("the stream is damaged (features)")
     return values.astype(np.int32)
 
 
-def _code(bits: BitCoder, values: Ints, neighbours: Neighbours, expected: Expected) -> None:
-    kinds = _NODES * values.shape[1]
-    starts = np.cumsum((0, *(kinds * size for size in _SIZES)))
-    mixed = mixer(bits, int(starts[-1]), len(_SIZES), kinds, 1, _HABITS)
-    around = _Around(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
-    _code_values(mixed, values, neighbours, _joined(expected), around, starts)
+def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior) -> None:
+    decisions = _DECISIONS * values.shape[1]
+    starts = np.cumsum((0, *(decisions * size for size in _SIZES)))
+    mixed = mixer(bits, int(starts[-1]), len(_SIZES), decisions, 1, _HABITS)
+    around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
+    _code_values(mixed, values, neighbours, _concatenated(prior), around, starts)
 
 
-def _joined(expected: Expected) -> _Tables:
-    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in expected.tables]
-    lowest = np.array([table.lowest for table in expected.tables], np.int64)
+def _concatenated(prior: Prior) -> _Tables:
+    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in prior.tables]
+    lowest = np.array([table.lowest for table in prior.tables], np.int64)
     first = np.cumsum((0, *map(len, sums)))
-    number, centre = (np.ascontiguousarray(a, np.int32) for a in expected[1:])
+    number, centre = (np.ascontiguousarray(a, np.int32) for a in prior[1:])
     return _Tables(lowest, first, np.concatenate(sums), number, centre)
 
 
 @compiled_in_place
 def _code_values(
-    mixer: Mixer, values: Ints, neighbours: Neighbours, tables: _Tables, around: _Around,
+    mixer: Mixer, values: Ints, neighbours: NeighbourTable, tables: _Tables, around: _Neighbourhood,
     starts: Ints,
 ) -> None:  # fmt: skip
     for row in range(len(values)):
-        _look_around(around, neighbours, row)
+        _find_neighbourhood(around, neighbours, row)
         for channel in range(values.shape[1]):
             _find_contexts(around, values, row, channel)
             values[row, channel] = _code_value(
@@ -143,7 +170,7 @@ def _code_values(
 
 
 @compiled_in_place
-def _look_around(around: _Around, neighbours: Neighbours, row: int) -> None:
+def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row: int) -> None:
     known = 0
     for shell in range(3):
         pattern = 0
@@ -172,15 +199,20 @@ def _offset(shell: int, place: int) -> int:
 
 
 @compiled_in_place
-def _find_contexts(around: _Around, values: Ints, row: int, channel: int) -> None:
-    """The contexts of a value, but for the kind of the bit.
+def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
+    """Find the contexts of a value, but for the decision.
 
-    In their order: mean magnitude of the neighbours coded before, and their number; mean of those
-    at faces, and the largest magnitude; the two channels before, and the magnitudes of all before;
-    which edges have neighbours; which faces, and the neighbours' mean; which corners, and that;
-    which faces, and the magnitudes of the channels before.
+    They are, in their order:
+
+    0. mean magnitude of the neighbours coded before, and their number
+    1. mean of those at faces, and the largest magnitude
+    2. the two channels before, and the sum of magnitudes of all channels before
+    3. which edges have neighbours
+    4. which faces have neighbours, and the neighbours' mean
+    5. which corners have neighbours, and the neighbours' mean
+    6. which faces have neighbours, and the sum of magnitudes of all channels before
     """
-    mean, face, spread, largest = _neighbours_say(around, values, channel)
+    mean, face, spread, largest = _neighbour_statistics(around, values, channel)
     before, last, second = 0, 0, 0
     for other in range(channel):
         before = min(before + abs(values[row, other]), 7)
@@ -199,26 +231,26 @@ def _find_contexts(around: _Around, values: Ints, row: int, channel: int) -> Non
 
 
 @compiled_in_place
-def _neighbours_say(around: _Around, values: Ints, channel: int) -> tuple[int, int, int, int]:
-    """Mean, mean at faces, mean magnitude and largest magnitude of the neighbours before."""
+def _neighbour_statistics(around: _Neighbourhood, values: Ints, channel: int) -> tuple[int, int, int, int]:
+    """Mean, mean at faces, mean magnitude and largest magnitude of the neighbours coded before."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
-        value, share = values[around.rows[place], channel], around.weights[place]
-        total += share * value
-        magnitude += share * abs(value)
-        weight += share
+        value, factor = values[around.rows[place], channel], around.weights[place]
+        total += factor * value
+        magnitude += factor * abs(value)
+        weight += factor
         largest = max(largest, abs(value))
         if place < around.counts[1]:
             face += value
-    mean = _rounded(3 * total, 2 * weight, 2, 5)
-    nearest = _rounded(2 * face, around.counts[1], 9, 19)
-    spread = _rounded(4 * magnitude, weight, 15, 15) - 15
+    mean = _clipped_quotient(3 * total, 2 * weight, 2, 5)
+    nearest = _clipped_quotient(2 * face, around.counts[1], 9, 19)
+    spread = _clipped_quotient(4 * magnitude, weight, 15, 15) - 15
     return mean, nearest, spread, min(largest, 4)
 
 
 @compiled_in_place
-def _rounded(total: int, count: int, most: int, unknown: int) -> int:
-    """The quotient, rounded, from 0 for `-most` on; `unknown` without a count."""
+def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
+    """The rounded quotient, clipped to +-most, plus `most`; `unknown` where the count is 0."""
     if count == 0:
         return unknown
     return min(max((2 * total + count) // (2 * count), -most), most) + most
@@ -226,27 +258,27 @@ def _rounded(total: int, count: int, most: int, unknown: int) -> int:
 
 @compiled_in_place
 def _code_value(
-    mixer: Mixer, tables: _Tables, around: _Around, starts: Ints, row: int, channel: int, value: int
+    mixer: Mixer, tables: _Tables, around: _Neighbourhood, starts: Ints, row: int, channel: int, value: int
 ) -> int:
-    """Code a value: whether it is zero, its sign, whether its magnitude is 1, 2, and so on."""
-    kind = _NODES * channel
-    zero = _mass(tables, row, channel, 0, 0)
-    above, below = _mass(tables, row, channel, 1, _MOST), _mass(tables, row, channel, -_MOST, -1)
-    if _code_node(mixer, around, starts, kind, zero, above + below, value == 0) == 1:
+    """Code a value: whether it is zero, its sign, then its magnitude in unary."""
+    decision = _DECISIONS * channel
+    zero = _frequency(tables, row, channel, 0, 0)
+    above, below = _frequency(tables, row, channel, 1, _MAX_MAGNITUDE), _frequency(tables, row, channel, -_MAX_MAGNITUDE, -1)
+    if _code_decision(mixer, around, starts, decision, zero, above + below, value == 0) == 1:
         return 0
-    sign = 2 * _code_node(mixer, around, starts, kind + 1, above, below, value > 0) - 1
+    sign = 2 * _code_decision(mixer, around, starts, decision + 1, above, below, value > 0) - 1
     rest = above if sign == 1 else below
-    for size in range(1, _UNARY + 1):
-        this = _mass(tables, row, channel, sign * size, sign * size)
+    for size in range(1, _MAX_UNARY + 1):
+        this = _frequency(tables, row, channel, sign * size, sign * size)
         rest -= this
-        node = kind + 1 + min(size, 5) + (5 if sign == 1 else 0)
-        if _code_node(mixer, around, starts, node, this, rest, abs(value) == size) == 1:
+        node = decision + 1 + min(size, 5) + (5 if sign == 1 else 0)
+        if _code_decision(mixer, around, starts, node, this, rest, abs(value) == size) == 1:
             return sign * size
-    return sign * (_UNARY + code_gamma(mixer.bits, abs(value) - _UNARY))
+    return sign * (_MAX_UNARY + code_gamma(mixer.bits, abs(value) - _MAX_UNARY))
 
 
 @compiled_in_place
-def _mass(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
+def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
     """Frequency of the values from `first` to `last`."""
     number = tables.number[row, channel]
     start, end = tables.first[number], tables.first[number + 1] - 1
@@ -257,12 +289,12 @@ def _mass(tables: _Tables, row: int, channel: int, first: int, last: int) -> int
 
 
 @compiled_in_place
-def _code_node(
-    mixer: Mixer, around: _Around, starts: Ints, kind: int, yes: int, no: int, bit: int
+def _code_decision(
+    mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Code a bit for which the tables have these frequencies."""
+    """Code a decision whose two outcomes have these frequencies in the tables."""
     for place in range(len(mixer.at)):
-        mixer.at[place] = starts[place] + kind * _SIZES[place] + around.contexts[place]
-    share = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048
-    mixer.rows[0] = kind
-    return code_mixed(mixer, int(bit), mixer.stretch[share])
+        mixer.at[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
+    probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048
+    mixer.rows[0] = decision
+    return code_mixed(mixer, int(bit), mixer.stretch[probability])

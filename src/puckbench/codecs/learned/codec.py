@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Availability, Codec, Memory, Parameters
-from puckbench.codecs.learned.catalogue import Network
+from puckbench.codecs.learned.catalogue import SUFFIX, Network, header_of
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
 from puckbench.core.models import Model
@@ -25,28 +25,28 @@ _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _DIGITS = 16
 PUBLISHED_WEIGHTS = "data/pcgc_weights"
 """Where `puckbench data pcgc_weights` puts the weights of PCGCv1's and PCGCv2's authors."""
-MOST_QUARTERS = 80
-"""Of a halving, that a grid is made coarser."""
+MAX_QUARTER_OCTAVES = 80
+"""The coarsest level of a grid that a stream may have."""
 
 
 class Weights(Protocol):
-    """Weights that were read."""
+    """A set of weights in memory."""
 
     @property
     def digest(self) -> bytes:
         """8 bytes by which streams name them."""
 
 
-class RatedWeights(Weights, Protocol):
-    """Weights for some rates."""
+class MultiRateWeights(Weights, Protocol):
+    """A set of weights for several rates."""
 
     @property
-    def alphas(self) -> tuple[float, ...]:
-        """Of the rates, the smallest bitrate first."""
+    def lmbdas(self) -> tuple[float, ...]:
+        """Lagrangian weights of the rates, the smallest bitrate first."""
 
 
 W = TypeVar("W", bound=Weights)
-R = TypeVar("R", bound=RatedWeights)
+R = TypeVar("R", bound=MultiRateWeights)
 
 
 class LearnedOptions(Model):
@@ -89,7 +89,7 @@ class Learned(Codec, Generic[W]):
     def weights_of(self, rate: str) -> str:
         """Name and digest (16 hexadecimal digits) of the file with a rate's weights."""
         path = self._path(self.rates[rate])
-        return f"{path.stem} {sha256(path)[:_DIGITS]}" if path else ""
+        return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
         """The files with weights of this network; InputError where there is no such place."""
@@ -207,17 +207,17 @@ class LearnedByLambda(Learned[R]):
         return super()._encode(self._as_read(points), parameters)
 
     def _path(self, parameters: Parameters) -> Path | None:
-        return self.network.by_alpha(self._where()).get(float(parameters["lmbda"]))
+        return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
         """The weights of a rate, and its number among theirs."""
         weights = self._weights(parameters)
-        return weights, weights.alphas.index(float(parameters["lmbda"]))
+        return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
         """The weights that a stream names, which must have as many rates as its number says."""
         weights = self._made_with(digest)
-        if rate >= len(weights.alphas):
+        if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
         return weights
 
@@ -255,17 +255,23 @@ class Improved(LearnedByLambda[R]):
         return grid_level(points, parameters)
 
 
+def _digest(path: Path) -> str:
+    """The hexadecimal digits by which streams name our sets, or those of the file's SHA-256."""
+    kept = header_of(path).digest if path.suffix == SUFFIX else None
+    return kept or sha256(path)[:_DIGITS]
+
+
 def grid_level(points: Floats, parameters: Parameters) -> int:
     """The level of the grid that a rate codes points (n, 3) on, in quarter octaves above their own.
 
     The grid is coarsened until a voxel has the rate's `mean_occupied_children`, and then
     by its `grid_level_offset` in octaves, which may be negative. Without `mean_occupied_children`
-    the level is 0. It is never below 0 or above `MOST_QUARTERS`.
+    the level is 0. It is never below 0 or above `MAX_QUARTER_OCTAVES`.
     """
-    from puckbench.codecs.learned.grid_level import QUARTERS, halvings_of
+    from puckbench.codecs.learned.grid_level import QUARTERS, octaves_of_points
 
     children = float(parameters.get("mean_occupied_children", 1))
     if children <= 1:
         return 0
-    halved = halvings_of(points, children) + float(parameters.get("grid_level_offset", 0))
-    return round(min(max(0.0, QUARTERS * halved), MOST_QUARTERS))
+    octaves = octaves_of_points(points, children) + float(parameters.get("grid_level_offset", 0))
+    return round(min(max(0.0, QUARTERS * octaves), MAX_QUARTER_OCTAVES))

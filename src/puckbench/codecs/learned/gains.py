@@ -1,8 +1,12 @@
-"""One network for several rates: gains of the latent, and a bottleneck for each rate.
+"""One network for several rates: gains of the latent, and an entropy bottleneck for each rate.
 
-The latent is multiplied by a gain for each rate and channel before it is rounded, and divided by
-it after (Cui, Wang, Gao et al.: "Asymmetric Gained Deep Image Compression", CVPR 2021), so that one
-set of weights serves a whole rate-distortion curve; each rate has a bottleneck of its own.
+The latent is multiplied by a gain for each rate and channel before it is rounded, and divided by it
+after, so that one set of weights serves a whole rate-distortion curve.
+
+References
+----------
+Cui, Wang, Gao et al.: "Asymmetric Gained Deep Image Compression With Continuous Rate Adaptation",
+CVPR 2021.
 """
 
 from __future__ import annotations
@@ -14,60 +18,73 @@ from typing import Any, Protocol, cast
 import torch
 from torch import Tensor, nn
 
-from puckbench.codecs.learned.entropy_bottleneck import Bottleneck
+from puckbench.codecs.learned.entropy_bottleneck import EntropyBottleneck
 from puckbench.core.errors import InputError
 
-_FASTER = 5.0
+_OWN_LR_FACTOR = 5.0
 
 
-class RatedShape(Protocol):
-    """Sizes of a network."""
+class MultiRateShape(Protocol):
+    """Sizes of a network that codes at several rates."""
 
     @property
     def rates(self) -> int:
         """How many rates it has."""
 
     @property
-    def latent(self) -> int:
-        """Features coded."""
+    def latent_channels(self) -> int:
+        """Channels of the latent."""
+
+    def model_dump(self) -> dict[str, Any]:
+        """The sizes by name."""
 
 
-class Gained(nn.Module):
-    """A network with bottlenecks and gains, which a subclass adds when it has its layers."""
+class MultiRateNetwork(nn.Module):
+    """A network with entropy bottlenecks and gains, which a subclass adds after its layers."""
 
-    shape: RatedShape
-    bottlenecks: nn.ModuleList
+    shape: MultiRateShape
+    entropy_bottlenecks: nn.ModuleList
     log_gains: nn.Parameter
 
-    def add_rates(self, shape: RatedShape, coded: int) -> None:
-        """Bottlenecks of `coded` channels, and gains of one."""
-        self.bottlenecks = nn.ModuleList(Bottleneck(coded) for _ in range(shape.rates))
-        self.log_gains = nn.Parameter(torch.zeros(shape.rates, shape.latent))
+    def __init__(self, shape: Any) -> None:
+        super().__init__()
+        self.shape = shape
 
-    def bottleneck(self, rate: int) -> Bottleneck:
-        """The entropy model of a rate."""
-        return cast(Bottleneck, self.bottlenecks[rate])
+    def add_rates(self, bottleneck_channels: int) -> None:
+        """Add an entropy bottleneck and gains of one for each rate."""
+        rates = self.shape.rates
+        self.entropy_bottlenecks = nn.ModuleList(
+            EntropyBottleneck(bottleneck_channels) for _ in range(rates)
+        )
+        self.log_gains = nn.Parameter(torch.zeros(rates, self.shape.latent_channels))
+
+    def entropy_bottleneck(self, rate: int) -> EntropyBottleneck:
+        """The factorised entropy model of a rate."""
+        return cast(EntropyBottleneck, self.entropy_bottlenecks[rate])
 
     def gain(self, rate: int) -> Tensor:
-        """What the latent's channels are multiplied by, (latent); ones where there is one rate."""
+        """What the latent's channels are multiplied by, (latent_channels,)."""
         return self.log_gains[rate].exp()
 
 
-def parameter_groups(model: Gained) -> list[dict[str, Any]]:
-    """Parameters of one rate alone are seldom trained, and take larger steps."""
-    own = [model.log_gains, *model.bottlenecks.parameters()]
+def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
+    """Parameter groups of an optimiser; those of one rate alone, seldom trained, learn faster."""
+    own = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     known = set(map(id, own))
     shared = [value for value in model.parameters() if id(value) not in known]
-    return [{"params": shared, "faster": 1.0}, {"params": own, "faster": _FASTER}]
+    return [{"params": shared, "lr_factor": 1.0}, {"params": own, "lr_factor": _OWN_LR_FACTOR}]
 
 
-def spread_gains(model: Gained, alphas: Sequence[float]) -> None:
-    """Start the gains where fine rates have fine steps: by the square root of alpha.
+def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
+    """Set the gains to the square roots of lambda, relative to the largest: finer steps for more.
 
-    InputError when the model has another number of rates.
+    Raises
+    ------
+    InputError
+        The model has another number of rates.
     """
-    if len(alphas) != model.shape.rates:
+    if len(lmbdas) != model.shape.rates:
         raise InputError("the model has another number of rates than the training")
     with torch.no_grad():
-        for rate, alpha in enumerate(alphas):
-            model.log_gains[rate] = 0.5 * math.log(alpha / max(alphas))
+        for rate, lmbda in enumerate(lmbdas):
+            model.log_gains[rate] = 0.5 * math.log(lmbda / max(lmbdas))

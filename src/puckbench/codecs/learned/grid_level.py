@@ -1,9 +1,10 @@
-"""How fine a cloud's grid may be for a network that is made for dense surfaces.
+"""The level of the grid that a cloud is coded on, chosen by its density.
 
-On a dense surface a voxel has about four occupied children; on a cloud that is thin on its grid
-about one, whose place is chance. The authors of PCGCv1 and PCGCv2 code thin clouds at a smaller
-scale, which they choose by hand; here the cloud itself chooses it. Grids differ by quarters of a
-halving: a voxel's side is the fourth root of two to a whole power.
+Networks such as PCGCv1's and PCGCv2's are made for dense surfaces, on which a voxel has about four
+occupied children; on a cloud that is sparse on its grid it has about one, whose place cannot be
+predicted. The authors code sparse clouds at a smaller scale, which they choose by hand; here the
+cloud's density chooses it. The level of a grid counts quarter octaves: voxels of the next octave
+have twice the side.
 """
 
 from __future__ import annotations
@@ -14,58 +15,72 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, Keys, distinct, morton_keys
+from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, Keys, morton_keys, unique_keys
 from puckbench.geometry.cloud import Floats
 
 Voxels = NDArray[np.int64]
 QUARTERS = 4
-"""Of a halving."""
-_FEWEST = 64
-"""Coarser sets than this say nothing about density."""
+"""Levels of an octave."""
+MAX_QUARTER_OCTAVES = 80
+"""The coarsest level that a stream may have."""
+_MIN_VOXELS = 64
+"""Coarser sets have too few voxels to tell the density."""
 
 
-def halvings(keys: Keys, children: float) -> float:
-    """How often to halve the grid until voxels have so many children in the mean; 0 if never.
+def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
+    """How many octaves to coarsen a grid until its voxels have so many occupied children.
 
-    keys: of distinct voxels, ascending. children: occupied, of a voxel of the next coarser grid.
-    From one halving to the next their number is taken to grow in a straight line.
+    Parameters
+    ----------
+    keys
+        (n,), of distinct voxels, ascending.
+    mean_occupied_children
+        Mean number of occupied voxels in an occupied voxel of the next coarser octave.
+
+    Returns
+    -------
+    float
+        Octaves, interpolated linearly in the number of children; 0 if no grid has so many.
     """
     before = 0.0
-    for halved in range(AXIS_BITS):
-        fine, keys = len(keys), distinct(keys >> 3)
-        if len(keys) < _FEWEST:
+    for octave in range(AXIS_BITS):
+        fine, keys = len(keys), unique_keys(keys >> 3)
+        if len(keys) < _MIN_VOXELS:
             break
         mean = fine / len(keys)
-        if mean >= children:
-            return max(0.0, halved - (mean - children) / (mean - before))
+        if mean >= mean_occupied_children:
+            return max(0.0, octave - (mean - mean_occupied_children) / (mean - before))
         before = mean
     return 0.0
 
 
-def halvings_of(points: Floats, children: float) -> float:
-    """The same of points (n, 3), n >= 1, on the grid of integers; 0 where they span too much."""
-    if children <= 1:
+def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
+    """`octaves_to_density` of points (n, 3), n >= 1, on the grid of integers.
+
+    0 where they span more than the keys of voxels can.
+    """
+    if mean_occupied_children <= 1:
         return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)
     voxels = voxels - voxels.min(axis=0)
     if voxels.max() >= 2**AXIS_BITS:
         return 0.0
-    return halvings(distinct(morton_keys(voxels)), children)
+    return octaves_to_density(unique_keys(morton_keys(voxels)), mean_occupied_children)
 
 
-def on_dense_grids(points: Floats, children: Sequence[float]) -> list[Voxels]:
-    """The voxels of points (n, 3) on each of the grids that whole halvings for `children` make."""
-    found = sorted({math.ceil(halvings_of(points, least)) for least in children})
-    return [np.unique(on_grid(points, QUARTERS * k), axis=0) for k in found]
+def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
+    """The voxels of points (n, 3) on the grids of whole octaves with these densities."""
+    octaves = {math.ceil(octaves_of_points(points, least)) for least in mean_occupied_children}
+    return [np.unique(voxelised(points, QUARTERS * k), axis=0) for k in sorted(octaves)]
 
 
-def side_of(quarters: int) -> float:
-    """A voxel's side on the grid of integers after so many quarters of a halving."""
-    whole, rest = divmod(quarters, QUARTERS)
+def voxel_size(quarter_octaves: int) -> float:
+    """The side of a voxel of a level, relative to the grid of integers."""
+    whole, rest = divmod(quarter_octaves, QUARTERS)
     return math.ldexp(math.sqrt(math.sqrt(2**rest)), whole)
 
 
-def on_grid(points: Floats, quarters: int) -> Voxels:
-    """The voxel (n, 3) of each point (n, 3) on that grid."""
-    voxels: Voxels = np.rint(points / side_of(quarters)).astype(np.int64)
+def voxelised(points: Floats, quarter_octaves: int) -> Voxels:
+    """The voxel (n, 3) of each point (n, 3) on the grid of a level."""
+    voxels: Voxels = np.rint(points / voxel_size(quarter_octaves)).astype(np.int64)
     return voxels

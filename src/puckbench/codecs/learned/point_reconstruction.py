@@ -1,12 +1,13 @@
-"""Points for decoded voxels: about as many as were coded, where the network expects them.
+"""Point reconstruction for voxel codecs: as many points as the input had, from occupancy.
 
-A network says of each voxel how likely it is occupied; a decoder keeps the likeliest, as many as
-there were. One point in the middle of each is farther from the cloud than it has to be: where a
-cloud is thin on its grid the network cannot know which of the voxels of a block of 2 x 2 x 2 were
-occupied, only that one or two were; and where it is dense, several points share a voxel. So here
-points belong to a block: as many as were in one in the mean, more where more are expected, side by
-side around the place that is expected, on the plane of the blocks around. Where the network is sure
-of its voxels they belong to these instead.
+A network predicts the probability that a voxel is occupied, and a decoder keeps the most likely
+voxels, as many as there were. One point in the centre of each is farther from the cloud than it has
+to be: where a cloud is sparse on its grid the network cannot know which voxels of a 2x2x2 block of
+siblings were occupied, only that one or two were; and where it is dense, several points share a
+voxel. So points are placed for blocks: as many as a block held in the mean, more where more are
+expected, side by side at the centroid of the block's occupancy probabilities, projected onto the
+plane of the neighbouring blocks. Where the network is confident of its voxels, points are placed
+for voxels instead.
 """
 
 from __future__ import annotations
@@ -22,164 +23,187 @@ from puckbench.geometry.cloud import Floats
 
 Voxels = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-PARTS = 256
-"""Streams tell the points of a voxel in such parts."""
-_MOST = 9
-"""Points of a voxel."""
-_SURE = 0.8
-"""Share of the chances that is kept from which on the network is sure of its voxels."""
-_THIN, _DENSE = 1.2, 3.0
-"""Voxels of a block, in the mean, at which its own chances say nothing, and all, of its points."""
-_MODESTY = 0.8
-"""How far towards the place that a network expects: networks are surer than they should be."""
-_ONTO_VOXELS, _ONTO_BLOCKS = 0.3, 0.5
-"""How far a point moves onto the plane of those around it: noise makes surfaces thick."""
-_FINE = 16
-"""Parts of a side in which places are told when planes are laid through them."""
-_MOST_LOGIT = 50.0
-"""No chance is zero, whatever a damaged stream makes of a network."""
-_SPAN = 2**20
-_MOST_POINTS = 2**22
+UNITS = 256
+"""Streams hold the points of a voxel in such fractions."""
+_MAX_POINTS_PER_VOXEL = 9
+_CONFIDENT = 0.8
+"""Share of the occupancy probabilities in voxels that are kept, from which on a network is
+confident of its voxels."""
+_SPARSE, _DENSE = 1.2, 3.0
+"""Mean voxels of a block at which its own probabilities tell nothing, and everything, of how many
+points it has."""
+_SHRINKAGE = 0.8
+"""Factor of a centroid's distance from its block's centre: networks are overconfident."""
+_VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5
+"""How far a point moves onto the plane of its neighbours, which noise puts it beside."""
+_SUBDIVISION = 16
+"""Subdivisions of a side on which planes are fitted."""
+_MAX_LOGIT = 50.0
+"""No probability is zero, whatever a damaged stream makes of a network."""
+_MAX_SPAN = 2**20
+_MAX_POINTS = 2**22
 """Clouds of more points have one for each voxel: a damaged stream must not promise too many."""
 CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 """The voxels of a block, x fastest."""
 
 
-class Octets(NamedTuple):
-    """Blocks of 2 x 2 x 2 voxels, those in which a decoder keeps some.
+class SiblingBlocks(NamedTuple):
+    """Blocks of 2x2x2 voxels, of each of which a decoder keeps some.
 
-    places: (m, 3), distinct, in blocks. chances: (m, 8), that a voxel is occupied, in the order of
-    `CORNERS`. kept: (m, 8), at least one in each row.
+    Parameters
+    ----------
+    positions
+        (m, 3), distinct, in blocks.
+    probabilities
+        (m, 8), of occupancy, in the order of `CORNERS`.
+    kept
+        (m, 8), at least one in each row.
     """
 
-    places: Voxels
-    chances: Floats
+    positions: Voxels
+    probabilities: Floats
     kept: Bools
 
     def voxels(self) -> Voxels:
-        """Those that are kept (n, 3)."""
+        """The voxels that are kept (n, 3)."""
         block, corner = np.nonzero(self.kept)
-        found: Voxels = 2 * self.places[block] + CORNERS[corner]
+        found: Voxels = 2 * self.positions[block] + CORNERS[corner]
         return found
 
 
-def octets(places: Voxels, logits: NDArray[np.float32], kept: Bools) -> Octets:
-    """Those of some blocks (m, 3) that keep any of their voxels, which have these logits (m, 8)."""
+def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
+    """The blocks that keep any voxel, by positions (m, 3), logits (m, 8) and kept (m, 8)."""
     from scipy.special import expit
 
     rows = kept.any(axis=1)
-    chances = expit(np.clip(logits[rows].astype(np.float64), -_MOST_LOGIT, _MOST_LOGIT))
-    return Octets(places[rows], np.nan_to_num(chances, nan=0.5), kept[rows])
+    clipped = np.clip(logits[rows].astype(np.float64), -_MAX_LOGIT, _MAX_LOGIT)
+    return SiblingBlocks(positions[rows], np.nan_to_num(expit(clipped), nan=0.5), kept[rows])
 
 
-def certain(voxels: Voxels) -> Octets:
-    """The blocks of distinct voxels (n, 3) that are known."""
-    places, block = np.unique(voxels // 2, axis=0, return_inverse=True)
-    kept = np.zeros((len(places), 8), dtype=bool)
+def known_blocks(voxels: Voxels) -> SiblingBlocks:
+    """The blocks of distinct voxels (n, 3) that were coded without loss."""
+    positions, block = np.unique(voxels // 2, axis=0, return_inverse=True)
+    kept = np.zeros((len(positions), 8), dtype=bool)
     kept[block.ravel(), voxels % 2 @ [1, 2, 4]] = True
-    return Octets(places, kept.astype(np.float64), kept)
+    return SiblingBlocks(positions, kept.astype(np.float64), kept)
 
 
-def together(parts: Sequence[Octets]) -> Octets:
-    """The blocks of all of some, one at least."""
-    places, chances, kept = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Octets(places, chances, kept)
+def concatenated(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
+    """The blocks of all parts, of which there is at least one."""
+    positions, probabilities, kept = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    return SiblingBlocks(positions, probabilities, kept)
 
 
 def points_per_voxel(points: int, voxels: int, rho: float) -> int:
-    """256ths of a point for each of some voxels, so that they have so many together: 256 to 2304.
+    """Points of each decoded voxel, in 256ths (256 to 2304).
 
-    rho: voxels that the decoder keeps for each of them.
+    Parameters
+    ----------
+    points
+        Points of the input.
+    voxels
+        Voxels that they occupy.
+    rho
+        Decoded voxels for each of these.
     """
-    if points * rho > _MOST_POINTS:
-        return PARTS
-    return int(np.clip(PARTS * points // max(voxels, 1), PARTS, PARTS * _MOST))
+    if points * rho > _MAX_POINTS:
+        return UNITS
+    return int(np.clip(UNITS * points // max(voxels, 1), UNITS, UNITS * _MAX_POINTS_PER_VOXEL))
 
 
-def check_filling(parts: int, voxels: int) -> None:
-    """InputError where `points_per_voxel` cannot have said so of so many decoded voxels.
+def check_points_per_voxel(units: int, voxels: int) -> None:
+    """Raise InputError where `points_per_voxel` cannot have been so for so many decoded voxels.
 
-    0 is allowed: streams say so where voxels decode to their middles.
+    0 is allowed: it stands for one point in the centre of each voxel.
     """
-    many = parts > PARTS and voxels * parts > 2 * _MOST_POINTS * PARTS  # each cube rounds
-    if many or (parts and not PARTS <= parts <= PARTS * _MOST):
+    many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
+    if many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
         raise InputError("the stream is damaged (points of a voxel)")
 
 
-def filled(blocks: Octets, parts: int) -> Floats:
-    """Points (n, 3), in voxels, for the voxels that are kept, n being about parts / 256 as many.
+def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
+    """Points for the voxels that are kept.
 
-    With 0 they are these voxels, and so they are where these lie 2^20 apart, or where the network
-    is sure of each and it has one point.
+    Parameters
+    ----------
+    blocks
+        The decoded voxels.
+    units
+        Points of a voxel, in 256ths. With 0 each voxel has one point in its centre, as also where
+        voxels lie 2**20 apart, or the network is confident of voxels with one point each.
+
+    Returns
+    -------
+    NDArray
+        (n, 3), in voxels.
     """
     voxels = blocks.voxels().astype(np.float64)
-    if not parts or np.ptp(voxels, axis=0).max() >= _SPAN:
+    if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
         return voxels
-    chances = blocks.chances
-    sure = chances[blocks.kept].sum() / chances.sum()
-    if sure >= _SURE:
-        each = np.full(len(voxels), parts / PARTS)
-        return voxels if parts == PARTS else _spread(voxels, each, _ONTO_VOXELS)
-    expected = chances.sum(axis=1)
-    aside = chances @ (CORNERS - 0.5) / (2 * expected[:, None])
+    probabilities = blocks.probabilities
+    confidence = probabilities[blocks.kept].sum() / probabilities.sum()
+    if confidence >= _CONFIDENT:
+        counts = np.full(len(voxels), units / UNITS)
+        return voxels if units == UNITS else _placed(voxels, counts, _VOXEL_PROJECTION)
+    expected = probabilities.sum(axis=1)
+    centroids = probabilities @ (CORNERS - 0.5) / (2 * expected[:, None])
     kept = len(voxels) / len(expected)
-    trust = np.clip((kept - _THIN) / (_DENSE - _THIN), 0, 1)
-    shares = kept * parts / PARTS * (1 + trust * (expected / expected.mean() - 1))
-    points = _spread(blocks.places + _MODESTY * aside, shares, _ONTO_BLOCKS)
+    trust = np.clip((kept - _SPARSE) / (_DENSE - _SPARSE), 0, 1)
+    counts = kept * units / UNITS * (1 + trust * (expected / expected.mean() - 1))
+    points = _placed(blocks.positions + _SHRINKAGE * centroids, counts, _BLOCK_PROJECTION)
     return 2 * points + 0.5
 
 
-def _spread(middles: Floats, shares: Floats, onto: float) -> Floats:
-    """Points side by side around middles (m, 3) that lie within half of 1 of different integers.
+def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
+    """Points side by side around centres (m, 3), on the planes of the centres around.
 
-    shares: (m,), how many points there should be around each. onto: how far they move onto the
-    plane of the middles around.
+    The centres lie within 1/2 of distinct integers; counts (m,) are the points wanted of each.
     """
     from puckbench.geometry.tangent_planes import tangents
 
-    found = tangents(np.rint(_FINE * (middles + 0.5)).astype(np.int64), _FINE)
-    moved = middles - (onto / _FINE * found.off)[:, None] * found.normals
-    numbers = _numbers(shares, found.around)
-    parts = [(numbers == number, int(number)) for number in np.unique(numbers)]
-    return np.concatenate([_side_by_side(moved[k], found.normals[k], n) for k, n in parts])
+    found = tangents(np.rint(_SUBDIVISION * (centres + 0.5)).astype(np.int64), _SUBDIVISION)
+    moved = centres - (projection / _SUBDIVISION * found.off)[:, None] * found.normals
+    whole = _whole_counts(counts, found.around)
+    parts = [(whole == count, int(count)) for count in np.unique(whole)]
+    return np.concatenate([_on_plane(moved[k], found.normals[k], n) for k, n in parts])
 
 
-def _numbers(shares: Floats, around: Floats) -> NDArray[np.int64]:
-    """Whole numbers for shares (m,), at least one each, together about as many.
+def _whole_counts(counts: Floats, around: Floats) -> NDArray[np.int64]:
+    """Integers for counts (m,), at least one each, with about the same sum.
 
-    What is left goes to those with the fewest others around: the network has left others out there.
+    The remainder goes to those with the fewest others around, where others were not kept.
     """
-    whole = np.floor(shares)
-    left = int(np.rint(shares.sum()) - whole.sum())
+    whole = np.floor(counts)
+    left = int(np.rint(counts.sum()) - whole.sum())
     whole[np.argsort(around, kind="stable")[:left]] += 1
-    return np.clip(whole, 1, 8 * _MOST).astype(np.int64)
+    return np.clip(whole, 1, 8 * _MAX_POINTS_PER_VOXEL).astype(np.int64)
 
 
-def _side_by_side(middles: Floats, normals: Floats, number: int) -> Floats:
-    """So many points (m * number, 3) around each middle (m, 3), across its normal."""
-    rows = np.arange(len(middles))
+def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
+    """Points (m * count, 3) around centres (m, 3), on the planes with these normals (m, 3)."""
+    rows = np.arange(len(centres))
     axis = np.abs(normals).argmax(axis=1)
     steep = np.where(normals[rows, axis] == 0, 1, normals[rows, axis])
-    points = np.repeat(middles[:, None], number, axis=1)
-    for across, offsets in zip((1, 2), _places(number), strict=True):
+    points = np.repeat(centres[:, None], count, axis=1)
+    for across, offsets in zip((1, 2), _square_pattern(count), strict=True):
         other = (axis + across) % 3
         points[rows, :, other] += offsets
         points[rows, :, axis] -= (normals[rows, other] / steep)[:, None] * offsets
     return points.reshape(-1, 3)
 
 
-def _places(number: int) -> Floats:
-    """Where so many points stand on a square of side 1, off its middle: (2, number)."""
-    if number == 2:
+def _square_pattern(count: int) -> Floats:
+    """Evenly spread places on a square of side 1, relative to its centre: (2, count)."""
+    if count == 2:
         return np.array([[-0.25, 0.25], [-0.25, 0.25]])
-    rows = int(np.ceil(np.sqrt(number)))
-    few, more = divmod(number, rows)
-    many = np.full(rows, few)
-    many[((np.arange(more) + 0.5) * rows / max(more, 1)).astype(int)] += 1
-    one = np.repeat(_middles(rows), many)
-    return np.stack([one, np.concatenate([_middles(points) for points in many])])
+    rows = int(np.ceil(np.sqrt(count)))
+    few, more = divmod(count, rows)
+    in_row = np.full(rows, few)
+    in_row[((np.arange(more) + 0.5) * rows / max(more, 1)).astype(int)] += 1
+    first = np.repeat(_midpoints(rows), in_row)
+    return np.stack([first, np.concatenate([_midpoints(points) for points in in_row])])
 
 
-def _middles(parts: int) -> Floats:
-    """The middles (parts,) of equal parts of a side."""
+def _midpoints(parts: int) -> Floats:
+    """Midpoints (parts,) of equal parts of a side, relative to its middle."""
     return np.asarray((np.arange(parts) + 0.5) / parts - 0.5)

@@ -1,33 +1,34 @@
-"""Entropy coding of the latent: constriction's range coder over the integer tables."""
+"""Entropy coding with fixed integer tables: constriction's range coder."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.learned.entropy_bottleneck import Table
+from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
 from puckbench.core.errors import InputError
 
 Integers = NDArray[np.int32]
 _ESCAPE_RANGE = 2**16
-_WORD = 4
+_WORD_BYTES = 4
 
 
-def encode_latent(latent: Integers, tables: tuple[Table, ...]) -> bytes:
-    """Code integers (n, channels), a channel after the other."""
+def encode_latent(latent: Integers, tables: tuple[FrequencyTable, ...]) -> bytes:
+    """Code integers (n, channels), channel by channel."""
     return encode_groups(zip(latent.T, tables, strict=True))
 
 
-def decode_latent(data: bytes, count: int, tables: tuple[Table, ...]) -> Integers:
+def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -> Integers:
     """Integers (count, channels) of `encode_latent`; InputError when the data are damaged."""
     columns = decode_groups(data, [(count, table) for table in tables])
     return np.stack(columns, axis=1)
 
 
-def encode_groups(groups: Iterable[tuple[Integers, Table]]) -> bytes:
+def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
     """Code groups of integers (n,), each with a table of its own.
 
     Values outside a group's table are escaped: the last symbol, then 16 bits each after the
@@ -48,24 +49,31 @@ def encode_groups(groups: Iterable[tuple[Integers, Table]]) -> bytes:
     return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
-def decode_groups(data: bytes, groups: Iterable[tuple[int, Table]]) -> list[Integers]:
+def decode_groups(data: bytes, groups: Iterable[tuple[int, FrequencyTable]]) -> list[Integers]:
     """The groups of `encode_groups`, of given sizes; InputError when the data are damaged."""
+    with range_decoder(data, "features") as coder:
+        return [_decode_group(coder, count, table) for count, table in groups]
+
+
+@contextmanager
+def range_decoder(data: bytes, what: str) -> Iterator[Any]:
+    """A decoder of data that must be used up when it is left; InputError when they are damaged."""
     import constriction
 
-    if len(data) % _WORD:
-        raise InputError("the stream is damaged (features)")
+    damaged = f"the stream is damaged ({what})"
+    if len(data) % _WORD_BYTES:
+        raise InputError(damaged)
     words = np.frombuffer(data, dtype="<u4").astype(np.uint32)
     coder = constriction.stream.queue.RangeDecoder(words)
     try:
-        decoded = [_decode_group(coder, count, table) for count, table in groups]
-    except (AssertionError, ValueError) as error:  # constriction's word for impossible data
-        raise InputError("the stream is damaged (features)") from error
+        yield coder
+    except (AssertionError, ValueError) as error:  # constriction's errors for impossible data
+        raise InputError(damaged) from error
     if not coder.maybe_exhausted():
-        raise InputError("the stream is damaged (features)")
-    return decoded
+        raise InputError(damaged)
 
 
-def _decode_group(coder: Any, count: int, table: Table) -> Integers:
+def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
     escape = len(table.frequencies) - 1
     symbols: Integers = coder.decode(_model(table), count)
     values = symbols + np.int32(table.lowest)
@@ -76,7 +84,7 @@ def _decode_group(coder: Any, count: int, table: Table) -> Integers:
     return values
 
 
-def _model(table: Table) -> Any:
+def _model(table: FrequencyTable) -> Any:
     """constriction's model of a table; it rounds the frequencies alike on every machine."""
     import constriction
 

@@ -1,7 +1,7 @@
-"""What coder and decoder know around a voxel's children: which cells are occupied, which unknown.
+"""The causal neighbourhood of a voxel's children: what encoder and decoder know before coding them.
 
 A voxel's children and the ring around them are 4x4x4 cells, a bit each, ``x + 4 y + 16 z``; its own
-children are the inner eight. A cell is unknown while its parent is there but not coded yet.
+children are the inner eight. A cell is unknown while its parent is occupied but not coded yet.
 """
 
 from __future__ import annotations
@@ -12,21 +12,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.learned.sparse.voxels import CENTRE, CHILDREN, FACES, OFFSETS, Table
+from puckbench.codecs.learned.sparse.voxels import CENTRE, CHILDREN, FACES, OFFSETS, NeighbourTable
 from puckbench.core.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]
 _STEPS = (1, 4, 16)
 
 
-class Cells(NamedTuple):
-    """Numbers of cells, and sets of them as 64 bits.
+class CellMasks(NamedTuple):
+    """Numbers of cells, and sets of cells as masks of 64 bits.
 
-    occupied: (27, 256) those of a neighbour's children with a code. whole: (27,) all of its.
-    own: (8,) of a voxel's children. beyond: (8, 3) those at a child's faces outside its voxel.
-    second: (8, 3) those two steps away to the other side. edges: (8, 3) those outside at its edges
-    where two faces meet outside, across: (8, 6) where one does. faces, ring, corners, far: (8,) all
-    that a child touches by faces, edges and corners, and all that it does not touch.
+    Parameters
+    ----------
+    occupied
+        (27, 256), masks of the occupied children of the neighbour at each offset, by their code.
+    whole
+        (27,), masks of all children of the neighbour at each offset.
+    own
+        (8,), cells of a voxel's children.
+    beyond
+        (8, 3), cells that share a face with a child, outside its voxel, along x, y and z.
+    second
+        (8, 3), cells two steps from a child, on the other side.
+    edges
+        (8, 3), cells that share an edge with a child, where both faces at it are outside the voxel.
+    across
+        (8, 6), the same, where one of the faces is.
+    faces, ring, corners, far
+        (8,), masks of all cells that share a face, an edge, a corner, or nothing with a child.
     """
 
     occupied: Ints
@@ -42,80 +55,94 @@ class Cells(NamedTuple):
     far: Ints
 
 
-class Known(NamedTuple):
-    """What is known of a level.
+class LevelState(NamedTuple):
+    """What is known of the children of a level's n voxels so far.
 
-    neighbours: (27, n). codes: (n,) children so far, a bit each. done: (n,) whether all are known.
-    occupied, unknown: (n,) cells around a voxel, of the groups before its own. touched: (n,) which
-    of the six faces have a neighbour; crowd: (n,) how many neighbours there are; spread: (n,) along
-    which axes they are, see `_spread`.
+    Parameters
+    ----------
+    neighbours
+        (27, n), table of neighbours.
+    codes
+        (n,), occupied children, a bit each.
+    done
+        (n,), whether all children are known.
+    occupied, unknown
+        (n,), masks of the cells around a voxel, by the groups before its own.
+    face_neighbours
+        (n,), which of the six faces have a neighbour, a bit each.
+    neighbour_counts
+        (n,), how many neighbours there are.
+    orientations
+        (n,), how the neighbours are distributed along the axes, see `_share_outside_layer`.
     """
 
-    neighbours: Table
+    neighbours: NeighbourTable
     codes: NDArray[np.uint8]
     done: NDArray[np.bool_]
     occupied: Ints
     unknown: Ints
-    touched: NDArray[np.uint8]
-    crowd: NDArray[np.uint8]
-    spread: NDArray[np.uint8]
+    face_neighbours: NDArray[np.uint8]
+    neighbour_counts: NDArray[np.uint8]
+    orientations: NDArray[np.uint8]
 
 
-def known_of(neighbours: Table) -> Known:
-    """A level of which nothing is known yet."""
+def empty_state(neighbours: NeighbourTable) -> LevelState:
+    """The state of a level before any of its voxels is coded."""
     count = neighbours.shape[1]
-    codes, touched, crowd, spread = np.zeros((4, count), np.uint8)
+    codes, *rest = np.zeros((4, count), np.uint8)
     occupied, unknown = np.empty((2, count), np.int64)
-    return Known(
-        neighbours, codes, np.zeros(count, np.bool_), occupied, unknown, touched, crowd, spread
-    )
+    return LevelState(neighbours, codes, np.zeros(count, np.bool_), occupied, unknown, *rest)
 
 
-def look_around(level: Known, rows: Ints) -> None:
-    """Note what is known around some voxels, before their first symbols are coded."""
-    _look_around(level, rows, CELLS)
+def find_neighbourhood(level: LevelState, rows: Ints) -> None:
+    """Find the causal neighbourhood of some voxels, before their first symbols are coded."""
+    _find_neighbourhood(level, rows, CELLS)
 
 
 @compiled_in_place
-def _look_around(level: Known, rows: Ints, cells: Cells) -> None:
+def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None:
     for i in range(len(rows)):
         row = rows[i]
-        occupied, unknown, crowd, touched, x, y, z = 0, 0, -1, 0, 0, 0, 0
+        occupied, unknown, count, faces, x, y, z = 0, 0, -1, 0, 0, 0, 0
         for offset in range(OFFSETS):
             other = level.neighbours[offset, row]
             if other >= 0:
-                crowd += 1
+                count += 1
                 x, y, z = x + (offset % 3 != 1), y + (offset // 3 % 3 != 1), z + (offset // 9 != 1)
                 if level.done[other]:
                     occupied |= cells.occupied[offset, level.codes[other]]
                 elif offset != CENTRE:
                     unknown |= cells.whole[offset]
         for place in range(6):
-            touched |= (level.neighbours[FACES[place], row] >= 0) << place
+            faces |= (level.neighbours[FACES[place], row] >= 0) << place
         level.occupied[row], level.unknown[row] = occupied, unknown
-        level.touched[row], level.crowd[row] = touched, crowd
-        level.spread[row] = 9 * _spread(x, crowd) + 3 * _spread(y, crowd) + _spread(z, crowd)
+        level.face_neighbours[row], level.neighbour_counts[row] = faces, count
+        level.orientations[row] = (
+            9 * _share_outside_layer(x, count)
+            + 3 * _share_outside_layer(y, count)
+            + _share_outside_layer(z, count)
+        )
 
 
 @compiled_in_place
-def _spread(beside: int, crowd: int) -> int:
-    """Share of the neighbours that are not in the voxel's own layer along an axis, in three steps.
+def _share_outside_layer(outside: int, count: int) -> int:
+    """Share of the neighbours that are outside the voxel's layer along an axis, in three steps.
 
     Of a full neighbourhood it is 18 / 26, of a plane across the axis 0, of one along it 6 / 8.
     """
-    return (20 * beside >= 9 * crowd) + (20 * beside >= 13 * crowd)
+    return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
 
 @compiled_in_place
-def count_of(cells: int) -> int:
-    """How many cells are in a set."""
+def popcount(cells: int) -> int:
+    """Number of cells in a set."""
     pairs = cells - ((cells >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
     eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
     return (eights * 0x0101010101010101) >> 56
 
 
-def _cells() -> Cells:
+def _cells() -> CellMasks:
     occupied, whole = np.zeros((OFFSETS, 256), np.int64), np.zeros(OFFSETS, np.int64)
     for offset in range(OFFSETS):
         steps = [2 * (offset // 3**axis % 3 - 1) for axis in range(3)]
@@ -128,7 +155,7 @@ def _cells() -> Cells:
     own = np.array([_cell(place) for place in places])
     out = np.array([[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)])
     sides = [(a, b) for a in range(3) for b in range(3) if a != b]
-    return Cells(
+    return CellMasks(
         occupied,
         whole,
         own,
@@ -152,7 +179,7 @@ def _bit(cell: int) -> np.int64:
 
 
 def _at_steps(places: list[list[int]], steps: int | None) -> Ints:
-    """For each child the cells that it touches in so many axes' steps; for none those far away."""
+    """For each child the mask of cells that many steps away; for None of those it does not touch."""
     found = np.zeros(CHILDREN, np.int64)
     for child, place in enumerate(places):
         for cell in product(range(4), repeat=3):

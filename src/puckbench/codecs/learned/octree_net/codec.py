@@ -15,8 +15,8 @@ from pydantic import Field
 from puckbench.codecs.base import Memory, Parameters
 from puckbench.codecs.gpcc.codec import EIGHTHS
 from puckbench.codecs.gpcc.grid import frame_of, in_frame, quantised
+from puckbench.codecs.learned.catalogue import OCTREE_NET
 from puckbench.codecs.learned.codec import Learned, LearnedOptions
-from puckbench.codecs.learned.octree_net.catalogue import NETWORK
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
@@ -50,7 +50,7 @@ class SparseOctreeNet(Learned["Weights"]):
     memory = Memory(1500, 3000)
     training = "puckbench.codecs.learned.octree_net.training_settings:Training"
     version = "sparse_octree_net, stream version 3"
-    network = NETWORK
+    network = OCTREE_NET
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -69,7 +69,7 @@ class SparseOctreeNet(Learned["Weights"]):
     def _coded(self, points: Floats, scale: float) -> Coded:
         from puckbench.codecs.learned.octree_net.coder import Coder, split
         from puckbench.codecs.learned.octree_net.stream import Coded
-        from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, distinct, morton_keys
+        from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, unique_keys, morton_keys
 
         frame = frame_of(points, self.options.unit, scale)
         positions, origin = quantised(points, frame, scale, "nearest")
@@ -77,7 +77,7 @@ class SparseOctreeNet(Learned["Weights"]):
             raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")
         weights = self._weights({"scale": scale})
         coder = Coder(weights.model, self.options.threads)
-        parts = tuple(coder.encode(keys) for keys in split(distinct(morton_keys(positions))))
+        parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
         x, y, z = origin.tolist()
         return Coded(weights.digest, scale, (x, y, z), frame, parts)
 

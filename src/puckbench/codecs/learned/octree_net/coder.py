@@ -1,4 +1,4 @@
-"""Coding voxels level by level: the network predicts, the range coder codes."""
+"""Coding voxels level by level: the network predicts symbols, context mixing codes them."""
 
 from __future__ import annotations
 
@@ -12,67 +12,78 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.common.binary_coder import read_to_its_end, written
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.learned.octree_net.causal_neighbourhood import Known, known_of, look_around
-from puckbench.codecs.learned.octree_net.frequencies import Frequencies
+from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
+    LevelState,
+    empty_state,
+    find_neighbourhood,
+)
 from puckbench.codecs.learned.octree_net.inference import (
     Features,
     Group,
     Network,
-    before_groups,
-    below,
+    child_features,
     chunks_of,
+    convolved,
     group_of,
     network_of,
-    start,
+    root_features,
 )
 from puckbench.codecs.learned.octree_net.layers import Rows
 from puckbench.codecs.learned.octree_net.mixing import code_symbols, reader, writer
 from puckbench.codecs.learned.octree_net.model import OctreeNet
-from puckbench.codecs.learned.octree_net.stream import MOST_VOXELS, Part
-from puckbench.codecs.learned.octree_net.symbols import Symbols, groups_of, slots_of, symbols_of
-from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.octree_net.stream import MAX_VOXELS, Part
+from puckbench.codecs.learned.octree_net.symbols import (
+    Frequencies,
+    Symbols,
+    groups_of,
+    slots_of,
+    symbols_of,
+)
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import (
     AXIS_BITS,
     Keys,
     Voxels,
     children_voxels,
-    distinct,
     keys_of_slots,
     morton_keys,
     morton_voxels,
     parents_of,
     pyramid,
+    unique_keys,
 )
 from puckbench.core.errors import InputError
 
-_MOST_TOP = 64
-"""Voxels of the level where the network begins, at most; there the octree coder's bits are few."""
+_MAX_TOP = 64
+"""Voxels of the top level, where the network begins; coarser levels cost few bits."""
 
-Code = Callable[[Known, int, bool, Rows, Frequencies], Symbols]
-"""Codes or reads the first or second symbols of some rows of a level's group; returns them."""
+Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
+"""Codes the first or second symbols of some rows of a level's group; returns the symbols."""
 
 
 @dataclass(frozen=True)
 class Coder:
-    """Codes voxels with a network, on one thread or more with the same result."""
+    """Encoder and decoder of voxels; the number of threads does not change the result."""
 
     model: OctreeNet
     threads: int | None = None
 
     def encode(self, keys: Keys) -> Part:
-        """Code voxels, keys ascending and distinct."""
+        """Code voxels by their keys (n,), ascending and distinct."""
         sets = [keys]
-        while len(sets[-1]) > _MOST_TOP:
+        while len(sets[-1]) > _MAX_TOP:
             sets.append(parents_of(sets[-1])[0])
         mixer = writer(sum(map(len, sets[1:])))
-        waiting = chain.from_iterable(map(_runs, sets[:0:-1], sets[-2::-1]))
+        waiting = chain.from_iterable(map(_symbol_runs, sets[:0:-1], sets[-2::-1]))
 
-        def code(level: Known, group: int, second: bool, rows: Rows, said: Frequencies) -> Symbols:
+        def code(
+            level: LevelState, group: int, second: bool, rows: Rows, predicted: Frequencies
+        ) -> Symbols:
             symbols = next(waiting)
-            code_symbols(mixer, level, group, second, rows, symbols, said)
+            code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        self._descend(sets[-1], len(sets) - 1, code, len(keys))
+        self._traverse(sets[-1], len(sets) - 1, code, len(keys))
         top = encode_voxels(morton_voxels(sets[-1]))
         return Part(len(keys), len(sets) - 1, top, written(mixer.bits))
 
@@ -80,85 +91,94 @@ class Coder:
         """The keys of a part; InputError when it is damaged."""
         mixer = reader(part.symbols)
 
-        def code(level: Known, group: int, second: bool, rows: Rows, said: Frequencies) -> Symbols:
+        def code(
+            level: LevelState, group: int, second: bool, rows: Rows, predicted: Frequencies
+        ) -> Symbols:
             symbols = np.zeros(len(rows), dtype=np.uint8)
-            code_symbols(mixer, level, group, second, rows, symbols, said)
+            code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        keys = self._descend(_top_keys(part), part.levels, code, part.count)
+        keys = self._traverse(_top_keys(part), part.levels, code, part.count)
         if len(keys) != part.count or not read_to_its_end(mixer.bits):
             raise InputError("the stream is damaged (its number of voxels)")
         return keys
 
-    def _descend(self, top: Keys, levels: int, code: Code, most: int) -> Keys:
-        """From the top level to the finest; InputError where one has more than `most` voxels."""
+    def _traverse(self, top: Keys, levels: int, code: Code, max_voxels: int) -> Keys:
+        """Code from the top level down; the keys of the finest level."""
         network = network_of(self.model)
-        with crew(self.threads) as workers:
-            level = Level(network, workers, pyramid(top, 0)[0][0], start(network, len(top)))
+        with thread_pool(self.threads) as pool:
+            voxels = pyramid(top, 0)[0][0]
+            level = Level(network, pool, voxels, root_features(network, len(top)))
             for depth in range(levels, 0, -1):
-                level = level.next(code, most, last=depth == 1)
+                level = level.next(code, max_voxels, last=depth == 1)
         return level.voxels.keys
 
 
 @dataclass(frozen=True)
 class Level:
-    """Voxels of a level, and the features that those above have left them."""
+    """Voxels of an octree level, with the features handed down by the levels above."""
 
     network: Network
-    crew: Crew
+    pool: ThreadPool
     voxels: Voxels
     features: Features
 
-    def next(self, code: Code, most: int, last: bool) -> Level:
-        """The next finer level, of at most `most` voxels; of the `last` one only the keys count."""
+    def next(self, code: Code, max_voxels: int, last: bool) -> Level:
+        """Code the next finer level; of the `last` one only the keys are made.
+
+        Raises
+        ------
+        InputError
+            It has more than `max_voxels`.
+        """
         features, slots = self._coded(code)
-        if len(slots) > most:
+        if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
-            return Level(self.network, self.crew, _keys_only(keys), features)
-        handed = below(self.network, features, slots, self.crew)
-        voxels = children_voxels(self.voxels, keys, self.crew)
-        return Level(self.network, self.crew, voxels, handed)
+            return Level(self.network, self.pool, _keys_only(keys), features)
+        handed_down = child_features(self.network, features, slots, self.pool)
+        voxels = children_voxels(self.voxels, keys, self.pool)
+        return Level(self.network, self.pool, voxels, handed_down)
 
     def _coded(self, code: Code) -> tuple[Features, Rows]:
-        """Code all symbols: features that know them, and the slots of the children."""
+        """Code all symbols: the updated features, and the slots of the occupied children."""
         table = self.voxels.neighbours
-        features = before_groups(self.network, self.features, table, self.crew)
-        symbols, known = np.empty((2, len(self.voxels)), dtype=np.uint8), known_of(table)
+        features = convolved(self.network, self.features, table, self.pool)
+        symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
         for number, rows in enumerate(groups_of(self.voxels.keys)):
             group = group_of(self.network, number, rows)
-            self._code(group, features, known, symbols, code)
+            self._code_group(group, features, state, symbols, code)
         if (symbols == 0).all(axis=0).any():
             raise InputError("the stream is damaged (a voxel without children)")
         return features, slots_of(*symbols)
 
-    def _code(
-        self, group: Group, features: Features, known: Known, symbols: Symbols, code: Code
+    def _code_group(
+        self, group: Group, features: Features, state: LevelState, symbols: Symbols, code: Code
     ) -> None:
-        """Code a group's symbols; while those of a chunk are coded the crew works on others."""
+        """Code a group's symbols; while those of a chunk are coded other threads predict more."""
 
-        def say(chunk: slice) -> Frequencies:
-            look_around(known, group.rows[chunk])
-            return group.say_first(features, known.neighbours, chunk)
+        def predict_first(chunk: slice) -> Frequencies:
+            find_neighbourhood(state, group.rows[chunk])
+            return group.predict_first(features, state.neighbours, chunk)
 
-        chunks, begin = chunks_of(len(group.rows)), self.crew.begin
-        at = [group.rows[chunk] for chunk in chunks]
-        said = [begin(partial(say, chunk)) for chunk in chunks]
+        chunks, submit = chunks_of(len(group.rows)), self.pool.submit
+        rows = [group.rows[chunk] for chunk in chunks]
+        waiting = [submit(partial(predict_first, chunk)) for chunk in chunks]
         for i, chunk in enumerate(chunks):
-            first = symbols[0, at[i]] = code(known, group.number, False, at[i], said[i]())
-            said[i] = begin(partial(group.say_second, chunk, first))
-        finished = []
+            first = symbols[0, rows[i]] = code(state, group.number, False, rows[i], waiting[i]())
+            waiting[i] = submit(partial(group.predict_second, chunk, first))
+        updates = []
         for i, chunk in enumerate(chunks):
-            second = symbols[1, at[i]] = code(known, group.number, True, at[i], said[i]())
-            finished.append(begin(partial(group.finish, chunk, second, features)))
-        for wait in finished:
+            second = symbols[1, rows[i]] = code(state, group.number, True, rows[i], waiting[i]())
+            updates.append(submit(partial(group.update, chunk, second, features)))
+        for wait in updates:
             wait()
 
 
-def _runs(keys: Keys, below: Keys) -> Iterator[Symbols]:
+def _symbol_runs(keys: Keys, children: Keys) -> Iterator[Symbols]:
     """The symbols of a level's voxels in the order in which they are coded."""
-    first, second = symbols_of(below)
+    first, second = symbols_of(children)
     for rows in groups_of(keys):
         for symbols in (first, second):
             yield from (symbols[rows[chunk]] for chunk in chunks_of(len(rows)))
@@ -171,11 +191,11 @@ def _keys_only(keys: Keys) -> Voxels:
 def _top_keys(part: Part) -> Keys:
     voxels: NDArray[np.int64] = decode_voxels(part.top)
     least, most = 0, 2 ** (AXIS_BITS - part.levels)
-    if not 0 < len(voxels) <= _MOST_TOP or voxels.min() < least or voxels.max() >= most:
+    if not 0 < len(voxels) <= _MAX_TOP or voxels.min() < least or voxels.max() >= most:
         raise InputError("the stream is damaged (its top level)")
-    return distinct(morton_keys(voxels))
+    return unique_keys(morton_keys(voxels))
 
 
-def split(keys: Keys, most: int = MOST_VOXELS) -> list[Keys]:
-    """Cut keys into parts of at most `most`, one after the other."""
-    return [keys[first : first + most] for first in range(0, len(keys), most)]
+def split(keys: Keys, max_voxels: int = MAX_VOXELS) -> list[Keys]:
+    """Cut keys into parts of at most `max_voxels`, one after the other."""
+    return [keys[first : first + max_voxels] for first in range(0, len(keys), max_voxels)]

@@ -1,6 +1,6 @@
-"""The network on a level's voxels, as the coder needs it: whole numbers, no gradients, in chunks.
+"""The network on a level's voxels for coding: integers, no gradients, in chunks.
 
-The sums are exact (see `fixed`), so what it says is what the model's own layers would say.
+The sums are exact (see `fixed_point`), so that the results are those of the model's own layers.
 """
 
 from __future__ import annotations
@@ -12,63 +12,79 @@ import numpy as np
 from torch import Tensor, nn
 
 from puckbench.codecs.learned.octree_net.fixed_point import (
-    MOST_ACTIVATION,
+    MAX_ACTIVATION,
     UNITS,
     WEIGHT_UNITS,
-    rounded,
-    weight,
+    quantised,
+    quantised_weight,
 )
-from puckbench.codecs.learned.octree_net.frequencies import Frequencies, powers
 from puckbench.codecs.learned.octree_net.layers import (
     Floats32,
     Rows,
-    around,
-    down,
+    convolution,
+    embedding,
     head,
-    returning,
-    telling,
+    scattering,
+    upsampling,
 )
 from puckbench.codecs.learned.octree_net.model import Head, Layer, OctreeNet
-from puckbench.codecs.learned.octree_net.symbols import VALUES, Symbols
-from puckbench.codecs.learned.sparse.thread_pool import Crew, Scratch
-from puckbench.codecs.learned.sparse.voxels import Table
+from puckbench.codecs.learned.octree_net.symbols import VALUES, Frequencies, Symbols, powers_of_two
+from puckbench.codecs.learned.sparse.thread_pool import Scratch, ThreadPool
+from puckbench.codecs.learned.sparse.voxels import NeighbourTable
 
-_CHUNK = 2**13
+_CHUNK_ROWS = 2**13
 
 Matrix = tuple[Floats32, Floats32]
-"""A kernel and a bias, flat, in whole numbers."""
+"""A kernel and a bias, flat, as integers."""
 
 
 def chunks_of(count: int) -> list[slice]:
-    """Rows as they are worked on, one chunk after the other or at the same time."""
-    return [slice(first, min(count, first + _CHUNK)) for first in range(0, count, _CHUNK)]
+    """The chunks that `count` rows are computed in, in order."""
+    return [
+        slice(first, min(count, first + _CHUNK_ROWS)) for first in range(0, count, _CHUNK_ROWS)
+    ]
 
 
 @dataclass(frozen=True)
 class Network:
-    """The whole numbers of a model, flat."""
+    """The integers of a model, flat.
 
-    width: int
-    top: Floats32
-    before: list[Matrix]
-    between: list[Matrix]
+    Parameters
+    ----------
+    channels
+        Of the features.
+    root
+        Features of a voxel of the top level.
+    convolutions, group_convolutions
+        Before the first group, and before each of the others.
+    heads
+        Hidden and last layer of the heads of first and of second symbols, for each group.
+    embeddings
+        Of first and of second symbols.
+    upsampling
+        From parents to children.
+    """
+
+    channels: int
+    root: Floats32
+    convolutions: list[Matrix]
+    group_convolutions: list[Matrix]
     heads: list[list[tuple[Matrix, Matrix]]]
-    """Of first and of second symbols, for each group."""
-    known: list[Floats32]
-    """What first and second symbols tell."""
-    down: Matrix
+    embeddings: list[Floats32]
+    upsampling: Matrix
 
 
 def network_of(model: OctreeNet) -> Network:
-    """The whole numbers of a model."""
+    """The integers of a model."""
+    embeddings = (model.first_embedding, model.second_embedding)
     return Network(
-        model.shape.width,
-        _whole(rounded(model.top), UNITS),
-        _matrices(model.before),
-        _matrices(model.between),
+        model.shape.channels,
+        _integers(quantised(model.root), UNITS),
+        _matrices(model.convolutions),
+        _matrices(model.group_convolutions),
         [_heads(model.first_heads), _heads(model.second_heads)],
-        [_whole(rounded(known), UNITS) for known in (model.first_known, model.second_known)],
-        _matrix(model.down),
+        [_integers(quantised(values), UNITS) for values in embeddings],
+        _matrix(model.upsampling),
     )
 
 
@@ -82,55 +98,67 @@ def _matrices(layers: nn.ModuleList) -> list[Matrix]:
 
 
 def _matrix(layer: Layer) -> Matrix:
-    return _whole(weight(layer.kernel), WEIGHT_UNITS), _whole(rounded(layer.bias), UNITS)
+    kernel = _integers(quantised_weight(layer.kernel), WEIGHT_UNITS)
+    return kernel, _integers(quantised(layer.bias), UNITS)
 
 
-def _whole(values: Tensor, units: int) -> Floats32:
+def _integers(values: Tensor, units: int) -> Floats32:
     return np.asarray((values.detach() * units).cpu().numpy().ravel(), dtype=np.float32)
 
 
 @dataclass(frozen=True)
 class Features:
-    """Features of a level's voxels (n * width), and what layers read of them."""
+    """Features of a level's voxels (n * channels,), and their activations."""
 
     all: Floats32
     active: Floats32
 
 
-def start(network: Network, count: int) -> Features:
-    """Of the voxels of the top level."""
-    features = np.tile(network.top, count)
-    return Features(features, features.clip(0, MOST_ACTIVATION))
+def root_features(network: Network, count: int) -> Features:
+    """Features of the voxels of the top level."""
+    features = np.tile(network.root, count)
+    return Features(features, features.clip(0, MAX_ACTIVATION))
 
 
-def before_groups(network: Network, features: Features, table: Table, crew: Crew) -> Features:
-    """Features of all voxels before anything of their children is known."""
-    for layer in network.before:
-        features = _before_group(network, layer, features, table, crew)
+def convolved(
+    network: Network, features: Features, table: NeighbourTable, pool: ThreadPool
+) -> Features:
+    """Features of a level's voxels before any of their children are known."""
+    for layer in network.convolutions:
+        features = _convolved(network, layer, features, table, pool)
     return features
 
 
-def _before_group(
-    network: Network, layer: Matrix, features: Features, table: Table, crew: Crew
+def _convolved(
+    network: Network, layer: Matrix, features: Features, table: NeighbourTable, pool: ThreadPool
 ) -> Features:
     rows = np.arange(table.shape[1])
     made = Features(np.empty_like(features.all), np.empty_like(features.all))
-    convolve, give_back = around(network.width), returning(network.width)
+    convolve, scatter = convolution(network.channels), scattering(network.channels)
 
     def work(chunk: slice, _: Scratch) -> None:
         first, last = chunk.start, chunk.stop
         convolve(table, features.all, features.active, rows, first, last, *layer, made.all)
-        give_back(made.all, first, last, rows, made.all, made.active)
+        scatter(made.all, first, last, rows, made.all, made.active)
 
-    crew.over(len(rows), _CHUNK, work)
+    pool.map_chunks(len(rows), _CHUNK_ROWS, work)
     return made
 
 
 @dataclass(frozen=True)
 class Group:
-    """Rows of a level that are coded together, and their own features (m * width).
+    """Voxels of a level that are coded together; each method works on a chunk of them.
 
-    Each of its functions works on a chunk of the rows; chunks are nobody else's business.
+    Parameters
+    ----------
+    network
+        The network.
+    number
+        Of the group.
+    rows
+        (m,), the voxels.
+    own
+        (m * channels,), their features.
     """
 
     network: Network
@@ -138,57 +166,60 @@ class Group:
     rows: Rows
     own: Floats32
 
-    def say_first(self, features: Features, table: Table, chunk: slice) -> Frequencies:
-        """What is said of the first symbols, seeing all of the groups before."""
-        width = self.network.width
+    def predict_first(
+        self, features: Features, table: NeighbourTable, chunk: slice
+    ) -> Frequencies:
+        """Frequencies of the first symbols, by what is known of the groups before."""
+        channels = self.network.channels
         if self.number:
-            around(width)(
+            convolution(channels)(
                 table, features.all, features.active, self.rows, chunk.start, chunk.stop,
-                *self.network.between[self.number - 1], self.own,
+                *self.network.group_convolutions[self.number - 1], self.own,
             )  # fmt: skip
         else:
-            every = features.all.reshape(-1, width)
-            self.own.reshape(-1, width)[chunk] = every[self.rows[chunk]]
-        return self._say(0, chunk)
+            every = features.all.reshape(-1, channels)
+            self.own.reshape(-1, channels)[chunk] = every[self.rows[chunk]]
+        return self._predict(0, chunk)
 
-    def say_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """What is said of the second symbols, knowing the first."""
-        self._tell(0, chunk, first)
-        return self._say(1, chunk)
+    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
+        """Frequencies of the second symbols, given the first."""
+        self._embed(0, chunk, first)
+        return self._predict(1, chunk)
 
-    def finish(self, chunk: slice, second: Symbols, features: Features) -> None:
-        """Let the level know both symbols."""
-        self._tell(1, chunk, second)
-        give_back = returning(self.network.width)
-        give_back(self.own, chunk.start, chunk.stop, self.rows, features.all, features.active)
+    def update(self, chunk: slice, second: Symbols, features: Features) -> None:
+        """Add both symbols' embeddings to the features of the level."""
+        self._embed(1, chunk, second)
+        scatter = scattering(self.network.channels)
+        scatter(self.own, chunk.start, chunk.stop, self.rows, features.all, features.active)
 
-    def _tell(self, half: int, chunk: slice, symbols: Symbols) -> None:
-        tell = telling(self.network.width)
-        tell(self.own, chunk.start, chunk.stop, self.network.known[half], symbols)
+    def _embed(self, half: int, chunk: slice, symbols: Symbols) -> None:
+        embed = embedding(self.network.channels)
+        embed(self.own, chunk.start, chunk.stop, self.network.embeddings[half], symbols)
 
-    def _say(self, half: int, chunk: slice) -> Frequencies:
+    def _predict(self, half: int, chunk: slice) -> Frequencies:
         hidden, logits = self.network.heads[half][self.number]
-        said = np.empty((chunk.stop - chunk.start, VALUES), np.int32)
-        say = head(self.network.width)
-        say(self.own, chunk.start, chunk.stop, *hidden, *logits, powers(), said)
-        return said
+        predicted = np.empty((chunk.stop - chunk.start, VALUES), np.int32)
+        predict = head(self.network.channels)
+        predict(self.own, chunk.start, chunk.stop, *hidden, *logits, powers_of_two(), predicted)
+        return predicted
 
 
 def group_of(network: Network, number: int, rows: Rows) -> Group:
     """A group whose features are not known yet."""
-    return Group(network, number, rows, np.empty(len(rows) * network.width, np.float32))
+    return Group(network, number, rows, np.empty(len(rows) * network.channels, np.float32))
 
 
-def below(network: Network, features: Features, slots: Rows, crew: Crew) -> Features:
-    """Features of the children at `slots`, from those of their parents."""
-    size = len(slots) * network.width
+def child_features(
+    network: Network, features: Features, slots: Rows, pool: ThreadPool
+) -> Features:
+    """Features of the children in slots ``8 * parent + child``, from those of their parents."""
+    size = len(slots) * network.channels
     made = Features(np.empty(size, np.float32), np.empty(size, np.float32))
-    descend = down(network.width)
+    upsample = upsampling(network.channels)
 
     def work(chunk: slice, _: Scratch) -> None:
-        descend(
-            features.active, slots, chunk.start, chunk.stop, *network.down, made.all, made.active
-        )
+        parents, first, last = features.active, chunk.start, chunk.stop
+        upsample(parents, slots, first, last, *network.upsampling, made.all, made.active)
 
-    crew.over(len(slots), _CHUNK, work)
+    pool.map_chunks(len(slots), _CHUNK_ROWS, work)
     return made

@@ -1,7 +1,7 @@
-"""Layers on rows of voxels, compiled: convolution, heads, what symbols tell, children.
+"""Compiled layers of the learned octree coder: convolution, heads, embeddings, upsampling.
 
-All numbers are whole, in 32-bit floats that hold them exactly: features and biases count units of
-the residual stream, weights their own units, sums both multiplied (see `fixed`).
+All numbers are integers in 32-bit floats, which hold them exactly: features and biases count units
+of the residual stream, weights their own units, sums the product of both (see `fixed_point`).
 """
 
 from __future__ import annotations
@@ -13,162 +13,165 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.learned.octree_net.fixed_point import (
-    MOST_ACTIVATION,
-    MOST_STREAM,
+    MAX_ACTIVATION,
+    MAX_RESIDUAL,
     WEIGHT_UNITS,
 )
 from puckbench.codecs.learned.octree_net.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.symbols import VALUES, Symbols
-from puckbench.codecs.learned.sparse.voxels import CHILDREN, OFFSETS, Table
+from puckbench.codecs.learned.sparse.voxels import CHILDREN, OFFSETS, NeighbourTable
 from puckbench.core.compiling import compiled
 
 Floats32 = NDArray[np.float32]
 Rows = NDArray[np.int64]
-_BLOCK = 128
+_BLOCK_ROWS = 128
 """Rows whose sums stay in a core's nearest cache."""
 _ROUNDER = np.float32(1.5 * 2**23)
-"""Added and subtracted again, it leaves the nearest whole number, halves to even."""
-_UNITS, _STREAM = np.float32(WEIGHT_UNITS), np.float32(MOST_STREAM)
-_ACTIVATION, _NONE = np.float32(MOST_ACTIVATION), np.float32(0)
+"""A number that rounds a float to the nearest integer, halves to even, when it is added and
+subtracted again."""
+_UNITS, _RESIDUAL = np.float32(WEIGHT_UNITS), np.float32(MAX_RESIDUAL)
+_ACTIVATION, _ZERO = np.float32(MAX_ACTIVATION), np.float32(0)
 
 
 @compiled
-def streamed(total: np.float32) -> np.float32:
-    """A sum as the residual stream carries it on."""
+def residual(total: np.float32) -> np.float32:
+    """A sum as the residual stream carries it on: in its units, rounded and clipped."""
     whole = (total / _UNITS + _ROUNDER) - _ROUNDER
-    return min(max(whole, -_STREAM), _STREAM)
+    return min(max(whole, -_RESIDUAL), _RESIDUAL)
 
 
 @compiled
-def activated(feature: np.float32) -> np.float32:
-    """What a layer reads of a feature."""
-    return min(max(feature, _NONE), _ACTIVATION)
+def activation(feature: np.float32) -> np.float32:
+    """The clipped ReLU, through which a layer reads a feature."""
+    return min(max(feature, _ZERO), _ACTIVATION)
 
 
 @cache
-def around(width: int) -> Callable[..., None]:
-    """Adds a 3x3x3 layer to features of some of a level's rows: see `Rows`."""
+def convolution(channels: int) -> Callable[..., None]:
+    """A compiled 3x3x3 convolution that is added to the features of some rows of a level."""
 
     def convolve(
-        table: Table, features: Floats32, active: Floats32, rows: Rows, first: int, last: int,
+        table: NeighbourTable, features: Floats32, active: Floats32, rows: Rows, first: int, last: int,
         kernel: Floats32, bias: Floats32, own: Floats32,
     ) -> None:  # fmt: skip
-        sums = np.empty(_BLOCK * width, np.float32)
-        targets, sources = np.empty(_BLOCK, np.int64), np.empty(_BLOCK, np.int64)
-        for start in range(first, last, _BLOCK):
-            count = min(_BLOCK, last - start)
+        sums = np.empty(_BLOCK_ROWS * channels, np.float32)
+        targets, sources = np.empty(_BLOCK_ROWS, np.int64), np.empty(_BLOCK_ROWS, np.int64)
+        for start in range(first, last, _BLOCK_ROWS):
+            count = min(_BLOCK_ROWS, last - start)
             for i in range(count):
-                at = rows[start + i] * width
-                for j in range(width):
-                    sums[i * width + j] = (features[at + j] + bias[j]) * _UNITS
+                at = rows[start + i] * channels
+                for j in range(channels):
+                    sums[i * channels + j] = (features[at + j] + bias[j]) * _UNITS
             for offset in range(OFFSETS):
                 pairs = 0
                 for i in range(count):
                     other = table[offset, rows[start + i]]
-                    targets[pairs], sources[pairs] = i, other  # the next one's place if none
+                    targets[pairs], sources[pairs] = i, other  # overwritten by the next one if there is none
                     pairs += other >= 0
                 add_products(
-                    sums, targets, active, sources, pairs, kernel, offset * width * width,
-                    width, width,
+                    sums, targets, active, sources, pairs, kernel, offset * channels * channels,
+                    channels, channels,
                 )  # fmt: skip
-            for k in range(count * width):
-                own[start * width + k] = streamed(sums[k])
+            for k in range(count * channels):
+                own[start * channels + k] = residual(sums[k])
 
     return compiled(convolve)
 
 
 @cache
-def head(width: int) -> Callable[..., None]:
-    """Frequencies of symbols by a head of two layers."""
+def head(channels: int) -> Callable[..., None]:
+    """A compiled head of two layers, from features to frequencies of symbols."""
 
-    def say(
+    def predict(
         own: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, powers: NDArray[np.int32],
-        said: NDArray[np.int32],
+        predicted: NDArray[np.int32],
     ) -> None:  # fmt: skip
-        read, made = np.empty((2, _BLOCK * width), np.float32)
-        sums = np.empty(_BLOCK * VALUES, np.float32)
-        every = np.arange(_BLOCK)
+        active, made = np.empty((2, _BLOCK_ROWS * channels), np.float32)
+        sums = np.empty(_BLOCK_ROWS * VALUES, np.float32)
+        every = np.arange(_BLOCK_ROWS)
         least = np.float32(len(powers) - 1)
-        for start in range(first, last, _BLOCK):
-            count = min(_BLOCK, last - start)
-            for k in range(count * width):
-                read[k] = activated(own[start * width + k])
-                made[k] = hidden_bias[k % width] * _UNITS
-            add_products(made, every, read, every, count, hidden, 0, width, width)
-            for k in range(count * width):
-                read[k] = activated(streamed(made[k]))
+        for start in range(first, last, _BLOCK_ROWS):
+            count = min(_BLOCK_ROWS, last - start)
+            for k in range(count * channels):
+                active[k] = activation(own[start * channels + k])
+                made[k] = hidden_bias[k % channels] * _UNITS
+            add_products(made, every, active, every, count, hidden, 0, channels, channels)
+            for k in range(count * channels):
+                active[k] = activation(residual(made[k]))
             for k in range(count * VALUES):
                 sums[k] = logits_bias[k % VALUES] * _UNITS
-            add_products(sums, every, read, every, count, logits, 0, width, VALUES)
+            add_products(sums, every, active, every, count, logits, 0, channels, VALUES)
             for i in range(count):
-                most = -_STREAM
+                most = -_RESIDUAL
                 for j in range(VALUES):
-                    sums[i * VALUES + j] = streamed(sums[i * VALUES + j])
+                    sums[i * VALUES + j] = residual(sums[i * VALUES + j])
                     most = max(most, sums[i * VALUES + j])
                 for j in range(VALUES):
                     below = min(most - sums[i * VALUES + j], least)
-                    said[start - first + i, j] = powers[np.int64(below)]
+                    predicted[start - first + i, j] = powers[np.int64(below)]
 
-    return compiled(say)
+    return compiled(predict)
 
 
 @cache
-def telling(width: int) -> Callable[..., None]:
-    """Adds to features what a symbol tells."""
+def embedding(channels: int) -> Callable[..., None]:
+    """A compiled addition of the embeddings of symbols to features."""
 
-    def tell(own: Floats32, first: int, last: int, known: Floats32, symbols: Symbols) -> None:
+    def embed(
+        own: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
+    ) -> None:
         for i in range(first, last):
-            at, value = i * width, np.int64(symbols[i - first]) * width
-            for j in range(width):
-                total = own[at + j] + known[value + j]
-                own[at + j] = min(max(total, -_STREAM), _STREAM)
+            at, value = i * channels, np.int64(symbols[i - first]) * channels
+            for j in range(channels):
+                total = own[at + j] + embeddings[value + j]
+                own[at + j] = min(max(total, -_RESIDUAL), _RESIDUAL)
 
-    return compiled(tell)
+    return compiled(embed)
 
 
 @cache
-def returning(width: int) -> Callable[..., None]:
-    """Puts features of some rows back among a level's, and what layers read of them."""
+def scattering(channels: int) -> Callable[..., None]:
+    """A compiled copy of the features of some rows to those of their level, and activations."""
 
-    def give_back(
+    def scatter(
         own: Floats32, first: int, last: int, rows: Rows, features: Floats32, active: Floats32
     ) -> None:
         for i in range(first, last):
-            at, into = i * width, rows[i] * width
-            for j in range(width):
+            at, into = i * channels, rows[i] * channels
+            for j in range(channels):
                 features[into + j] = own[at + j]
-                active[into + j] = activated(own[at + j])
+                active[into + j] = activation(own[at + j])
 
-    return compiled(give_back)
+    return compiled(scatter)
 
 
 @cache
-def down(width: int) -> Callable[..., None]:
-    """Features of children from those of their parents, and what layers read of them."""
+def upsampling(channels: int) -> Callable[..., None]:
+    """A compiled layer from the activations of parents to the features of their children."""
 
-    def descend(
-        read: Floats32, slots: Rows, first: int, last: int, kernel: Floats32, bias: Floats32,
+    def upsample(
+        parents: Floats32, slots: Rows, first: int, last: int, kernel: Floats32, bias: Floats32,
         features: Floats32, active: Floats32,
     ) -> None:  # fmt: skip
-        sums = np.empty(_BLOCK * width, np.float32)
-        targets, sources = np.empty(_BLOCK, np.int64), np.empty(_BLOCK, np.int64)
-        for start in range(first, last, _BLOCK):
-            count = min(_BLOCK, last - start)
-            for k in range(count * width):
-                sums[k] = bias[k % width] * _UNITS
+        sums = np.empty(_BLOCK_ROWS * channels, np.float32)
+        targets, sources = np.empty(_BLOCK_ROWS, np.int64), np.empty(_BLOCK_ROWS, np.int64)
+        for start in range(first, last, _BLOCK_ROWS):
+            count = min(_BLOCK_ROWS, last - start)
+            for k in range(count * channels):
+                sums[k] = bias[k % channels] * _UNITS
             for child in range(CHILDREN):
                 pairs = 0
                 for i in range(count):
                     targets[pairs], sources[pairs] = i, slots[start + i] >> 3
                     pairs += slots[start + i] & 7 == child
                 add_products(
-                    sums, targets, read, sources, pairs, kernel, child * width * width,
-                    width, width,
+                    sums, targets, parents, sources, pairs, kernel, child * channels * channels,
+                    channels, channels,
                 )  # fmt: skip
-            for k in range(count * width):
-                feature = streamed(sums[k])
-                features[start * width + k] = feature
-                active[start * width + k] = activated(feature)
+            for k in range(count * channels):
+                feature = residual(sums[k])
+                features[start * channels + k] = feature
+                active[start * channels + k] = activation(feature)
 
-    return compiled(descend)
+    return compiled(upsample)

@@ -1,4 +1,4 @@
-"""The bytes of a stream of the learned octree coder.
+"""The stream of the learned octree coder: identity of the weights, grid, and parts of the cloud.
 
 magic "PBON", version, CRC-32 of all that follows
 digest of the weights (8 bytes), scale (float64), origin (3 int32), frame: 0, or 1 and unit and
@@ -20,13 +20,13 @@ from puckbench.codecs.learned.sparse.voxels import AXIS_BITS
 from puckbench.core.errors import InputError
 
 MAGIC, VERSION = b"PBON", 3
-MOST_VOXELS = 2**21
-"""Of a part; larger clouds are cut, so that working memory is bounded."""
-_MOST_IN_ALL = 2**25
-_VOXELS_A_BYTE = 2**14
-"""More cannot be: eight bits, of 0.0007 bits at least (see `binary`), bring at most 8 voxels."""
-_LEAST_SCALE = 2.0**-400
-"""With less, and the largest unit, coordinates could exceed double precision."""
+MAX_VOXELS = 2**21
+"""Voxels of a part; larger clouds are cut, so that working memory is bounded."""
+_MAX_TOTAL = 2**25
+_MAX_VOXELS_PER_BYTE = 2**14
+"""A bound: eight binary decisions, each at least 0.0007 bits, bring at most 8 voxels."""
+_MIN_SCALE = 2.0**-400
+"""With a smaller scale and the largest unit coordinates could exceed double precision."""
 _START = struct.Struct("<4sBI")
 _HEADER = struct.Struct("<8sd3iB")
 _FRAME = struct.Struct("<4d")
@@ -36,7 +36,7 @@ _PART = struct.Struct("<IBHI")
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a cloud: how many voxels, levels below the top one, the top level, the symbols."""
+    """A part of a cloud: voxels, levels that the network codes, the top level, the symbols."""
 
     count: int
     levels: int
@@ -46,7 +46,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Coded:
-    """A coded cloud: which weights, which grid, and its parts."""
+    """A coded cloud: identity of the weights, grid, and parts."""
 
     digest: bytes
     scale: float
@@ -57,8 +57,8 @@ class Coded:
 
 def write_stream(coded: Coded) -> bytes:
     """The bytes of a coded cloud; InputError when it has too many voxels."""
-    if sum(part.count for part in coded.parts) > _MOST_IN_ALL:
-        raise InputError(f"the cloud has more than {_MOST_IN_ALL} voxels")
+    if sum(part.count for part in coded.parts) > _MAX_TOTAL:
+        raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
     framed = coded.frame != Frame()
     body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
     if framed:
@@ -72,9 +72,12 @@ def write_stream(coded: Coded) -> bytes:
 
 
 def read_stream(stream: bytes) -> Coded:
-    """The coded cloud; InputError for any other bytes.
+    """Parse a stream; the counts in it are checked against its size before any work begins.
 
-    What it promises is held against its size before anybody works on it.
+    Raises
+    ------
+    InputError
+        The bytes are damaged, or of another codec or version.
     """
     try:
         return _read(stream)
@@ -92,7 +95,7 @@ def _read(stream: bytes) -> Coded:
     digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
     frame, at = _read_frame(body, _HEADER.size, framed)
     parts = _read_parts(body, at)
-    if not _LEAST_SCALE < scale < np.inf:
+    if not _MIN_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
     return Coded(digest, scale, (x, y, z), frame, parts)
 
@@ -125,9 +128,9 @@ def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
 def _check(parts: list[Part]) -> None:
     """A damaged stream must not keep the decoder busy for long."""
     for part in parts:
-        most = min(MOST_VOXELS, 65536 + _VOXELS_A_BYTE * len(part.symbols))
+        most = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= most or part.levels >= AXIS_BITS:
             raise InputError("the stream is damaged (its number of voxels)")
     voxels = sum(part.count for part in parts)
-    if voxels > _MOST_IN_ALL or len(parts) != -(-voxels // MOST_VOXELS):
+    if voxels > _MAX_TOTAL or len(parts) != -(-voxels // MAX_VOXELS):
         raise InputError("the stream is damaged (its number of voxels)")

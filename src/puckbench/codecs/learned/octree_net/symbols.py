@@ -1,29 +1,38 @@
-"""Occupancy of a voxel's eight children as two symbols of four bits, and groups of voxels.
+"""Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
 
-The first symbol holds the children whose coordinates have an even sum, the second the others:
-the faces of one kind touch the other kind alone, so that the first tells most about the second.
+The first symbol of four bits holds the children whose coordinates have an even sum, the second the
+others: children of one kind share faces with the other kind alone, so that the first symbol tells
+most about the second.
 """
 
 from __future__ import annotations
 
+from decimal import Decimal
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.learned.octree_net.fixed_point import UNITS
 from puckbench.codecs.learned.sparse.voxels import CHILDREN, Keys
 
 Symbols = NDArray[np.uint8]
+Frequencies = NDArray[np.int32]
+"""Frequencies (n, 16) of the values of n symbols."""
 
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
 GROUPS = 4
-"""Of voxels, coded one group after the other. Of a square of four voxels on a plane at right angles
-to an axis each is in another group, so that three of the four know where the plane lies."""
+"""Groups of voxels, coded one after the other. The four voxels of a square on a plane at right
+angles to an axis are in four groups, so that three of the four know where the plane lies."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
+_FREQUENCY_BITS = 16
+_MIN_FREQUENCY = 8
 
 
 def _half(children: tuple[int, ...]) -> Symbols:
-    """For each of the 256 occupancies, the symbol of some of the children."""
+    """For each of the 256 occupancies, the symbol of four of the children."""
     bits = (_CODES[:, None] >> np.array(children)) & 1
     return np.asarray(bits @ (1 << np.arange(len(children))), dtype=np.uint8)
 
@@ -52,3 +61,31 @@ def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
     codes = _CODE[first, second]
     occupied = (codes[:, None] >> np.arange(CHILDREN, dtype=np.uint8)) & 1
     return np.flatnonzero(occupied)
+
+
+@cache
+def powers_of_two() -> Frequencies:
+    """2**16 times 2**(-d / UNITS), rounded, for d = 0, 1, .. until `_MIN_FREQUENCY` is reached."""
+    steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
+    exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
+    return np.array([round(power) for power in exact], dtype=np.int32)
+
+
+def frequencies(logits: NDArray[np.float32]) -> Frequencies:
+    """Integer frequencies of symbols from their logits.
+
+    Parameters
+    ----------
+    logits
+        (n, 16), to the base 2, multiples of 1 / UNITS.
+
+    Returns
+    -------
+    NDArray
+        (n, 16): 65,536 for the most likely value, at least 8 for any other.
+    """
+    units = logits * np.float32(UNITS)
+    below = (units.max(axis=1, keepdims=True) - units).astype(np.int32)
+    table = powers_of_two()
+    np.minimum(below, len(table) - 1, out=below)
+    return np.asarray(table[below])

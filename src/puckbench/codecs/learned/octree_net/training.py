@@ -1,7 +1,7 @@
-"""Training: bits of a batch's symbols as the loss, and one step.
+"""Training of the learned octree coder: bits of a batch's symbols as the loss, and one step.
 
 The network computes in fixed point while it is trained too, bit for bit as the codec will (rounding
-passes gradients unchanged), so that nothing is lost when its weights become whole numbers.
+passes gradients unchanged), so that nothing is lost when its weights become integers.
 """
 
 from __future__ import annotations
@@ -13,53 +13,57 @@ import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
-from puckbench.codecs.learned.octree_net.fixed_point import MOST_ACTIVATION, MOST_SUM, WEIGHT_UNITS
-from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet, index
+from puckbench.codecs.learned.octree_net.fixed_point import MAX_ACTIVATION, MAX_SUM, WEIGHT_UNITS
+from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet, as_index
 from puckbench.codecs.learned.octree_net.symbols import Symbols, groups_of, symbols_of
-from puckbench.codecs.learned.sparse.convolution import Site, site
-from puckbench.codecs.learned.sparse.kernel_map import rows_layout
-from puckbench.codecs.learned.sparse.thread_pool import Crew
+from puckbench.codecs.learned.sparse.convolution import Neighbourhood, neighbourhood
+from puckbench.codecs.learned.sparse.kernel_map import voxel_kernel_map
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool
 from puckbench.codecs.learned.sparse.voxels import Keys, pyramid
 from puckbench.codecs.learned.training.examples import batch
-from puckbench.codecs.learned.training.loop import Trainer as AnyTrainer
+from puckbench.codecs.learned.training.loop import Trainer as BaseTrainer
 from puckbench.codecs.learned.training.settings import Training
 
-_LARGEST_ROW = 0.9 * MOST_SUM / (MOST_ACTIVATION * WEIGHT_UNITS)
-"""Sum of a layer's weights onto one feature, at most: exact sums, and something to spare."""
+_MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
+"""Sum of a layer's weights onto one feature, at most: sums stay exact, with a margin."""
 
 
-def bits_per_level(model: OctreeNet, keys: Keys, levels: int, crew: Crew) -> list[Tensor]:
-    """Bits of all symbols of each of the `levels` above voxels in Morton order, coarse first."""
-    device = model.top.device
-    sets, families = pyramid(keys, levels, crew)
-    features = model.start(len(sets[-1]))
+def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
+    """Bits of all symbols of each of the `levels` above voxels in Morton order, coarsest first."""
+    device = model.root.device
+    sets, child_maps = pyramid(keys, levels, pool)
+    features = model.root_features(len(sets[-1]))
     bits = []
     for depth in range(levels, 0, -1):
-        where = site(sets[depth].neighbours, rows_layout(), crew, device)
-        features = model.before_groups(features, where)
+        where = neighbourhood(sets[depth].neighbours, voxel_kernel_map(), pool, device)
+        features = model.convolved(features, where)
         symbols = symbols_of(sets[depth - 1].keys)
         of_level, features = _bits_of_level(model, features, sets[depth].keys, symbols, where)
         bits.append(of_level)
         if depth > 1:
-            slots = torch.from_numpy(families[depth - 1].slots).to(device)
-            features = model.below(features, slots)
+            slots = torch.from_numpy(child_maps[depth - 1].slots).to(device)
+            features = model.child_features(features, slots)
     return bits
 
 
 def _bits_of_level(
-    model: OctreeNet, features: Tensor, keys: Keys, symbols: tuple[Symbols, Symbols], where: Site
+    model: OctreeNet,
+    features: Tensor,
+    keys: Keys,
+    symbols: tuple[Symbols, Symbols],
+    where: Neighbourhood,
 ) -> tuple[Tensor, Tensor]:
-    """Bits of a level's symbols, and features that know them."""
+    """Bits of a level's symbols, and features with the embeddings of these symbols."""
     bits = []
     for group, rows in enumerate(groups_of(keys)):
         if len(rows):
-            at = index(rows, features)
-            own = model.of_group(group, features, at, where)
-            first, second = (index(symbol[rows], features) for symbol in symbols)
+            index = as_index(rows, features)
+            own = model.group_features(group, features, index, where)
+            first, second = (as_index(symbol[rows], features) for symbol in symbols)
             bits.append(_bits(model.first_heads[group](own), first))
             own = model.with_first(own, first)
             bits.append(_bits(model.second_heads[group](own), second))
-            features = features.index_copy(0, at, model.with_second(own, second))
+            features = features.index_copy(0, index, model.with_second(own, second))
     return torch.stack(bits).sum(), features
 
 
@@ -69,22 +73,22 @@ def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
     return nats / math.log(2)
 
 
-class Trainer(AnyTrainer[OctreeNet, float]):
-    """A network in training."""
+class Trainer(BaseTrainer[OctreeNet, float]):
+    """The learned octree coder in training."""
 
-    steepest = 1.0
+    max_gradient_norm = 1.0
 
-    def __init__(self, model: OctreeNet, training: Training, crew: Crew) -> None:
+    def __init__(self, model: OctreeNet, training: Training, pool: ThreadPool) -> None:
         super().__init__(model, training)
-        self.crew = crew
+        self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> float:
-        """One step on a batch of cubes; bits per voxel."""
+        """One step on a batch of cubes; returns bits per voxel."""
         keys = batch(clouds)
-        levels = (self.training.side - 1).bit_length()
-        loss = torch.stack(bits_per_level(self.model, keys, levels, self.crew)).sum() / len(keys)
-        self.descend(loss)
-        limit(self.model)
+        levels = (self.training.cube_size - 1).bit_length()
+        loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)
+        self.optimiser_step(loss)
+        limit_weights(self.model)
         return float(loss.detach())
 
     def row(self, loss: float) -> dict[str, float]:
@@ -92,10 +96,10 @@ class Trainer(AnyTrainer[OctreeNet, float]):
         return {"bits_per_voxel": loss}
 
 
-def limit(model: OctreeNet) -> None:
-    """Shrink the weights onto a feature where their sums might cease to be exact."""
+def limit_weights(model: OctreeNet) -> None:
+    """Shrink the weights onto each feature whose sums might cease to be exact."""
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, Layer):
                 rows = layer.kernel.abs().sum(dim=(0, 1))
-                layer.kernel.mul_((_LARGEST_ROW / rows).clamp_max(1))
+                layer.kernel.mul_((_MAX_ROW / rows).clamp_max(1))

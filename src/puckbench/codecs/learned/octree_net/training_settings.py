@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from puckbench.codecs.learned.training.settings import Training as AnyTraining
-from puckbench.core.errors import InputError
+from pydantic import PositiveFloat, PositiveInt
+
+from puckbench.codecs.learned.training.settings import Training as BaseTraining
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.octree_net.examples import Examples
@@ -17,28 +17,29 @@ if TYPE_CHECKING:
     from puckbench.geometry.cloud import Floats
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training(AnyTraining):
-    """A training of the learned octree coder.
+class Training(BaseTraining):
+    """A training of the learned octree coder; `cube_size` should be a power of two.
 
-    side: a power of two. scales: of the grids that cubes are cut on, coarsest and finest. width:
-    of the features. before: convolutions before a level's first group. symmetries: of a cube in
-    which it may be met, all 48 or the 8 that keep what is upright so.
+    Parameters
+    ----------
+    scales
+        Scales of the coarsest and of the finest grid that cubes are cut on.
+    channels
+        Channels of the features.
+    convolutions
+        Convolutions of a level before its first group of voxels.
+    symmetries
+        Symmetries of the cube that examples are drawn in: all 48, or the 8 about the vertical axis.
     """
 
-    steps: int = 3000
-    cubes: int = 2
-    side: int = 128
-    rate_first: float = 3e-3
-    scales: tuple[float, float] = (0.1, 1.1)
-    width: int = 32
-    before: int = 1
-    symmetries: int = 48
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.symmetries not in (8, 48):
-            raise InputError(f"training: symmetries cannot be {self.symmetries}")
+    steps: PositiveInt = 3000
+    batch_size: PositiveInt = 2
+    cube_size: PositiveInt = 128
+    learning_rate: PositiveFloat = 3e-3
+    scales: tuple[PositiveFloat, PositiveFloat] = (0.1, 1.1)
+    channels: PositiveInt = 32
+    convolutions: PositiveInt = 1
+    symmetries: Literal[8, 48] = 48
 
     @contextmanager
     def trainer(self) -> Iterator[Trainer]:
@@ -47,29 +48,29 @@ class Training(AnyTraining):
 
         from puckbench.codecs.learned.octree_net.model import OctreeNet, Shape
         from puckbench.codecs.learned.octree_net.training import Trainer
-        from puckbench.codecs.learned.sparse.thread_pool import crew
+        from puckbench.codecs.learned.sparse.thread_pool import thread_pool
         from puckbench.codecs.learned.training.loop import on_device
 
         torch.manual_seed(self.seed)
-        model = OctreeNet(Shape(self.width, self.before))
-        with crew() as workers:
-            yield Trainer(on_device(model), self, workers)
+        model = OctreeNet(Shape(channels=self.channels, convolutions=self.convolutions))
+        with thread_pool() as pool:
+            yield Trainer(on_device(model), self, pool)
 
     def examples(self, clouds: Sequence[Floats]) -> Examples:
-        """Cubes of clouds (n, 3) on grids of random steps."""
+        """Cubes of clouds (n, 3) on grids of random scales."""
         from puckbench.codecs.learned.octree_net.examples import Examples
 
         coarsest, finest = self.scales
         return Examples(
-            clouds, self.side, self.cubes, seed=self.seed, coarsest=coarsest, finest=finest,
-            upright=self.symmetries == 8,
+            clouds, self.cube_size, self.batch_size, seed=self.seed, coarsest=coarsest,
+            finest=finest, upright=self.symmetries == 8,
         )  # fmt: skip
 
-    def state(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Parameters from the whole numbers that a set keeps."""
-        from puckbench.codecs.learned.octree_net.weights import real_state
+    def parameters(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The parameters of a model from the integers that a set keeps."""
+        from puckbench.codecs.learned.octree_net.weights import parameters
 
-        return real_state(kept)
+        return parameters(kept)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""

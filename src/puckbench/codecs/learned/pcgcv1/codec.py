@@ -18,21 +18,21 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.learned.catalogue import PCGCV1
 from puckbench.codecs.learned.codec import (
     Improved,
     ImprovedOptions,
     LearnedByLambda,
     PublishedOptions,
 )
-from puckbench.codecs.learned.pcgcv1.catalogue import NETWORK
 from puckbench.codecs.learned.pcgcv1.stream import Coded, read_stream, write_stream
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
-    from puckbench.codecs.learned.pcgcv1.coder import Coder
-    from puckbench.codecs.learned.pcgcv1.weights import WeightSet
+    from puckbench.codecs.learned.pcgcv1.coder import Encoder
+    from puckbench.codecs.learned.pcgcv1.weights import Weights
 
 
 class Pcgcv1Options(PublishedOptions):
@@ -43,7 +43,7 @@ class Pcgcv1Options(PublishedOptions):
 
 
 @CODECS.register("pcgcv1")
-class Pcgcv1(LearnedByLambda["WeightSet"]):
+class Pcgcv1(LearnedByLambda["Weights"]):
     """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
 
     title = "PCGCv1"
@@ -65,7 +65,7 @@ class Pcgcv1(LearnedByLambda["WeightSet"]):
     training = "puckbench.codecs.learned.pcgcv1.training_settings:Training"
     thesis_role = "pcgcv1"
     version = "PCGCv1, stream version 4"
-    network = NETWORK
+    network = PCGCV1
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -75,7 +75,7 @@ class Pcgcv1(LearnedByLambda["WeightSet"]):
         if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
             raise InputError("coordinates exceed 30-bit integers")
         level = self._level(points * float(parameters.get("scale", 1)), parameters)
-        return self._written(self._coder(parameters, level).encode(points))
+        return self._written(self._encoder(parameters, level).encode(points))
 
     def _written(self, coded: Coded) -> bytes:
         if not coded.cubes and not coded.sparse:
@@ -91,24 +91,24 @@ class Pcgcv1(LearnedByLambda["WeightSet"]):
         coded = read_stream(stream)
         return Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(coded)
 
-    def _coder(self, parameters: Parameters, level: int) -> Coder:
-        from puckbench.codecs.learned.grid_level import side_of
-        from puckbench.codecs.learned.pcgcv1.coder import Coder
+    def _encoder(self, parameters: Parameters, level: int) -> Encoder:
+        from puckbench.codecs.learned.grid_level import voxel_size
+        from puckbench.codecs.learned.pcgcv1.coder import Encoder
 
         weights, rate = self._numbered(parameters)
-        return Coder(
+        return Encoder(
             weights,
             rate,
-            scale=float(parameters.get("scale", 1)) / side_of(level),
+            scale=float(parameters.get("scale", 1)) / voxel_size(level),
             rho=float(parameters.get("rho", 1)),
             min_points=self.options.min_points,
             sparse_cubes=self.options.sparse_cubes,
             threads=self.options.threads,
-            contexts=self.context_mixing,
-            fill=self.point_reconstruction,
+            context_mixing=self.context_mixing,
+            point_reconstruction=self.point_reconstruction,
         )
 
-    def _read(self, path: Path) -> WeightSet:
+    def _read(self, path: Path) -> Weights:
         from puckbench.codecs.learned.pcgcv1.weights import load_weights
 
         return load_weights(path)
@@ -122,7 +122,7 @@ class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
 
 
 @CODECS.register("pcgcv1_plus")
-class Pcgcv1Plus(Improved["WeightSet"], Pcgcv1):
+class Pcgcv1Plus(Improved["Weights"], Pcgcv1):
     """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
 
     title = "PCGCv1+"

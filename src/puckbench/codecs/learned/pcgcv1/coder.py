@@ -1,4 +1,4 @@
-"""Coding a cloud with a set of weights: cubes, network, entropy coding, block by block."""
+"""Coding a cloud with a set of PCGCv1's weights: cubes, transforms, entropy coding."""
 
 from __future__ import annotations
 
@@ -10,8 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.learned.pcgcv1.cubes import Cubes, cubes_of, most_likely, occupancy, octets_of
+from puckbench.codecs.learned.pcgcv1.cubes import (
+    Cubes,
+    cubes_of,
+    most_likely,
+    occupancy,
+    sibling_blocks_of,
+)
 from puckbench.codecs.learned.pcgcv1.entropy_coding import (
+    LatentPositions,
     checksum,
     decode_conditional,
     decode_counts,
@@ -19,30 +26,30 @@ from puckbench.codecs.learned.pcgcv1.entropy_coding import (
     encode_conditional,
     encode_counts,
     encode_hyper,
+    latent_positions,
 )
-from puckbench.codecs.learned.pcgcv1.laplace import Chosen, joined
-from puckbench.codecs.learned.pcgcv1.latent_neighbourhood import Cells, cells_of
+from puckbench.codecs.learned.pcgcv1.laplace import Indexes, joined
 from puckbench.codecs.learned.pcgcv1.occupied_blocks import (
     Bools,
     Support,
     blocks_of,
-    everywhere,
-    likeliest,
+    full_support,
+    most_likely_per_block,
     pooled,
     rows_of,
     support_of,
 )
-from puckbench.codecs.learned.pcgcv1.stream import BLOCK, Block, Coded
-from puckbench.codecs.learned.pcgcv1.weights import WeightSet
+from puckbench.codecs.learned.pcgcv1.stream import BATCH, Batch, Coded
+from puckbench.codecs.learned.pcgcv1.weights import Weights
 from puckbench.codecs.learned.point_reconstruction import (
-    Octets,
-    certain,
-    check_filling,
-    filled,
+    SiblingBlocks,
+    check_points_per_voxel,
+    concatenated,
+    known_blocks,
     points_per_voxel,
-    together,
+    reconstructed_points,
 )
-from puckbench.codecs.learned.sparse.thread_pool import Crew, crew
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -52,70 +59,96 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Coder:
+class Encoder:
     """Codes points at one rate of a set of weights.
 
-    scale: voxels per unit. rho: voxels kept for each one that was occupied. min_points: of a cube
-    for the network. sparse_cubes: code the points of smaller cubes without loss of voxels; the
-    original drops them. threads: as many as PyTorch would use by default. contexts: of the latent;
-    otherwise it is coded with the tables that the hyper-latent chooses alone. fill: decode as many
-    points as were coded, not one for each voxel.
+    Parameters
+    ----------
+    weights
+        The network.
+    rate
+        Index of the rate among those of the weights.
+    scale
+        Voxels of a unit.
+    rho
+        Decoded voxels for each occupied one.
+    min_points
+        Voxels of a cube that the network codes.
+    sparse_cubes
+        Code smaller cubes losslessly; otherwise drop them, as the authors' program does.
+    threads
+        Number of threads, by default PyTorch's.
+    context_mixing
+        Code the latent so; otherwise with the tables of its Laplace distributions alone.
+    point_reconstruction
+        Decode as many points as were coded, not one for each voxel.
     """
 
-    weights: WeightSet
+    weights: Weights
     rate: int
     scale: float = 1.0
     rho: float = 1.0
     min_points: int = 20
     sparse_cubes: bool = True
     threads: int | None = None
-    contexts: bool = True
-    fill: bool = True
+    context_mixing: bool = True
+    point_reconstruction: bool = True
 
     def encode(self, points: Floats) -> Coded:
         """Code points (n, 3), n >= 1; InputError when they are too far apart."""
-        side = self.weights.shape.side
+        side = self.weights.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
         dense = cubes.counts >= self.min_points
-        sparse = encode_voxels(cubes.chosen(~dense).voxels()) if self.sparse_cubes else b""
-        kept = cubes.chosen(dense)
+        sparse = encode_voxels(cubes.selected(~dense).voxels()) if self.sparse_cubes else b""
+        kept = cubes.selected(dense)
         counts = np.clip(np.rint(self.rho * kept.counts), 1, side**3).astype(np.int64)
-        placed = blocks_of(kept) if self.weights.shape.supported else kept.positions
-        support = _support(placed, self.weights)
-        with crew(self.threads) as workers:
+        positions = blocks_of(kept) if self.weights.shape.occupied_blocks else kept.positions
+        support = _support(positions, self.weights)
+        with thread_pool(self.threads) as pool:
             parts = [
-                self._analyse(kept, support.blocks[block], block.start, workers)
-                for block in _blocks(len(counts))
+                self._analyse(kept, support.blocks[batch], batch.start, pool)
+                for batch in _batches(len(counts))
             ]
-        cells = cells_of(support) if self.contexts else None
-        per_voxel = points_per_voxel(len(points), len(cubes.keys), self.rho) if self.fill else 0
-        return Coded(self.weights.digest, self.rate, self.scale, len(counts), cells is not None,
-                     per_voxel, encode_voxels(placed), encode_counts(counts, side**3), sparse,
-                     _encode_latents(parts, cells),
-                     tuple(part.block for part in parts))  # fmt: skip
+        coded_at = latent_positions(support) if self.context_mixing else None
+        density = 0
+        if self.point_reconstruction:
+            density = points_per_voxel(len(points), len(cubes.keys), self.rho)
+        return Coded(
+            self.weights.digest,
+            self.rate,
+            self.scale,
+            len(counts),
+            coded_at is not None,
+            density,
+            encode_voxels(positions),
+            encode_counts(counts, side**3),
+            sparse,
+            _encode_latents(parts, coded_at),
+            tuple(part.batch for part in parts),
+        )
 
-    def _analyse(self, cubes: Cubes, held: Bools, first: int, workers: Crew) -> _Part:
-        def one(cube: int) -> tuple[Integers, Integers, Chosen]:
-            occupied = occupancy(cubes.keys_of(first + cube), cubes.side)
-            latent, hyper = self.weights.network.analyse(occupied, self.rate)
-            return latent, hyper, self.weights.hyper_decoder.tables(hyper)
+    def _analyse(self, cubes: Cubes, blocks: Bools, first: int, pool: ThreadPool) -> _Analysed:
+        def one(cube: int) -> tuple[Integers, Integers, Indexes]:
+            x = occupancy(cubes.keys_of(first + cube), cubes.side)
+            y_hat, z_hat = self.weights.network.analyse(x, self.rate)
+            return y_hat, z_hat, self.weights.hyper_synthesis.tables(z_hat)
 
-        latents, hypers, tables = zip(*_each(len(held), one, workers), strict=True)
-        chosen = joined(np.stack, tables)
-        coded = encode_hyper(np.stack(hypers), pooled(held), self.weights.tables[self.rate])
-        block = Block(checksum(chosen), coded)
-        return _Part(block, rows_of(np.stack(latents), held), chosen.rows(held))
+        y_hats, z_hats, tables = zip(*_each(len(blocks), one, pool), strict=True)
+        indexes = joined(np.stack, tables)
+        hyper = encode_hyper(np.stack(z_hats), pooled(blocks), self.weights.tables[self.rate])
+        batch = Batch(checksum(indexes), hyper)
+        return _Analysed(batch, rows_of(np.stack(y_hats), blocks), indexes.rows(blocks))
 
 
 class Decoder:
-    """Decodes a stream made with a set of weights."""
+    """Decodes streams made with a set of weights."""
 
-    def __init__(self, weights: WeightSet, threads: int | None = None) -> None:
+    def __init__(self, weights: Weights, threads: int | None = None) -> None:
         self.weights, self.threads = weights, threads
 
     def decode(self, coded: Coded) -> Floats:
         """The points (m, 3); InputError when the stream is damaged."""
-        side = self.weights.shape.side
+        side = self.weights.shape.cube_size
         counts = decode_counts(coded.counts, coded.cubes, side**3)
         support = _support(decode_voxels(coded.positions), self.weights)
         if len(support.positions) != coded.cubes:
@@ -123,90 +156,102 @@ class Decoder:
         sparse = decode_voxels(coded.sparse)
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
-        check_filling(coded.per_voxel, len(sparse) + sum(counts))
-        parts = []
-        with crew(self.threads) as workers:
-            blocks = [support.blocks[cubes] for cubes in _blocks(coded.cubes)]
-            chosen = [
-                self._chosen(coded.rate, block, held, workers)
-                for block, held in zip(coded.blocks, blocks, strict=True)
-            ]
-            latents = _decode_latents(coded, chosen, support)
-            for cubes, held, rows in zip(_blocks(coded.cubes), blocks, latents, strict=True):
-                found = self._synthesise(coded.rate, held, rows, counts[cubes], workers)
-                corners = support.positions[cubes] * (side // 2)
-                parts += [
-                    cube._replace(places=cube.places + corner)
-                    for cube, corner in zip(found, corners, strict=True)
-                ]
-        points = [filled(certain(sparse), coded.per_voxel)] if len(sparse) else []
-        points += [filled(together(parts), coded.per_voxel)] if parts else []
+        check_points_per_voxel(coded.points_per_voxel, len(sparse) + sum(counts))
+        parts = self._decode_cubes(coded, support, counts)
+        density = coded.points_per_voxel
+        points = [reconstructed_points(known_blocks(sparse), density)] if len(sparse) else []
+        points += [reconstructed_points(concatenated(parts), density)] if parts else []
         return np.concatenate(points) / coded.scale
 
-    def _chosen(self, rate: int, block: Block, held: Bools, workers: Crew) -> Chosen:
-        """The tables (n, channels) of a block's latent; InputError when damaged."""
-        hypers = decode_hyper(block.hyper, pooled(held), self.weights.tables[rate])
-        decoder = self.weights.hyper_decoder
-        chosen = joined(np.stack, _each(len(held), lambda k: decoder.tables(hypers[k]), workers))
-        if checksum(chosen) != block.check:
+    def _decode_cubes(
+        self, coded: Coded, support: Support, counts: list[int]
+    ) -> list[SiblingBlocks]:
+        side, parts = self.weights.shape.cube_size, []
+        batches = _batches(coded.cubes)
+        with thread_pool(self.threads) as pool:
+            blocks = [support.blocks[cubes] for cubes in batches]
+            indexes = [
+                self._indexes(coded.rate, batch, own, pool)
+                for batch, own in zip(coded.batches, blocks, strict=True)
+            ]
+            latents = _decode_latents(coded, indexes, support)
+            for cubes, own, rows in zip(batches, blocks, latents, strict=True):
+                found = self._synthesise(coded.rate, own, rows, counts[cubes], pool)
+                corners = support.positions[cubes] * (side // 2)
+                parts += [
+                    cube._replace(positions=cube.positions + corner)
+                    for cube, corner in zip(found, corners, strict=True)
+                ]
+        return parts
+
+    def _indexes(self, rate: int, batch: Batch, blocks: Bools, pool: ThreadPool) -> Indexes:
+        """The tables (n, channels) of a batch's latent; InputError when damaged."""
+        z_hats = decode_hyper(batch.hyper, pooled(blocks), self.weights.tables[rate])
+        tables = self.weights.hyper_synthesis.tables
+        indexes = joined(np.stack, _each(len(blocks), lambda k: tables(z_hats[k]), pool))
+        if checksum(indexes) != batch.check:
             raise InputError("this machine chose other entropy tables than the encoder's")
-        return chosen.rows(held)
+        return indexes.rows(blocks)
 
     def _synthesise(
-        self, rate: int, held: Bools, rows: Integers, counts: list[int], workers: Crew
-    ) -> list[Octets]:
-        latents = np.zeros((*held.shape, rows.shape[1]), dtype=np.int32)
-        latents[held] = rows
+        self, rate: int, blocks: Bools, rows: Integers, counts: list[int], pool: ThreadPool
+    ) -> list[SiblingBlocks]:
+        y_hats = np.zeros((*blocks.shape, rows.shape[1]), dtype=np.int32)
+        y_hats[blocks] = rows
 
-        def one(cube: int) -> Octets:
-            latent = np.ascontiguousarray(np.moveaxis(latents[cube], -1, 0))
-            logits = self.weights.network.synthesise(latent, rate)
-            if self.weights.shape.supported:
-                return octets_of(logits, likeliest(logits, held[cube], counts[cube]))
-            return octets_of(logits, most_likely(logits, counts[cube]))
+        def one(cube: int) -> SiblingBlocks:
+            y_hat = np.ascontiguousarray(np.moveaxis(y_hats[cube], -1, 0))
+            logits = self.weights.network.synthesise(y_hat, rate)
+            if self.weights.shape.occupied_blocks:
+                keys = most_likely_per_block(logits, blocks[cube], counts[cube])
+            else:
+                keys = most_likely(logits, counts[cube])
+            return sibling_blocks_of(logits, keys)
 
-        return _each(len(held), one, workers)
+        return _each(len(blocks), one, pool)
 
 
 @dataclass(frozen=True)
-class _Part:
-    """What the encoder makes of a block of cubes. latent: (n, channels), where blocks count."""
+class _Analysed:
+    """A batch of cubes: its hyper-latents, its latent (n, channels) and the latent's tables."""
 
-    block: Block
-    latent: Integers
-    chosen: Chosen
+    batch: Batch
+    y_hat: Integers
+    indexes: Indexes
 
 
-def _encode_latents(parts: list[_Part], cells: Cells | None) -> bytes:
+def _encode_latents(parts: list[_Analysed], positions: LatentPositions | None) -> bytes:
     if not parts:
         return b""
-    latent = np.concatenate([part.latent for part in parts])
-    chosen = joined(np.concatenate, [part.chosen for part in parts])
-    return encode_conditional(latent, chosen) if cells is None else cells.encode(latent, chosen)
+    y_hat = np.concatenate([part.y_hat for part in parts])
+    indexes = joined(np.concatenate, [part.indexes for part in parts])
+    encode = encode_conditional if positions is None else positions.encode
+    return encode(y_hat, indexes)
 
 
-def _decode_latents(coded: Coded, parts: list[Chosen], support: Support) -> list[Integers]:
+def _decode_latents(coded: Coded, parts: list[Indexes], support: Support) -> list[Integers]:
     if not parts:
         return []
-    chosen = joined(np.concatenate, parts)
-    cells = cells_of(support) if coded.contexts else None
-    if coded.contexts and cells is None:
+    indexes = joined(np.concatenate, parts)
+    positions = latent_positions(support) if coded.context_mixing else None
+    if coded.context_mixing and positions is None:
         raise InputError("the stream is damaged (contexts)")
-    decode = decode_conditional if cells is None else cells.decode
+    decode = decode_conditional if positions is None else positions.decode
     ends = np.cumsum([len(part.table) for part in parts])
-    return np.split(decode(coded.latent, chosen), ends[:-1])
+    return np.split(decode(coded.latent, indexes), ends[:-1])
 
 
-def _support(placed: Voxels, weights: WeightSet) -> Support:
-    """The cubes and blocks in positions (n, 3) of blocks, or of cubes."""
-    side = weights.shape.side
-    return support_of(placed, side) if weights.shape.supported else everywhere(placed, side)
+def _support(positions: Voxels, weights: Weights) -> Support:
+    """The cubes and blocks of positions (n, 3) of blocks, or of cubes."""
+    side = weights.shape.cube_size
+    make = support_of if weights.shape.occupied_blocks else full_support
+    return make(positions, side)
 
 
-def _blocks(cubes: int) -> list[slice]:
-    return [slice(first, min(first + BLOCK, cubes)) for first in range(0, cubes, BLOCK)]
+def _batches(cubes: int) -> list[slice]:
+    return [slice(first, min(first + BATCH, cubes)) for first in range(0, cubes, BATCH)]
 
 
-def _each(cubes: int, work: Callable[[int], T], workers: Crew) -> list[T]:
-    """Results of `work` for each cube, in order; a cube is one thread's from beginning to end."""
-    return workers.over(cubes, 1, lambda rows, _: work(rows.start))
+def _each(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
+    """Results of `work` for each cube, in order; one thread computes a cube."""
+    return pool.map_chunks(cubes, 1, lambda rows, _: work(rows.start))

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.learned.point_reconstruction import Octets, octets
+from puckbench.codecs.learned.point_reconstruction import SiblingBlocks, sibling_blocks
 
 Whole = NDArray[np.int64]
 Voxels = NDArray[np.int64]
@@ -19,8 +19,16 @@ S = TypeVar("S", bound=np.generic)
 class Cubes:
     """Occupied cubes in the order of their positions.
 
-    positions: (m, 3), in cubes. starts: (m + 1,), cube k has keys[starts[k] : starts[k + 1]].
-    keys: (n,), of each voxel within its cube, ``(x * side + y) * side + z``, ascending in a cube.
+    Parameters
+    ----------
+    side
+        Voxels along an edge.
+    positions
+        (m, 3), in cubes.
+    starts
+        (m + 1,), cube k has keys[starts[k] : starts[k + 1]].
+    keys
+        (n,), of each voxel within its cube, ``(x * side + y) * side + z``, ascending in a cube.
     """
 
     side: int
@@ -33,8 +41,8 @@ class Cubes:
         """Voxels of each cube."""
         return np.diff(self.starts)
 
-    def chosen(self, mask: NDArray[np.bool_]) -> Cubes:
-        """Only some of the cubes."""
+    def selected(self, mask: NDArray[np.bool_]) -> Cubes:
+        """The cubes where a mask (m,) holds."""
         kept = np.repeat(mask, self.counts)
         starts = np.append(0, np.cumsum(self.counts[mask]))
         return Cubes(self.side, self.positions[mask], starts, self.keys[kept])
@@ -46,22 +54,22 @@ class Cubes:
     def voxels(self) -> Voxels:
         """The voxels (n, 3) of all cubes."""
         corners = np.repeat(self.positions, self.counts, axis=0) * self.side
-        return corners + within(self.keys, self.side)
+        return corners + voxels_of_keys(self.keys, self.side)
 
 
-def within(keys: Whole, side: int) -> Voxels:
+def voxels_of_keys(keys: Whole, side: int) -> Voxels:
     """Voxels (n, 3) within a cube, of keys (n,)."""
     return np.column_stack([keys // side**2, keys // side % side, keys % side])
 
 
 def in_order(positions: NDArray[np.integer[Any]]) -> Voxels:
-    """Positions (m, 3), by x, then y, then z; the order in which cubes are coded."""
+    """Positions (m, 3) in the order in which cubes are coded: by x, then y, then z."""
     rows = np.asarray(positions, dtype=np.int64)
     return rows[np.lexsort(rows.T[::-1])]
 
 
 def cubes_of(voxels: Voxels, side: int) -> Cubes:
-    """Voxels (n, 3), in any order and with duplicates, in cubes at multiples of `side`."""
+    """The cubes, at multiples of `side`, of voxels (n, 3) in any order, with duplicates or not."""
     above = voxels // side
     x, y, z = (voxels - above * side).T
     keys = (x * side + y) * side + z
@@ -90,15 +98,15 @@ def most_likely(logits: NDArray[np.float32], count: int) -> Whole:
     return np.sort(np.concatenate([above, equal]))
 
 
-def octets_of(logits: NDArray[np.float32], keys: Whole) -> Octets:
-    """The blocks of a cube with the voxels of these keys, of the logits of all its voxels, flat."""
+def sibling_blocks_of(logits: NDArray[np.float32], keys: Whole) -> SiblingBlocks:
+    """The 2x2x2 blocks of a cube by its flat logits (side**3,) and the keys of voxels to keep."""
     kept = np.zeros(len(logits), dtype=bool)
     kept[keys] = True
     across = round(len(logits) ** (1 / 3)) // 2
-    places = within(np.arange(across**3), across)
-    return octets(places, _by_block(logits, across), _by_block(kept, across))
+    places = voxels_of_keys(np.arange(across**3), across)
+    return sibling_blocks(places, _by_block(logits, across), _by_block(kept, across))
 
 
 def _by_block(values: NDArray[S], across: int) -> NDArray[S]:
-    """Those of a cube's voxels, flat, to (blocks, 8), x fastest in a block."""
+    """Flat values of a cube's voxels to (blocks, 8), x fastest in a block."""
     return values.reshape((across, 2) * 3).transpose(0, 2, 4, 5, 3, 1).reshape(-1, 8)

@@ -1,9 +1,9 @@
-"""PCGCv1 without gradients, a cube at a time: the same arithmetic, laid out for vector units.
+"""PCGCv1 for coding, one cube at a time: the arithmetic of `model`, arranged for vector units.
 
-A vector unit computes sixteen output features at once, but most layers at full resolution have four
-or eight, or one. Such a layer computes those of several neighbouring voxels together: a kernel of
-3 x 3 x (2 + p) voxels, placed at every p-th voxel, has p times the outputs. In channels-last memory
-the result is that of the plain layer. One cube is one thread's from beginning to end, so that the
+A vector unit computes sixteen output channels at once, but most layers at full resolution have
+four, eight or one. Such a layer computes the outputs of several neighbouring voxels jointly: a
+kernel of 3x3x(2 + p) voxels with a stride of p has p times the outputs. In channels-last memory the
+result is that of the original layer. One thread computes a cube from beginning to end, so that the
 number of threads and of cubes cannot change its result.
 """
 
@@ -21,67 +21,67 @@ from torch.nn.functional import conv3d, max_pool3d, pad
 
 from puckbench.codecs.learned.pcgcv1.model import (
     Conv,
-    Down,
+    StridedConv,
     PCGCv1,
-    Pointwise,
-    Up,
+    PointwiseConv,
+    TransposedConv,
     VoxceptionResNet,
-    held,
+    coded_blocks,
 )
 
 _LANES = 16
 _TILE = 4
-"""Most voxels taken together along an axis; the layer with one output takes 4 x 4 of them."""
-_ROWS = 16384
+"""Voxels computed jointly along an axis, at most; the layer with one output computes 4x4."""
+_CHUNK_ROWS = 16384
 """Voxels of a chunk that stays in the cache while a block is finished."""
-_REACH = 16
-"""Margin around the voxels of a cube. Seven layers of three spread what they see seven voxels far,
-and let as much of a false border in: `_UNSURE` of the margin is thrown away."""
-_UNSURE = 8
-_GRAIN = 16
-"""Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program, and
-megabytes of memory, for each layer and each shape that it has seen."""
+_MARGIN = 16
+"""Margin around the voxels of a cube. Seven layers of three have a receptive field of seven voxels
+to each side, and are wrong as far from a false border: `_INVALID_MARGIN` is discarded."""
+_INVALID_MARGIN = 8
+_SIDE_MULTIPLE = 16
+"""Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program and
+megabytes of memory for each layer and each shape."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 
 class Inference:
-    """The networks of a model, their weights laid out once."""
+    """Transforms g_a, h_a and g_s of a model, whose kernels are rearranged once."""
 
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
-            self._empties: dict[tuple[int, ...], Tensor] = {}
+            self._empty_features: dict[tuple[int, ...], Tensor] = {}
             self._shape = model.shape
             self._gains = [model.gain(rate).detach() for rate in range(model.shape.rates)]
-            analysis, synthesis, hyper = model.analysis, model.synthesis, model.hyper_encoder
-            self._first, self._last = _strips(analysis.first), _strips(analysis.last)
-            self._downs = [_plain(cast(Down, down)) for down in analysis.downs]
-            self._falling = [_residuals(blocks) for blocks in analysis.blocks]
-            self._hyper = (_strips(hyper.first), _plain(hyper.down), _strips(hyper.last))
-            self._begin, self._end = _strips(synthesis.first), _tiles(synthesis.last)
-            self._ups = [_parities(cast(Up, up)) for up in synthesis.ups]
-            self._rising = [_residuals(blocks) for blocks in synthesis.blocks]
+            g_a, g_s, h_a = model.g_a, model.g_s, model.h_a
+            self._conv_in, self._conv_out = _strip_conv(g_a.conv_in), _strip_conv(g_a.conv_out)
+            self._downs = [_kernel(cast(StridedConv, down)) for down in g_a.downs]
+            self._analysis_blocks = [_residual_blocks(blocks) for blocks in g_a.blocks]
+            self._hyper_layers = (_strip_conv(h_a.conv1), _kernel(h_a.conv2), _strip_conv(h_a.conv3))
+            self._synthesis_in, self._synthesis_out = _strip_conv(g_s.conv_in), _tile_kernel(g_s.conv_out)
+            self._ups = [_polyphase_conv(cast(TransposedConv, up)) for up in g_s.ups]
+            self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Voxels (side, side, side) of zeros and ones to latent and hyper-latent, rounded."""
+        """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
         with torch.inference_mode():
-            features = _through(self._falling[1], self._halved(occupied))
-            features = _through(self._falling[2], _lowered(features, self._downs[1]).relu_())
-            blocks = held(self._shape, torch.from_numpy(occupied)[None, None])
-            latent = self._last.over(features) * self._gains[rate] * blocks
-            hyper = self._hyper_encoded(latent) * max_pool3d(blocks, 2)
-            return _rounded(latent), _rounded(hyper)
+            features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
+            features = _apply_blocks(self._analysis_blocks[2], _strided_conv(features, self._downs[1]).relu_())
+            blocks = coded_blocks(self._shape, torch.from_numpy(occupied)[None, None])
+            y = self._conv_out.apply(features) * self._gains[rate] * blocks
+            z = self._h_a(y) * max_pool3d(blocks, 2)
+            return _quantised(y), _quantised(z)
 
-    def _halved(self, occupied: Floats32) -> Tensor:
-        """Features at stride 2; beyond the reach of any voxel they are an empty cube's."""
+    def _stride_two(self, occupied: Floats32) -> Tensor:
+        """Features at stride 2; far from any voxel they are those of an empty cube."""
         sides = occupied.shape
-        box = _box(occupied)
-        part = self._halved_whole(occupied[tuple(slice(low, high) for low, high in box)])
+        box = _bounding_box(occupied)
+        part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
         kept = [
-            ((low + _UNSURE) // 2 if low else 0, (high - _UNSURE if high < side else high) // 2)
+            ((low + _INVALID_MARGIN) // 2 if low else 0, (high - _INVALID_MARGIN if high < side else high) // 2)
             for (low, high), side in zip(box, sides, strict=True)
         ]
-        whole = self._empty(sides).clone(memory_format=torch.channels_last_3d)
+        whole = self._stride_two_empty(sides).clone(memory_format=torch.channels_last_3d)
         there = tuple(slice(low, high) for low, high in kept)
         here = tuple(
             slice(low - first // 2, high - first // 2)
@@ -90,72 +90,72 @@ class Inference:
         whole[0][(slice(None), *there)] = part[0][(slice(None), *here)]
         return whole
 
-    def _empty(self, sides: tuple[int, ...]) -> Tensor:
-        if sides not in self._empties:
-            self._empties[sides] = self._halved_whole(np.zeros(sides, dtype=np.float32))
-        return self._empties[sides]
+    def _stride_two_empty(self, sides: tuple[int, ...]) -> Tensor:
+        if sides not in self._empty_features:
+            self._empty_features[sides] = self._stride_two_dense(np.zeros(sides, dtype=np.float32))
+        return self._empty_features[sides]
 
-    def _halved_whole(self, occupied: Floats32) -> Tensor:
-        voxels = _laid(torch.from_numpy(np.ascontiguousarray(occupied))[None, None])
-        features = _through(self._falling[0], self._first.over(voxels).relu_())
-        return _laid(_lowered(features, self._downs[0]).relu_())
+    def _stride_two_dense(self, occupied: Floats32) -> Tensor:
+        voxels = _channels_last(torch.from_numpy(np.ascontiguousarray(occupied))[None, None])
+        features = _apply_blocks(self._analysis_blocks[0], self._conv_in.apply(voxels).relu_())
+        return _channels_last(_strided_conv(features, self._downs[0]).relu_())
 
-    def _hyper_encoded(self, latent: Tensor) -> Tensor:
-        first, down, last = self._hyper
-        features = first.over(_laid(latent)).relu_()
-        return last.over(_lowered(features, down).relu_())
+    def _h_a(self, y: Tensor) -> Tensor:
+        first, down, last = self._hyper_layers
+        features = first.apply(_channels_last(y)).relu_()
+        return last.apply(_strided_conv(features, down).relu_())
 
-    def synthesise(self, latent: Integers, rate: int) -> Floats32:
-        """Latent (c, s, s, s) to a logit for each voxel of the cube, flat, z fastest."""
+    def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
+        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest."""
         with torch.inference_mode():
-            features = _laid(torch.from_numpy(latent)[None].float() / self._gains[rate])
-            features = _through(self._rising[0], self._begin.over(features).relu_())
-            for up, blocks in zip(self._ups, self._rising[1:], strict=True):
-                features = _through(blocks, up.over(features))
-            logits: Floats32 = _occupancy(features, self._end).numpy()
+            features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
+            features = _apply_blocks(self._synthesis_blocks[0], self._synthesis_in.apply(features).relu_())
+            for up, blocks in zip(self._ups, self._synthesis_blocks[1:], strict=True):
+                features = _apply_blocks(blocks, up.apply(features))
+            logits: Floats32 = _logits(features, self._synthesis_out).numpy()
         return logits
 
 
-def _box(occupied: Floats32) -> list[tuple[int, int]]:
-    """First and last of the voxels along each axis, with a margin, at multiples of `_GRAIN`."""
+def _bounding_box(occupied: Floats32) -> list[tuple[int, int]]:
+    """Extent of the voxels along each axis with a margin, in multiples of `_SIDE_MULTIPLE`."""
     box = []
     for axis, side in enumerate(occupied.shape):
         others = tuple(other for other in range(3) if other != axis)
         found = np.flatnonzero(occupied.any(axis=others))
         low, high = (found[0], found[-1] + 1) if len(found) else (0, side)
-        last = -(-(int(high) + _REACH) // _GRAIN) * _GRAIN
-        box.append((max(int(low) - _REACH, 0) // _GRAIN * _GRAIN, min(last, side)))
+        last = -(-(int(high) + _MARGIN) // _SIDE_MULTIPLE) * _SIDE_MULTIPLE
+        box.append((max(int(low) - _MARGIN, 0) // _SIDE_MULTIPLE * _SIDE_MULTIPLE, min(last, side)))
     return box
 
 
-def _laid(features: Tensor) -> Tensor:
+def _channels_last(features: Tensor) -> Tensor:
     return features.contiguous(memory_format=torch.channels_last_3d)
 
 
-def _rounded(features: Tensor) -> Integers:
+def _quantised(features: Tensor) -> Integers:
     whole: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
     return whole
 
 
 @dataclass(frozen=True)
-class Plain:
+class Kernel:
     """Kernel and bias of a convolution."""
 
     kernel: Tensor
     bias: Tensor | None
 
 
-def _plain(layer: nn.Conv3d) -> Plain:
+def _kernel(layer: nn.Conv3d) -> Kernel:
     bias = None if layer.bias is None else layer.bias.detach()
-    return Plain(_laid(layer.weight.detach()), bias)
+    return Kernel(_channels_last(layer.weight.detach()), bias)
 
 
-def _lowered(features: Tensor, layer: Plain) -> Tensor:
-    return _convolution(_laid(pad(features, (0, 1) * 3)), layer, [2, 2, 2], 0)
+def _strided_conv(features: Tensor, layer: Kernel) -> Tensor:
+    return _conv3d(_channels_last(pad(features, (0, 1) * 3)), layer, [2, 2, 2], 0)
 
 
-def _convolution(features: Tensor, layer: Plain, stride: list[int], padding: int) -> Tensor:
-    """conv3d by oneDNN where there is one; PyTorch would take a slow way for a single image."""
+def _conv3d(features: Tensor, layer: Kernel, stride: list[int], padding: int) -> Tensor:
+    """conv3d by oneDNN where available; PyTorch would choose a slower algorithm for one image."""
     if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
     around, apart = [padding] * 3, [1, 1, 1]
@@ -165,158 +165,158 @@ def _convolution(features: Tensor, layer: Plain, stride: list[int], padding: int
 
 
 @dataclass(frozen=True)
-class Strips:
-    """A 3x3x3 convolution that computes `together` neighbours along z at once."""
+class StripConv:
+    """A 3x3x3 convolution that computes `joint` voxels along z jointly."""
 
-    layer: Plain
+    layer: Kernel
     out: int
-    together: int
+    joint: int
 
-    def over(self, features: Tensor) -> Tensor:
+    def apply(self, features: Tensor) -> Tensor:
         """One cube (1, c, s, s, s), in channels-last memory, to (1, d, s, s, s) in the same."""
         sides = features.shape[2:]
-        strips = _laid(_convolution(features, self.layer, [1, 1, self.together], 1))
+        strips = _channels_last(_conv3d(features, self.layer, [1, 1, self.joint], 1))
         flat = strips.permute(0, 2, 3, 4, 1).reshape(1, *sides, self.out)
         return flat.permute(0, 4, 1, 2, 3)
 
 
-def _strips(layer: Conv) -> Strips:
-    together = max(1, min(_TILE, _LANES // layer.out_channels))
-    kernel = side_by_side(layer.weight.detach(), together, axis=4)
-    bias = cast(Tensor, layer.bias).detach().repeat(together)
-    return Strips(Plain(_laid(kernel), bias), layer.out_channels, together)
+def _strip_conv(layer: Conv) -> StripConv:
+    joint = max(1, min(_TILE, _LANES // layer.out_channels))
+    kernel = joint_kernel(layer.weight.detach(), joint, axis=4)
+    bias = cast(Tensor, layer.bias).detach().repeat(joint)
+    return StripConv(Kernel(_channels_last(kernel), bias), layer.out_channels, joint)
 
 
-def side_by_side(kernel: Tensor, together: int, axis: int) -> Tensor:
-    """Kernels of `together` neighbours along an axis in one, neighbour by neighbour."""
+def joint_kernel(kernel: Tensor, joint: int, axis: int) -> Tensor:
+    """The kernels of `joint` neighbouring voxels along an axis as one kernel."""
     before, after = [0, 0] * (4 - axis), [0, 0] * (axis - 2)
-    moved = [pad(kernel, (*before, k, together - 1 - k, *after)) for k in range(together)]
+    moved = [pad(kernel, (*before, k, joint - 1 - k, *after)) for k in range(joint)]
     return torch.cat(moved)
 
 
-def _tiles(layer: Conv) -> Plain:
-    kernel = side_by_side(layer.weight.detach(), _TILE, axis=4)
+def _tile_kernel(layer: Conv) -> Kernel:
+    kernel = joint_kernel(layer.weight.detach(), _TILE, axis=4)
     bias = cast(Tensor, layer.bias).detach().repeat(_TILE**2)
-    return Plain(_laid(side_by_side(kernel, _TILE, axis=3)), bias)
+    return Kernel(_channels_last(joint_kernel(kernel, _TILE, axis=3)), bias)
 
 
-def _occupancy(features: Tensor, layer: Plain) -> Tensor:
-    """The one output of each voxel, (side ** 3), z fastest."""
+def _logits(features: Tensor, layer: Kernel) -> Tensor:
+    """The layer with one output for each voxel: (side**3,), z fastest."""
     side, tiles = features.shape[-1], features.shape[-1] // _TILE
-    found = _convolution(features, layer, [1, _TILE, _TILE], 1)[0]
+    found = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
     split = found.reshape(_TILE, _TILE, side, tiles, tiles)
     return split.permute(2, 3, 0, 4, 1).reshape(-1)
 
 
 @dataclass(frozen=True)
-class Parities:
-    """A transposed convolution and its ReLU, by the parity of x and y; both of z at once.
+class PolyphaseConv:
+    """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
 
-    An even output has two inputs along an axis, an odd one one, so that four small kernels do
-    what one large kernel would do with every other product a zero.
+    An even output has two inputs along an axis, an odd one has one; four small kernels avoid the
+    products with zeros of one large kernel. Both parities of z are computed jointly.
     """
 
-    layers: tuple[tuple[Plain, Plain], tuple[Plain, Plain]]
+    layers: tuple[tuple[Kernel, Kernel], tuple[Kernel, Kernel]]
     out: int
 
-    def over(self, features: Tensor) -> Tensor:
+    def apply(self, features: Tensor) -> Tensor:
         """One cube (1, c, s, s, s) to (1, d, 2 s, 2 s, 2 s), in channels-last memory."""
         side = features.shape[-1]
-        padded = _laid(pad(features, (1, 0) * 3))
+        padded = _channels_last(pad(features, (1, 0) * 3))
         raised = torch.empty(side, 2, side, 2, 2 * side * self.out)
         for x, row in enumerate(self.layers):
             for y, layer in enumerate(row):
-                found = _laid(_convolution(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
+                found = _channels_last(_conv3d(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
                 strips = found.permute(0, 2, 3, 4, 1).reshape(side, side, -1)
                 torch.clamp_min(strips, 0, out=raised[:, x, :, y])
         cube = raised.view(1, 2 * side, 2 * side, 2 * side, self.out)
         return cube.permute(0, 4, 1, 2, 3)
 
 
-def _parities(layer: Up) -> Parities:
+def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
     kernel = layer.weight.detach().transpose(0, 1)
     bias = cast(Tensor, layer.bias).detach().repeat(2)
 
-    def one(x: int, y: int) -> Plain:
+    def one(x: int, y: int) -> Kernel:
         part = _taps(_taps(kernel, x, axis=2), y, axis=3)
         even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
-        return Plain(_laid(torch.cat([even, odd])), bias)
+        return Kernel(_channels_last(torch.cat([even, odd])), bias)
 
-    return Parities(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
+    return PolyphaseConv(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
 
 
 def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
-    """What outputs of a parity use of a kernel of three: of the input before and of their own."""
+    """The taps of a kernel of three that outputs of a parity use, for the input before and their own."""
     taps = torch.tensor([1] if parity else [2, 0])
     return kernel.index_select(axis, taps)
 
 
 @dataclass(frozen=True)
-class Points:
-    """A 1x1x1 convolution as a matrix that serves several voxels at once, and its bias."""
+class MatrixConv:
+    """A 1x1x1 convolution as a block-diagonal matrix for `joint` voxels."""
 
     matrix: Tensor
     bias: Tensor
-    together: int
+    joint: int
 
-    def over(self, rows: Tensor) -> Tensor:
-        """(n, c) to (n, d); n is a multiple of the voxels taken together."""
-        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.together, -1), self.matrix)
+    def apply(self, rows: Tensor) -> Tensor:
+        """(n, c) to (n, d), n being a multiple of `joint`."""
+        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.joint, -1), self.matrix)
         return wide.view(len(rows), -1)
 
 
-def _points(layer: Pointwise) -> Points:
-    together = max(1, _LANES // min(layer.out_channels, layer.in_channels))
+def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
+    joint = max(1, _LANES // min(layer.out_channels, layer.in_channels))
     matrix = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
-    bias = cast(Tensor, layer.bias).detach().repeat(together)
-    blocks = torch.block_diag(*[matrix] * together)  # type: ignore[no-untyped-call]
-    return Points(blocks, bias, together)
+    bias = cast(Tensor, layer.bias).detach().repeat(joint)
+    blocks = torch.block_diag(*[matrix] * joint)  # type: ignore[no-untyped-call]
+    return MatrixConv(blocks, bias, joint)
 
 
 @dataclass(frozen=True)
-class Residual:
+class ResidualBlock:
     """A Voxception-ResNet block."""
 
-    near_in: Strips
-    near_out: Strips
-    point_in: Points
-    middle: Strips
-    point_out: Points
+    conv1_1: StripConv
+    conv1_2: StripConv
+    conv2_1: MatrixConv
+    conv2_2: StripConv
+    conv2_3: MatrixConv
 
 
-def _residuals(blocks: nn.Module) -> list[Residual]:
-    return [_residual(block) for block in cast(Iterable[VoxceptionResNet], blocks)]
+def _residual_blocks(blocks: nn.Module) -> list[ResidualBlock]:
+    return [_residual_block(block) for block in cast(Iterable[VoxceptionResNet], blocks)]
 
 
-def _residual(block: VoxceptionResNet) -> Residual:
-    return Residual(
-        _strips(block.near_in),
-        _strips(block.near_out),
-        _points(block.point_in),
-        _strips(block.middle),
-        _points(block.point_out),
+def _residual_block(block: VoxceptionResNet) -> ResidualBlock:
+    return ResidualBlock(
+        _strip_conv(block.conv1_1),
+        _strip_conv(block.conv1_2),
+        _matrix_conv(block.conv2_1),
+        _strip_conv(block.conv2_2),
+        _matrix_conv(block.conv2_3),
     )
 
 
-def _through(blocks: list[Residual], features: Tensor) -> Tensor:
-    """Blocks one after the other; `features` is overwritten."""
-    features = _laid(features)
+def _apply_blocks(blocks: list[ResidualBlock], features: Tensor) -> Tensor:
+    """Apply blocks one after the other; `features` is overwritten."""
+    features = _channels_last(features)
     rows = _rows(features)
     for block in blocks:
-        near = block.near_out.over(block.near_in.over(features).relu_())
-        point = block.point_in.over(rows).relu_().view(1, *features.shape[2:], -1)
-        point = block.middle.over(point.permute(0, 4, 1, 2, 3))
-        for first in range(0, len(rows), _ROWS):
-            chunk = slice(first, first + _ROWS)
-            _join(rows[chunk], _rows(near)[chunk], _rows(point)[chunk], block.point_out)
+        out1 = block.conv1_2.apply(block.conv1_1.apply(features).relu_())
+        out2 = block.conv2_1.apply(rows).relu_().view(1, *features.shape[2:], -1)
+        out2 = block.conv2_2.apply(out2.permute(0, 4, 1, 2, 3))
+        for first in range(0, len(rows), _CHUNK_ROWS):
+            chunk = slice(first, first + _CHUNK_ROWS)
+            _add_branches(rows[chunk], _rows(out1)[chunk], _rows(out2)[chunk], block.conv2_3)
     return features
 
 
-def _join(rows: Tensor, near: Tensor, point: Tensor, out: Points) -> None:
-    """rows = relu(rows + [relu(near), relu(point_out(relu(point)))]), in place."""
-    half = near.shape[1]
-    rows[:, :half] += near.relu_()
-    rows[:, half:] += out.over(point.relu_()).relu_()
+def _add_branches(rows: Tensor, out1: Tensor, out2: Tensor, out: MatrixConv) -> None:
+    """rows = relu(rows + [relu(out1), relu(conv2_3(relu(out2)))]), in place."""
+    half = out1.shape[1]
+    rows[:, :half] += out1.relu_()
+    rows[:, half:] += out.apply(out2.relu_()).relu_()
     rows.relu_()
 
 

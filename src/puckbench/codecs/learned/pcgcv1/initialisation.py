@@ -1,9 +1,12 @@
-"""First weights with which PCGCv1 learns at all: every layer's answers vary alike.
+"""Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
 
-With PyTorch's own first weights a latent of 0.05 drowns in the noise that stands for rounding,
-and the network soon gives one and the same answer everywhere. So each layer's weights are divided
-by the standard deviation of what it answers to an example, in the order in which the layers are
-passed (Mishkin, Matas: "All you need is a good init", ICLR 2016).
+With PyTorch's own initialisation a latent of 0.05 drowns in the noise that stands for rounding, and
+the network soon gives the same output everywhere. So each layer's weights are divided by the
+standard deviation of its output for an example, in the order in which the layers are passed.
+
+References
+----------
+Mishkin, Matas: "All you need is a good init", ICLR 2016.
 """
 
 from __future__ import annotations
@@ -18,39 +21,36 @@ from torch import Tensor, nn
 
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1
 
-_SPREADS = {"near_out": 0.3, "point_out": 0.3, "analysis.last": 4.0, "hyper_encoder.last": 3.0,
-            "synthesis.last": 0.5}  # fmt: skip
+_DEVIATIONS = {"conv1_2": 0.3, "conv2_3": 0.3, "g_a.conv_out": 4.0, "h_a.conv3": 3.0,
+               "g_s.conv_out": 0.5}  # fmt: skip
 """Standard deviations other than one: of what is added to a block's input, of what is rounded, and
 of the logits."""
-_EMPTY = 3.0
-"""Empty for one occupied, as the loss weighs them: what the logits say of nothing known."""
+_EMPTY_PER_OCCUPIED = 3.0
+"""As the loss weighs voxels; the prior that the logits begin with."""
 
 
-def level(model: PCGCv1, side: int) -> None:
-    """Change a new model's weights so that all its layers' answers to a sphere vary alike.
-
-    side: of the cube that the sphere is in, in voxels.
-    """
-    with torch.no_grad(), _levelled(model):
-        latent = model.analysis(sphere(side))
-        model.hyper_decoder(model.hyper_encoder(latent))
-        model.synthesis(latent)
-        if model.synthesis.last.bias is not None:
-            model.synthesis.last.bias.fill_(-math.log(_EMPTY))
+def initialise(model: PCGCv1, cube_size: int) -> None:
+    """Scale a new model's weights so that the outputs of all layers for a sphere vary alike."""
+    with torch.no_grad(), _rescaled(model):
+        y = model.g_a(sphere(cube_size))
+        model.h_s(model.h_a(y))
+        model.g_s(y)
+        if model.g_s.conv_out.bias is not None:
+            model.g_s.conv_out.bias.fill_(-math.log(_EMPTY_PER_OCCUPIED))
 
 
-def sphere(side: int) -> Tensor:
-    """A sphere's shell in a cube of zeros (1, 1, side, side, side)."""
-    axis = torch.arange(side) - (side - 1) / 2
-    away = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
-    return ((away - 0.4 * side).abs() < 0.5).float()[None, None]
+def sphere(size: int) -> Tensor:
+    """The voxels of a spherical shell as zeros and ones (1, 1, size, size, size)."""
+    axis = torch.arange(size) - (size - 1) / 2
+    radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
+    return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
 
 
 @contextmanager
-def _levelled(model: nn.Module) -> Iterator[None]:
-    """Within it, each convolution that is passed has its weights changed."""
+def _rescaled(model: nn.Module) -> Iterator[None]:
+    """Within it, the weights of each convolution that is passed are rescaled."""
     hooks = [
-        layer.register_forward_hook(_leveller(name))
+        layer.register_forward_hook(_rescaler(name))
         for name, layer in model.named_modules()
         if isinstance(layer, (nn.Conv3d, nn.ConvTranspose3d))
     ]
@@ -61,16 +61,16 @@ def _levelled(model: nn.Module) -> Iterator[None]:
             hook.remove()
 
 
-def _leveller(name: str) -> Callable[[Any, Any, Tensor], Tensor]:
-    spread = next((s for end, s in _SPREADS.items() if name.endswith(end)), 1.0)
+def _rescaler(name: str) -> Callable[[Any, Any, Tensor], Tensor]:
+    deviation = next((d for end, d in _DEVIATIONS.items() if name.endswith(end)), 1.0)
 
-    def changed(layer: nn.Conv3d, _: Any, answers: Tensor) -> Tensor:
+    def rescale(layer: nn.Conv3d, _: Any, output: Tensor) -> Tensor:
         if layer.bias is not None:
             bias = layer.bias[:, None, None, None]
-            answers = answers - bias
+            output = output - bias
             layer.bias.zero_()
-        factor = spread / answers.std().clamp_min(1e-6)
+        factor = deviation / output.std().clamp_min(1e-6)
         layer.weight.mul_(factor)
-        return answers * factor
+        return output * factor
 
-    return changed
+    return rescale

@@ -1,9 +1,14 @@
-"""The hyper-decoder in whole numbers: the same on every machine, whatever the order of its sums.
+"""The z_hat-synthesis transform h_s in integers: equal results on every machine.
 
-Weights are rounded to 2**-16 and what passes between layers to 2**-12. Products and sums are then
-whole numbers below 2**53, which double precision holds exactly, so that neither threads nor a fused
-multiplication nor another library can change one bit: encoder and decoder always choose the same
-tables. (An "integer network" in the sense of Ballé, Johnston, Minnen, ICLR 2019.)
+Weights are rounded to 2**-16 and features to 2**-12. Products and sums are then integers below
+2**53, which double precision holds exactly, so that neither the number of threads nor a fused
+multiplication nor another library can change a bit: encoder and decoder always build_indexes the same
+tables.
+
+References
+----------
+Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
+2019.
 """
 
 from __future__ import annotations
@@ -17,68 +22,71 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import conv3d, conv_transpose3d
 
-from puckbench.codecs.learned.pcgcv1.laplace import UNITS, Chosen, choose
-from puckbench.codecs.learned.pcgcv1.model import HyperDecoder
+from puckbench.codecs.learned.pcgcv1.laplace import UNITS, Indexes, build_indexes
+from puckbench.codecs.learned.pcgcv1.model import HyperSynthesis
 from puckbench.core.errors import InputError
 
 _WEIGHT_UNITS = 2**16
-_MOST = 2**11
-"""Features are clipped to so much; the originals' stay below a hundred."""
+_MAX_FEATURE = 2**11
+"""Features are clipped to it; those of the authors' networks stay below a hundred."""
 
 
 @dataclass(frozen=True)
 class _Layer:
-    """Whole numbers in double precision: kernel and bias in their units."""
+    """Kernel and bias as integers of their units, in double precision."""
 
     kernel: Tensor
     bias: Tensor
 
 
-class ExactHyperDecoder:
-    """Chooses the tables of the latent of one cube after the other.
+class IntegerHyperSynthesis:
+    """Chooses the frequency tables of a cube's latent from its hyper-latent.
 
-    InputError when weights are so large that sums would not be exact.
+    Raises
+    ------
+    InputError
+        The weights are so large that sums would not be exact.
     """
 
-    def __init__(self, network: HyperDecoder) -> None:
-        self.first, self.wide = _layer(network.first), _layer(network.wide)
-        self.up = _layer(network.up)
+    def __init__(self, network: HyperSynthesis) -> None:
+        self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)
+        self.conv3 = _layer(network.conv3)
         heads = (_layer(network.location), _layer(network.scale))
         self.heads = _Layer(
             torch.cat([head.kernel for head in heads]), torch.cat([head.bias for head in heads])
         )
 
-    def tables(self, hyper: NDArray[np.int32]) -> Chosen:
-        """Hyper-latent (hyper, s, s, s) to the tables of the latent, (latent, 2 s, 2 s, 2 s)."""
+    def tables(self, z_hat: NDArray[np.int32]) -> Indexes:
+        """The tables of y (latent_channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
-            features = torch.from_numpy(hyper)[None].double().clamp(-_MOST, _MOST) * UNITS
-            features = _between(_same(features, self.first)).relu()
-            features = _between(_raised(features, self.up)).relu()
-            features = _between(_same(features, self.wide)).relu()
-            heads = _between(_same(features, self.heads))[0].numpy().astype(np.int64)
+            features = torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS
+            features = _requantised(_conv(features, self.conv1)).relu()
+            features = _requantised(_transposed_conv(features, self.conv2)).relu()
+            features = _requantised(_conv(features, self.conv3)).relu()
+            heads = _requantised(_conv(features, self.heads))[0].numpy().astype(np.int64)
         location, scale = np.split(heads, 2)
-        return choose(location, np.abs(scale))
+        return build_indexes(location, np.abs(scale))
 
 
 def _layer(layer: torch.nn.Conv3d | torch.nn.ConvTranspose3d) -> _Layer:
     kernel = (layer.weight.detach().double() * _WEIGHT_UNITS).round()
     bias = (cast(Tensor, layer.bias).detach().double() * (_WEIGHT_UNITS * UNITS)).round()
     axes = (0, 2, 3, 4) if isinstance(layer, torch.nn.ConvTranspose3d) else (1, 2, 3, 4)
-    largest = kernel.abs().sum(axes).max() * (_MOST * UNITS) + bias.abs().max()
+    largest = kernel.abs().sum(axes).max() * (_MAX_FEATURE * UNITS) + bias.abs().max()
     if not largest < 2**53:
-        raise InputError("the hyper-decoder's weights are too large for exact sums")
+        raise InputError("the z_hat-decoder's weights are too large for exact sums")
     return _Layer(kernel, bias)
 
 
-def _same(features: Tensor, layer: _Layer) -> Tensor:
+def _conv(features: Tensor, layer: _Layer) -> Tensor:
     return conv3d(features, layer.kernel, layer.bias, padding=1)
 
 
-def _raised(features: Tensor, layer: _Layer) -> Tensor:
-    whole = conv_transpose3d(features, layer.kernel, layer.bias, stride=2)
-    return whole[:, :, :-1, :-1, :-1]
+def _transposed_conv(features: Tensor, layer: _Layer) -> Tensor:
+    found = conv_transpose3d(features, layer.kernel, layer.bias, stride=2)
+    return found[:, :, :-1, :-1, :-1]
 
 
-def _between(sums: Tensor) -> Tensor:
-    """Sums in units of both factors, rounded to the units that pass between layers."""
-    return (sums / _WEIGHT_UNITS).round_().clamp_(-_MOST * UNITS, _MOST * UNITS)
+def _requantised(sums: Tensor) -> Tensor:
+    """Sums, in units of both factors, rounded to the units of features and clipped."""
+    return (sums / _WEIGHT_UNITS).round_().clamp_(-_MAX_FEATURE * UNITS, _MAX_FEATURE * UNITS)

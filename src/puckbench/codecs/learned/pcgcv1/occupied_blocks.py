@@ -1,8 +1,9 @@
-"""Which blocks of a cube hold voxels: what the decoder is told beside the latent.
+"""Occupied blocks of a cube, which the stream tells the decoder beside the latent.
 
-A block is the place of one latent value, 4 x 4 x 4 voxels. A network that is trained so leaves the
-latent of the other blocks out, and the decoder puts no voxel there and at least one into each block
-that has one: no holes, no voxels far from any surface. The original's latent is coded everywhere.
+A block is 4x4x4 voxels, those of one position of the latent. A network that was trained for it
+leaves the latent of empty blocks out; the decoder places no voxel there, and at least one in each
+occupied block: no holes, no voxels far from any surface. In the paper the latent is coded
+everywhere.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.learned.pcgcv1.cubes import Cubes, Voxels, Whole, in_order, most_likely
 
 STRIDE = 4
-"""Voxels along a block's edge; the hyper-latent has a value for each 2 x 2 x 2 blocks."""
+"""Voxels along an edge of a block; the hyper-latent has a position for 2x2x2 blocks."""
 Bools = NDArray[np.bool_]
 N = TypeVar("N", bound=np.number[Any])
 
@@ -26,32 +27,37 @@ N = TypeVar("N", bound=np.number[Any])
 class Support:
     """Cubes that a network codes.
 
-    positions: (m, 3), in cubes, in order. blocks: (m, s, s, s), those that count.
+    Parameters
+    ----------
+    positions
+        (m, 3), in cubes, in order.
+    blocks
+        (m, s, s, s), the blocks whose latent is coded.
     """
 
     positions: Voxels
     blocks: Bools
 
 
-def everywhere(positions: Voxels, side: int) -> Support:
-    """All blocks of cubes at these positions (m, 3)."""
+def full_support(positions: Voxels, side: int) -> Support:
+    """All blocks of the cubes at positions (m, 3)."""
     ordered, blocks = in_order(positions), side // STRIDE
     return Support(ordered, np.ones((len(ordered), blocks, blocks, blocks), dtype=bool))
 
 
 def blocks_of(cubes: Cubes) -> Voxels:
-    """Positions (n, 3), in blocks, of those that hold voxels."""
+    """Positions (n, 3), in blocks, of the occupied ones."""
     rows: Voxels = np.unique(cubes.voxels() // STRIDE, axis=0)
     return rows
 
 
 def support_of(blocks: Voxels, side: int) -> Support:
-    """The cubes around blocks (n, 3) at different positions, in blocks."""
+    """The cubes of blocks at distinct positions (n, 3), in blocks."""
     across = side // STRIDE
     positions, cube = np.unique(blocks // across, axis=0, return_inverse=True)
-    held = np.zeros((len(positions), across, across, across), dtype=bool)
-    held[(cube.ravel(), *(blocks % across).T)] = True
-    return Support(positions.reshape(-1, 3), held)
+    occupied = np.zeros((len(positions), across, across, across), dtype=bool)
+    occupied[(cube.ravel(), *(blocks % across).T)] = True
+    return Support(positions.reshape(-1, 3), occupied)
 
 
 def pooled(blocks: Bools) -> Bools:
@@ -65,10 +71,22 @@ def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
     return np.moveaxis(values, 1, -1)[blocks]
 
 
-def likeliest(logits: NDArray[np.float32], blocks: Bools, count: int) -> Whole:
-    """Keys of `count` voxels of a cube, ascending, in its blocks (s, s, s).
+def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int) -> Whole:
+    """The voxels of a cube that a decoder keeps: the most likely of each block, then of all.
 
-    The likeliest of each block first, then the likeliest of all blocks.
+    Parameters
+    ----------
+    logits
+        (side**3,), of all voxels.
+    blocks
+        (s, s, s), the occupied blocks.
+    count
+        How many to keep.
+
+    Returns
+    -------
+    NDArray
+        Keys (count,), ascending.
     """
     side = blocks.shape[0] * STRIDE
     rows = _in_blocks(logits.reshape(side, side, side))[blocks]

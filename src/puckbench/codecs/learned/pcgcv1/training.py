@@ -1,11 +1,10 @@
-"""Training PCGCv1: its loss, and one step.
+"""Training of PCGCv1: its rate-distortion loss, and one step.
 
-The loss of cubes at a rate is ``alpha * (beta * cross entropy of empty voxels + cross entropy of
-occupied ones) + bits per point of the latent and of the hyper-latent``, each cross entropy the mean
-over its voxels, in nats, as the original has it (empty voxels of blocks that the decoder knows to
-be empty do not count); divided by the square root of alpha so that no
-rate outweighs the others where they share weights. While training, rounding is uniform noise, and
-at first the bits count little.
+The loss of a batch at a rate is ``lambda * D + R``, divided by the square root of lambda so that no
+rate outweighs the others where they share weights. R is the bits of latent and hyper-latent per
+point. D is ``beta * cross entropy of empty voxels + cross entropy of occupied ones``, each the mean
+over its voxels, in nats, as in the paper (empty voxels of blocks that the decoder knows to be empty
+do not count). Rounding is replaced by uniform noise, and at first the rate has a small weight.
 """
 
 from __future__ import annotations
@@ -21,21 +20,27 @@ from torch.nn.functional import interpolate, max_pool3d, softplus
 
 from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.pcgcv1.laplace import likelihood
-from puckbench.codecs.learned.pcgcv1.model import PCGCv1, held
+from puckbench.codecs.learned.pcgcv1.model import PCGCv1, coded_blocks
 from puckbench.codecs.learned.pcgcv1.occupied_blocks import STRIDE
 from puckbench.codecs.learned.pcgcv1.training_settings import Training
 from puckbench.codecs.learned.sparse.voxels import Keys, morton_voxels
-from puckbench.codecs.learned.training.loop import Trainer as AnyTrainer
+from puckbench.codecs.learned.training.loop import Trainer as BaseTrainer
 
 BETA = 3.0
-_LEAST_PRICE = 0.01
+_MIN_RATE_WEIGHT = 0.01
 
 
 class Loss(NamedTuple):
-    """What a batch costs.
+    """The loss of a batch.
 
-    empty, occupied: mean cross entropies. bpp: bits per point of the latent; hyper_bpp: of the
-    hyper-latent.
+    Parameters
+    ----------
+    total
+        What is minimised.
+    empty, occupied
+        Mean cross entropies of empty and of occupied voxels.
+    bpp, hyper_bpp
+        Bits per point of the latent and of the hyper-latent.
     """
 
     total: Tensor
@@ -45,30 +50,27 @@ class Loss(NamedTuple):
     hyper_bpp: Tensor
 
 
-def loss_of(
-    model: PCGCv1, cubes: Tensor, rate: int, alpha: float, noise: torch.Generator,
-    beta: float = BETA, price: float = 1.0,
+def rate_distortion_loss(
+    model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
+    beta: float = BETA, rate_weight: float = 1.0,
 ) -> Loss:  # fmt: skip
-    """The loss at a rate of cubes (n, 1, side, side, side) of zeros and ones, not all empty.
-
-    price: weight of the bits.
-    """
-    blocks = held(model.shape, cubes)
-    eights = max_pool3d(blocks, 2)
-    latent = model.analysis(cubes) * model.gain(rate) * blocks
-    hyper = _noisy(model.hyper_encoder(latent), noise) * eights
-    noisy = _noisy(latent, noise) * blocks
-    masses = likelihood(noisy, *model.hyper_decoder(hyper))
-    rows = hyper.movedim(1, -1).flatten(0, 3)[eights.flatten() > 0]
-    hyper_masses = model.bottleneck(rate).likelihood(rows)
-    points = cubes.sum()
-    bpp = -(masses.log2() * blocks).sum() / points
-    hyper_bpp = -hyper_masses.log2().sum() / points
-    logits, full = model.synthesis(noisy / model.gain(rate)), cubes > 0
+    """The loss at a rate of cubes x (n, 1, size, size, size) of zeros and ones, not all zero."""
+    blocks = coded_blocks(model.shape, x)
+    hyper_blocks = max_pool3d(blocks, 2)
+    y = model.g_a(x) * model.gain(rate) * blocks
+    z_hat = _noisy(model.h_a(y), noise) * hyper_blocks
+    y_hat = _noisy(y, noise) * blocks
+    y_likelihoods = likelihood(y_hat, *model.h_s(z_hat))
+    rows = z_hat.movedim(1, -1).flatten(0, 3)[hyper_blocks.flatten() > 0]
+    z_likelihoods = model.entropy_bottleneck(rate).likelihood(rows)
+    points = x.sum()
+    bpp = -(y_likelihoods.log2() * blocks).sum() / points
+    hyper_bpp = -z_likelihoods.log2().sum() / points
+    logits, full = model.g_s(y_hat / model.gain(rate)), x > 0
     free = (interpolate(blocks, scale_factor=STRIDE) > 0) & ~full
     empty = softplus(logits[free]).sum() / free.sum().clamp_min(1)
     occupied = softplus(-logits[full]).mean()
-    total = (alpha * (beta * empty + occupied) + price * (bpp + hyper_bpp)) / math.sqrt(alpha)
+    total = (lmbda * (beta * empty + occupied) + rate_weight * (bpp + hyper_bpp)) / math.sqrt(lmbda)
     return Loss(total, empty, occupied, bpp, hyper_bpp)
 
 
@@ -76,38 +78,40 @@ def _noisy(values: Tensor, noise: torch.Generator) -> Tensor:
     return values + torch.rand(values.shape, generator=noise).to(values.device) - 0.5
 
 
-def dense(clouds: Sequence[Keys], side: int) -> Tensor:
-    """Cubes of voxels in Morton order as zeros and ones (n, 1, side, side, side)."""
-    cubes = np.zeros((len(clouds), 1, side, side, side), dtype=np.float32)
+def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
+    """Cubes of voxels in Morton order as zeros and ones (n, 1, size, size, size)."""
+    cubes = np.zeros((len(clouds), 1, size, size, size), dtype=np.float32)
     for cube, keys in zip(cubes[:, 0], clouds, strict=True):
         cube[tuple(morton_voxels(keys).T)] = 1
     return torch.from_numpy(cubes)
 
 
-class Trainer(AnyTrainer[PCGCv1, Loss]):
-    """PCGCv1 in training, at all its rates in turn."""
+class Trainer(BaseTrainer[PCGCv1, Loss]):
+    """PCGCv1 in training, each step at a rate drawn at random."""
 
     training: Training
 
     def __init__(self, model: PCGCv1, training: Training) -> None:
-        # the layout in which a processor's convolutions are fast, forwards and backwards
-        laid = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
-        super().__init__(laid, training, parameter_groups(model))
+        # the memory layout in which a CPU's convolutions are fast, forwards and backwards
+        ordered = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
+        super().__init__(ordered, training, parameter_groups(model))
 
     def step(self, clouds: Sequence[Keys]) -> Loss:
-        """One step on a batch of cubes, at the rate whose turn it is."""
-        cubes = dense(clouds, self.training.side).to(self.model.log_gains.device)
-        rate = int(torch.randint(len(self.training.alphas), (1,), generator=self.noise))
-        laid = cubes.to(memory_format=torch.channels_last_3d)
-        alpha = self.training.alphas[rate]
-        loss = loss_of(self.model, laid, rate, alpha, self.noise, price=self.price())
-        self.descend(loss.total)
+        """One step on a batch of cubes."""
+        cubes = dense_cubes(clouds, self.training.cube_size).to(self.model.log_gains.device)
+        rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
+        x = cubes.to(memory_format=torch.channels_last_3d)
+        lmbda, rate_weight = self.training.lmbdas[rate], self.rate_weight()
+        loss = rate_distortion_loss(
+            self.model, x, rate, lmbda, self.noise, rate_weight=rate_weight
+        )
+        self.optimiser_step(loss.total)
         return Loss(*(value.detach() for value in loss))
 
-    def price(self) -> float:
-        """The weight of the bits, from a hundredth to one."""
-        eased = self.training.eased * self.training.steps
-        return float(_LEAST_PRICE ** max(0.0, 1 - self.done / eased))
+    def rate_weight(self) -> float:
+        """The weight of the rate in the loss: it grows from a hundredth to one."""
+        warm_up = self.training.rate_warm_up * self.training.steps
+        return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 
     def row(self, loss: Loss) -> dict[str, float]:
         """The loss and its parts."""

@@ -1,52 +1,138 @@
-"""PCGCv1's weights: sets of our own, or the authors' archives; laid out for coding."""
+"""PCGCv1's weights: sets of ours, and the authors' archives under our names of parameters.
+
+The authors' TensorFlow variables are read from NumPy archives. A kernel is stored as [d, h, w, in,
+out], that of a transposed convolution as [d, h, w, out, in].
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+import zipfile
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.learned.pcgcv1.catalogue import NETWORK
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from puckbench.codecs.learned.catalogue import PCGCV1
 from puckbench.codecs.learned.pcgcv1.inference import Inference
-from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import ExactHyperDecoder
+from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, Shape
-from puckbench.codecs.learned.pcgcv1.published_weights import load_original
-from puckbench.codecs.learned.rate_set import load_rated, save_rated
-from puckbench.codecs.learned.weights_file import TableSets
+from puckbench.codecs.learned.weights_file import Tables, load_multi_rate, save_multi_rate
 from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.core.models import parsed
+
+_BLOCK_LAYERS = ("conv1_1", "conv1_2", "conv2_1", "conv2_2", "conv2_3")
+_LAYERS = {
+    "analysis_transform/conv_in": "g_a.conv_in",
+    "analysis_transform/down_1": "g_a.downs.0",
+    "analysis_transform/down_2": "g_a.downs.1",
+    "analysis_transform/conv_out": "g_a.conv_out",
+    "synthesis_transform/deconv_in": "g_s.conv_in",
+    "synthesis_transform/up_1": "g_s.ups.0",
+    "synthesis_transform/up_2": "g_s.ups.1",
+    "synthesis_transform/deconv_out": "g_s.conv_out",
+    **{f"hyper_encoder/conv{layer}": f"h_a.conv{layer}" for layer in (1, 2, 3)},
+    **{f"hyper_decoder/conv{layer}": f"h_s.conv{layer}" for layer in (1, 2, 3)},
+    "hyper_decoder/conv4_1": "h_s.location",
+    "hyper_decoder/conv4_2": "h_s.scale",
+}
+_BOTTLENECK = {"matrix": "matrices", "bais": "biases", "factor": "factors"}
+"""The authors' spelling of a bias is theirs."""
+_KERNEL_AXES = (4, 3, 0, 1, 2)
+"""Both layouts have what PyTorch wants first at the end: (out, in) or, transposed, (in, out)."""
 
 
 @dataclass(frozen=True)
-class WeightSet:
-    """A network ready for coding, its layers laid out once; the rest as in `RatedSet`.
+class Weights:
+    """A network ready for coding; see `MultiRateWeights` for the other fields.
 
-    tables: of the hyper-latent.
+    Parameters
+    ----------
+    network
+        Transforms g_a, g_s and h_a.
+    hyper_synthesis
+        Transform h_s in integers.
+    tables
+        Frequency tables of the hyper-latent.
     """
 
     shape: Shape
     network: Inference
-    hyper_decoder: ExactHyperDecoder
-    alphas: tuple[float, ...]
-    tables: TableSets
+    hyper_synthesis: IntegerHyperSynthesis
+    lmbdas: tuple[float, ...]
+    tables: Tables
     digest: bytes
     card: Mapping[str, Any]
 
 
-def load_weights(path: Path) -> WeightSet:
-    """Read our own set or one of the authors' archives; InputError when it is neither."""
-    found = load_rated(path, NETWORK, lambda sizes: PCGCv1(Shape(**sizes)), load_original)
+def load_weights(path: Path) -> Weights:
+    """Read a set of ours or one of the authors' archives; InputError when it is neither."""
+    found = load_multi_rate(
+        path, PCGCV1, lambda sizes: PCGCv1(parsed(Shape, sizes, f"{path}: shape")), load_published
+    )
     try:
-        exact = ExactHyperDecoder(found.model.hyper_decoder)
+        hyper_synthesis = IntegerHyperSynthesis(found.model.h_s)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    rest = (found.alphas, found.tables, found.digest, found.card)
-    return WeightSet(found.model.shape, Inference(found.model), exact, *rest)
+    rest = (found.lmbdas, found.tables, found.digest, found.card)
+    return Weights(found.model.shape, Inference(found.model), hyper_synthesis, *rest)
 
 
 def save_weights(
-    path: Path, model: PCGCv1, alphas: tuple[float, ...], card: Mapping[str, Any]
-) -> WeightSet:
-    """Write a network as a set of our own; returns it as `load_weights` reads it."""
-    save_rated(path, NETWORK, model, alphas, card)
+    path: Path, model: PCGCv1, lmbdas: tuple[float, ...], card: Mapping[str, Any]
+) -> Weights:
+    """Write a network as a set of weights and return the set, as `load_weights` reads it."""
+    save_multi_rate(path, PCGCV1, model, lmbdas, card)
     return load_weights(path)
+
+
+def load_published(path: Path) -> PCGCv1:
+    """Read an archive of the authors' variables; InputError when it is not one."""
+    variables = _read(path)
+    model = PCGCv1(Shape())
+    try:
+        model.load_state_dict(_translated(variables))
+    except (KeyError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path}: not the variables of PCGCv1") from error
+    return model.eval()
+
+
+def _read(path: Path) -> dict[str, NDArray[np.float32]]:
+    data = read_bytes(path)
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            return {name: np.asarray(archive[name], dtype=np.float32) for name in archive.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a NumPy archive of weights") from error
+
+
+def _translated(variables: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
+    """Parameters from the authors' variables; KeyError for a name that is not theirs."""
+    names = dict(_names())
+    state = {"log_gains": torch.zeros(1, Shape().latent_channels)}
+    for name, value in variables.items():
+        layer, _, kind = name.rpartition("/")
+        kernel = kind == "kernel"
+        ours = f"{names[layer]}.{'weight' if kernel else kind}" if layer in names else names[name]
+        ordered = value.transpose(_KERNEL_AXES) if kernel else value
+        state[ours] = torch.from_numpy(np.ascontiguousarray(ordered, dtype=np.float32))
+    return state
+
+
+def _names() -> Iterator[tuple[str, str]]:
+    """The authors' names of layers, and of the variables of the entropy bottleneck, and ours."""
+    yield from _LAYERS.items()
+    parts = {"analysis": "g_a", "synthesis": "g_s"}
+    blocks = range(Shape().blocks)
+    for part, scale, block, layer in product(parts, range(3), blocks, _BLOCK_LAYERS):
+        theirs = f"{part}_transform/vrn{scale + 1}_{block + 1}/{layer}"
+        yield theirs, f"{parts[part]}.blocks.{scale}.{block}.{layer}"
+    for (theirs, ours), number in product(_BOTTLENECK.items(), range(4)):
+        yield f"estimator/{theirs}_{number}", f"entropy_bottlenecks.0.{ours}.{number}"

@@ -16,26 +16,26 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.learned.catalogue import PCGCV2
 from puckbench.codecs.learned.codec import Improved, ImprovedOptions, LearnedByLambda
-from puckbench.codecs.learned.pcgcv2.catalogue import NETWORK
-from puckbench.codecs.learned.pcgcv2.stream import Coded, Rules, read_stream, write_coded, write_few
+from puckbench.codecs.learned.pcgcv2.stream import Coded, Tools, read_stream, write_coded, write_raw
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.pcgcv2.coder import Coder
-    from puckbench.codecs.learned.pcgcv2.weights import WeightSet
+    from puckbench.codecs.learned.pcgcv2.weights import Weights
 
-_FEW = 64
-"""Up to so many points are kept as they are: a network can say nothing about them."""
+_MAX_RAW_POINTS = 64
+"""Clouds of at most this many points are stored uncompressed: a network cannot help there."""
 
 
 @CODECS.register("pcgcv2")
-class Pcgcv2(LearnedByLambda["WeightSet"]):
+class Pcgcv2(LearnedByLambda["Weights"]):
     """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
-    The likeliest voxels are kept wherever they are: those of sparse parts may vanish.
+    The most likely voxels are kept wherever they are: those of sparse parts may vanish.
     """
 
     title = "PCGCv2"
@@ -56,22 +56,22 @@ class Pcgcv2(LearnedByLambda["WeightSet"]):
     training = "puckbench.codecs.learned.pcgcv2.training_settings:Training"
     thesis_role = "pcgcv2"
     version = "PCGCv2, stream version 6"
-    network = NETWORK
+    network = PCGCV2
     grid = 1.0
 
-    def _rules(self) -> Rules:
-        """Where the streams differ from those of the authors' program."""
-        return Rules(0)
+    def _tools(self) -> Tools:
+        """Coding tools in use that the authors' program does not have."""
+        return Tools(0)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.codecs.learned.grid_level import on_grid
+        from puckbench.codecs.learned.grid_level import voxelised
 
-        if len(points) <= _FEW:
-            return write_few(np.unique(points, axis=0))
+        if len(points) <= _MAX_RAW_POINTS:
+            return write_raw(np.unique(points, axis=0))
         if np.abs(points).max() >= 2**31 - 2**20:
             raise InputError("coordinates exceed 32-bit integers")
         level = self._level(points, parameters)
-        return write_coded(self._coder(parameters).encode(on_grid(points, level), level))
+        return write_coded(self._coder(parameters).encode(voxelised(points, level), level))
 
     def _coder(self, parameters: Parameters) -> Coder:
         from puckbench.codecs.learned.pcgcv2.coder import Coder
@@ -83,8 +83,8 @@ class Pcgcv2(LearnedByLambda["WeightSet"]):
             rate,
             rho,
             threads=self.options.threads,
-            rules=self._rules(),
-            fill=self.point_reconstruction,
+            rules=self._tools(),
+            point_reconstruction=self.point_reconstruction,
         )
 
     def _points(self, stream: bytes) -> Floats:
@@ -96,7 +96,7 @@ class Pcgcv2(LearnedByLambda["WeightSet"]):
         weights = self._of_rate(coded.digest, coded.rate)
         return Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
 
-    def _read(self, path: Path) -> WeightSet:
+    def _read(self, path: Path) -> Weights:
         from puckbench.codecs.learned.pcgcv2.weights import load_weights
 
         return load_weights(path)
@@ -109,10 +109,10 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 
 
 @CODECS.register("pcgcv2_plus")
-class Pcgcv2Plus(Improved["WeightSet"], Pcgcv2):
+class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
     """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
 
-    Each voxel keeps its likeliest child, so that no part of a cloud vanishes.
+    Each voxel keeps its most likely child, so that no part of a cloud vanishes.
     """
 
     title = "PCGCv2+"
@@ -134,8 +134,8 @@ class Pcgcv2Plus(Improved["WeightSet"], Pcgcv2):
     based_on = "pcgcv2"
     version = "PCGCv2+, stream version 6"
 
-    def _rules(self) -> Rules:
-        return Rules.FAMILIES | (Rules.CONTEXTS if self.context_mixing else Rules(0))
+    def _tools(self) -> Tools:
+        return Tools.CHILD_PER_PARENT | (Tools.CONTEXT_MIXING if self.context_mixing else Tools(0))
 
 
 class Pcgcv2PlusRoomsOptions(Pcgcv2PlusOptions):

@@ -1,157 +1,178 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-Wang, Ding, Li, Ma: "Multiscale Point Cloud Geometry Compression", DCC 2021. It may have several
-rates: see `gains`.
+Transforms are named as in learned compression: the analysis transform g_a makes the latent y, the
+synthesis transform g_s decodes it. The network may code at several rates (see `gains`).
+
+References
+----------
+Wang, Ding, Li, Ma: "Multiscale Point Cloud Geometry Compression", DCC 2021, section 3 and figure 1;
+layers are named as in the authors' program.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
+from typing import Annotated, cast
 
 import torch
+from pydantic import Field
 from torch import Tensor, nn
 
-from puckbench.codecs.learned.gains import Gained
-from puckbench.codecs.learned.sparse.convolution import Site
-from puckbench.codecs.learned.sparse.layers import Convolution, Down, Pointwise, Up
-from puckbench.codecs.learned.sparse.voxels import Families
+from puckbench.codecs.learned.gains import MultiRateNetwork
+from puckbench.codecs.learned.sparse.convolution import Neighbourhood
+from puckbench.codecs.learned.sparse.layers import (
+    GenerativeTransposedConvolution,
+    PointwiseConvolution,
+    SparseConvolution,
+    StridedConvolution,
+)
+from puckbench.codecs.learned.sparse.voxels import ChildMap
+from puckbench.core.models import Model
 
 SCALES = 3
+_Channels = Annotated[int, Field(ge=1, le=1024)]
+_Few = Annotated[int, Field(ge=1, le=64)]
 
 
-@dataclass(frozen=True)
-class Shape:
-    """Sizes of the network; the original's by default.
+class Shape(Model):
+    """Sizes of the network, by default those of the paper.
 
-    widths: features at strides 1, 2, 4 and 8 of the encoder; the decoder's, at strides 4, 2 and 1,
-    are the middle ones backwards. latent: features coded. blocks: at each scale. rates: gains.
+    Parameters
+    ----------
+    channels
+        Of the features of g_a at strides 1, 2, 4 and 8; g_s has the first three backwards.
+    latent_channels
+        Channels of the latent y.
+    blocks
+        Inception-ResNet blocks of each scale.
+    rates
+        Rates that share the weights.
     """
 
-    widths: tuple[int, int, int, int] = (16, 32, 64, 32)
-    latent: int = 8
-    blocks: int = 3
-    rates: int = 1
+    channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
+    latent_channels: _Channels = 8
+    blocks: _Few = 3
+    rates: _Few = 1
 
 
-class InceptionResidual(nn.Module):
-    """Two paths of a quarter of the width beside each other, added to the input."""
+class InceptionResNet(nn.Module):
+    """Inception-ResNet block: two branches of a quarter of the channels, added to the input."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, channels: int) -> None:
         super().__init__()
-        quarter = width // 4
-        self.near_in = Convolution(width, quarter)
-        self.near_out = Convolution(quarter, 2 * quarter)
-        self.point_in = Pointwise(width, quarter)
-        self.middle = Convolution(quarter, quarter)
-        self.point_out = Pointwise(quarter, 2 * quarter)
+        quarter = channels // 4
+        self.conv0_0 = SparseConvolution(channels, quarter)
+        self.conv0_1 = SparseConvolution(quarter, 2 * quarter)
+        self.conv1_0 = PointwiseConvolution(channels, quarter)
+        self.conv1_1 = SparseConvolution(quarter, quarter)
+        self.conv1_2 = PointwiseConvolution(quarter, 2 * quarter)
 
-    def forward(self, features: Tensor, where: Site) -> Tensor:
-        """(n, children, c) to the same."""
-        near = self.near_out(self.near_in(features, where).relu(), where)
-        point = self.middle(self.point_in(features).relu(), where).relu()
-        return features + torch.cat([near, self.point_out(point)], dim=2)
+    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
+        """Features (n, children, c) to features of the same shape."""
+        out0 = self.conv0_1(self.conv0_0(features, where).relu(), where)
+        out1 = self.conv1_1(self.conv1_0(features).relu(), where).relu()
+        return features + torch.cat([out0, self.conv1_2(out1)], dim=2)
 
 
 class Blocks(nn.ModuleList):
-    """Blocks one after the other."""
+    """Inception-ResNet blocks, one after the other."""
 
-    def __init__(self, width: int, count: int) -> None:
-        super().__init__(InceptionResidual(width) for _ in range(count))
+    def __init__(self, channels: int, count: int) -> None:
+        super().__init__(InceptionResNet(channels) for _ in range(count))
 
-    def __iter__(self) -> Iterator[InceptionResidual]:
-        return cast(Iterator[InceptionResidual], super().__iter__())
+    def __iter__(self) -> Iterator[InceptionResNet]:
+        return cast(Iterator[InceptionResNet], super().__iter__())
 
-    def forward(self, features: Tensor, where: Site) -> Tensor:
-        """(n, children, c) to the same."""
+    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
+        """Features (n, children, c) to features of the same shape."""
         for block in self:
             features = block(features, where)
         return features
 
 
-class EncoderScale(nn.Module):
-    """From a set of voxels to the next coarser one."""
+class AnalysisScale(nn.Module):
+    """One scale of g_a, from a set of voxels to the next coarser one."""
 
-    def __init__(self, width: int, wider: int, end: int, blocks: int) -> None:
+    def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
         super().__init__()
-        self.down = Down(width, wider)
-        self.blocks = Blocks(wider, blocks)
-        self.conv = Convolution(wider, end)
+        self.down = StridedConvolution(channels, inner)
+        self.blocks = Blocks(inner, blocks)
+        self.conv = SparseConvolution(inner, out)
 
-    def forward(self, features: Tensor, families: Families, where: Site) -> Tensor:
-        """(n, 1, c) to (m, 1, d), before the ReLU."""
-        features = self.blocks(self.down(features, families).relu(), where)
+    def forward(self, features: Tensor, child_map: ChildMap, where: Neighbourhood) -> Tensor:
+        """Features (n, 1, c) to (m, 1, d) of the parents, before the ReLU."""
+        features = self.blocks(self.down(features, child_map).relu(), where)
         result: Tensor = self.conv(features, where)
         return result
 
 
-class Encoder(nn.Module):
-    """From occupied voxels to features of the voxels at stride 8."""
+class Analysis(nn.Module):
+    """Analysis transform g_a: from occupied voxels to the latent y at stride 8."""
 
     def __init__(self, shape: Shape) -> None:
         super().__init__()
-        widths = shape.widths
-        ends = [*widths[1:-1], shape.latent]
-        self.first = Convolution(1, widths[0])
+        channels = shape.channels
+        outs = [*channels[1:-1], shape.latent_channels]
+        self.conv0 = SparseConvolution(1, channels[0])
         self.scales = nn.ModuleList(
-            EncoderScale(*steps, shape.blocks)
-            for steps in zip(widths, widths[1:], ends, strict=False)
+            AnalysisScale(*sizes, shape.blocks)
+            for sizes in zip(channels, channels[1:], outs, strict=False)
         )
 
-    def scale(self, scale: int) -> EncoderScale:
+    def scale(self, scale: int) -> AnalysisScale:
         """The layers from stride ``2**scale`` to the next."""
-        return cast(EncoderScale, self.scales[scale])
+        return cast(AnalysisScale, self.scales[scale])
 
-    def forward(self, sites: list[Site], families: list[Families], features: Tensor) -> Tensor:
-        """Ones (n, 1, 1) to the latent (m, 1, latent); sites of strides 1, 2, 4, 8, in rows."""
-        features = self.first(features, sites[0])
+    def forward(
+        self, sites: list[Neighbourhood], child_maps: list[ChildMap], features: Tensor
+    ) -> Tensor:
+        """Ones (n, 1, 1) to y (m, 1, latent_channels), with the voxels at strides 1, 2, 4, 8."""
+        features = self.conv0(features, sites[0])
         for scale in range(SCALES):
-            features = self.scale(scale)(features.relu(), families[scale], sites[scale + 1])
+            features = self.scale(scale)(features.relu(), child_maps[scale], sites[scale + 1])
         return features
 
 
-class DecoderScale(nn.Module):
-    """From a set of voxels to all their children, with a logit of occupancy for each."""
+class SynthesisScale(nn.Module):
+    """One scale of g_s, from a set of voxels to all their children and logits of occupancy."""
 
-    def __init__(self, width: int, wider: int, blocks: int) -> None:
+    def __init__(self, channels: int, inner: int, blocks: int) -> None:
         super().__init__()
-        self.up = Up(width, wider)
-        self.conv = Convolution(wider, wider)
-        self.blocks = Blocks(wider, blocks)
-        self.logits = Convolution(wider, 1)
+        self.up = GenerativeTransposedConvolution(channels, inner)
+        self.conv = SparseConvolution(inner, inner)
+        self.blocks = Blocks(inner, blocks)
+        self.conv_cls = SparseConvolution(inner, 1)
 
-    def forward(self, features: Tensor, where: Site) -> tuple[Tensor, Tensor]:
+    def forward(self, features: Tensor, where: Neighbourhood) -> tuple[Tensor, Tensor]:
         """Features (m, c) of parents to those of their children (m, 8, d) and logits (m, 8)."""
         children = self.conv(self.up(features).relu(), where).relu()
         children = self.blocks(children, where)
-        return children, self.logits(children, where)[:, :, 0]
+        return children, self.conv_cls(children, where)[:, :, 0]
 
 
-class Decoder(nn.Module):
-    """From features at stride 8 to occupancy, scale by scale."""
+class Synthesis(nn.Module):
+    """Synthesis transform g_s: from the latent at stride 8 to occupancy, scale by scale."""
 
     def __init__(self, shape: Shape) -> None:
         super().__init__()
-        widths = (shape.latent, *shape.widths[2::-1])
+        channels = (shape.latent_channels, *shape.channels[2::-1])
         self.scales = nn.ModuleList(
-            DecoderScale(*steps, shape.blocks) for steps in pairwise(widths)
+            SynthesisScale(*sizes, shape.blocks) for sizes in pairwise(channels)
         )
 
-    def scale(self, scale: int) -> DecoderScale:
+    def scale(self, scale: int) -> SynthesisScale:
         """The layers to strides 4, 2 and 1, for scales 0, 1 and 2."""
-        return cast(DecoderScale, self.scales[scale])
+        return cast(SynthesisScale, self.scales[scale])
 
 
-class PCGCv2(Gained):
-    """Encoder, decoder, and for each rate a bottleneck and gains of the latent."""
+class PCGCv2(MultiRateNetwork):
+    """Transforms g_a and g_s, and for each rate an entropy bottleneck and gains of y."""
 
     shape: Shape
 
     def __init__(self, shape: Shape) -> None:
-        super().__init__()
-        self.shape = shape
-        self.encoder = Encoder(shape)
-        self.decoder = Decoder(shape)
-        self.add_rates(shape, shape.latent)
+        super().__init__(shape)
+        self.g_a = Analysis(shape)
+        self.g_s = Synthesis(shape)
+        self.add_rates(shape.latent_channels)

@@ -1,11 +1,11 @@
-"""The bytes of a PCGCv2 stream: which weights made it, counts per scale, coordinates, features.
+"""The stream of PCGCv2: identity of the weights, voxel counts of each scale, coordinates, latent.
 
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), number of the rate among theirs, quarters of a
-    halving of the grid, rules (1: families, 2: contexts), points of each voxel in 256ths (2 bytes;
-    0: one in its middle); base-128 numbers: origin (signed), number of blocks; each block: voxels
-    at strides 1, 2, 4 and 8, bytes of coordinates and of features, these
+kind 1: digest of the weights (8 bytes), index of the rate among theirs, level of the grid in quarter
+    octaves, coding tools (1: child per parent, 2: context mixing), points of each voxel in 256ths
+    (2 bytes; 0: one in its centre); base-128 numbers: origin (signed), number of blocks; each block:
+    voxels at strides 1, 2, 4 and 8, bytes of coordinates and of the latent, these
 """
 
 from __future__ import annotations
@@ -18,76 +18,100 @@ from enum import IntFlag
 import numpy as np
 
 from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
-from puckbench.codecs.learned.codec import MOST_QUARTERS
-from puckbench.codecs.learned.point_reconstruction import check_filling
+from puckbench.codecs.learned.grid_level import MAX_QUARTER_OCTAVES
+from puckbench.codecs.learned.point_reconstruction import check_points_per_voxel
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 MAGIC = b"PCG2"
 VERSION = 6
-MOST_VOXELS = 2**20
-"""Most voxels of a block, at any scale; more are coded as several blocks."""
-_FEW, _NETWORK = 0, 1
+MAX_VOXELS = 2**20
+"""Voxels of a block, at any scale; larger clouds are coded as several blocks."""
+_RAW, _NETWORK = 0, 1
 _START = struct.Struct("<4sBBI")
 _HEADER = struct.Struct("<8sBBBH")
 
 
 @dataclass(frozen=True)
 class Block:
-    """Part of a cloud: counts at strides 1, 2, 4, 8; coordinates at stride 8; the latent."""
+    """A part of a cloud.
+
+    Parameters
+    ----------
+    counts
+        Voxels at strides 1, 2, 4 and 8.
+    coordinates
+        The voxels at stride 8, coded losslessly.
+    latent
+        The coded latent y_hat.
+    """
 
     counts: tuple[int, int, int, int]
     coordinates: bytes
-    features: bytes
+    latent: bytes
 
 
-class Rules(IntFlag):
-    """Where a stream differs from the authors' program."""
+class Tools(IntFlag):
+    """Coding tools that the authors' program does not have."""
 
-    FAMILIES = 1
-    """Each voxel keeps its likeliest child at least; in the original it may lose all of them."""
-    CONTEXTS = 2
-    """The latent is coded in contexts, not with the weights' tables alone."""
+    CHILD_PER_PARENT = 1
+    """Each voxel keeps at least its most likely child; otherwise it may lose all of them."""
+    CONTEXT_MIXING = 2
+    """The latent is coded with context mixing, not with the entropy bottleneck's tables alone."""
 
 
-OURS = Rules.FAMILIES | Rules.CONTEXTS
+ALL_TOOLS = Tools.CHILD_PER_PARENT | Tools.CONTEXT_MIXING
 
 
 @dataclass(frozen=True)
 class Coded:
-    """A cloud coded by a network.
+    """A cloud coded by the network.
 
-    origin: voxel that is subtracted from all others. quarters: of a halving of the grid, see
-    `puckbench.codecs.learned.grid_level`. per_voxel: its points, in 256ths; 0 for its middle.
+    Parameters
+    ----------
+    digest
+        Identity of the weights.
+    rate
+        Index of the rate among those of the weights.
+    origin
+        Voxel that was subtracted from all others.
+    blocks
+        The parts.
+    quarter_octaves
+        Level of the grid, see `puckbench.codecs.learned.grid_level`.
+    tools
+        Coding tools in use.
+    points_per_voxel
+        In 256ths; 0 for one point in the centre of each voxel.
     """
 
     digest: bytes
     rate: int
     origin: tuple[int, int, int]
     blocks: tuple[Block, ...]
-    quarters: int = 0
-    rules: Rules = OURS
-    per_voxel: int = 0
+    quarter_octaves: int = 0
+    tools: Tools = ALL_TOOLS
+    points_per_voxel: int = 0
 
     @property
     def voxels(self) -> int:
-        """How many there are."""
+        """Number of decoded voxels."""
         return sum(block.counts[0] for block in self.blocks)
 
 
-def write_few(points: Floats) -> bytes:
+def write_raw(points: Floats) -> bytes:
     """The stream of a cloud (n, 3) that is too small for a network."""
-    return _framed(_FEW, points.astype("<f8").tobytes())
+    return _framed(_RAW, points.astype("<f8").tobytes())
 
 
 def write_coded(coded: Coded) -> bytes:
     """The stream of a coded cloud."""
-    numbers = (coded.rate, coded.quarters, coded.rules, coded.per_voxel)
+    numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
     for block in coded.blocks:
-        sizes = (len(block.coordinates), len(block.features))
-        parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.features]
+        sizes = (len(block.coordinates), len(block.latent))
+        parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.latent]
     return _framed(_NETWORK, b"".join(parts))
 
 
@@ -96,9 +120,17 @@ def _framed(kind: int, body: bytes) -> bytes:
 
 
 def read_stream(stream: bytes) -> Coded | Floats:
-    """A coded cloud, or the points of a small one; InputError for any other bytes.
+    """Parse a stream; the counts in it are checked against its size before any work begins.
 
-    What the counts promise is held against the size of the stream before anybody works on it.
+    Returns
+    -------
+    Coded or NDArray
+        A coded cloud, or the points (n, 3) of a small one.
+
+    Raises
+    ------
+    InputError
+        The bytes are damaged, or of another codec or version.
     """
     if len(stream) < _START.size:
         raise InputError("the stream is truncated")
@@ -108,10 +140,10 @@ def read_stream(stream: bytes) -> Coded | Floats:
     body = stream[_START.size :]
     if zlib.crc32(body) != check:
         raise InputError("the stream is damaged or truncated")
-    return _read_few(body) if kind == _FEW else _read_coded(body)
+    return _read_raw(body) if kind == _RAW else _read_coded(body)
 
 
-def _read_few(body: bytes) -> Floats:
+def _read_raw(body: bytes) -> Floats:
     if not body or len(body) % 24:
         raise InputError("the stream is damaged (points)")
     points = np.frombuffer(body, dtype="<f8").reshape(-1, 3).astype(np.float64)
@@ -122,35 +154,38 @@ def _read_few(body: bytes) -> Floats:
 
 def _read_coded(body: bytes) -> Coded:
     reader = Reader(body)
-    digest, rate, quarters, rules, per_voxel = _HEADER.unpack(reader.take(_HEADER.size))
-    if quarters > MOST_QUARTERS or rules > OURS:
+    header = _HEADER.unpack(reader.take(_HEADER.size))
+    digest, rate, quarter_octaves, tools, points_per_voxel = header
+    if quarter_octaves > MAX_QUARTER_OCTAVES or tools > ALL_TOOLS:
         raise InputError("the stream is damaged (its header)")
     origin = (reader.signed(), reader.signed(), reader.signed())
     blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
-    coded = Coded(digest, rate, origin, blocks, quarters, Rules(rules), per_voxel)
-    if coded.voxels > _most_voxels(body):
+    coded = Coded(
+        digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel
+    )
+    if coded.voxels > _max_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
-    check_filling(per_voxel, coded.voxels)
+    check_points_per_voxel(points_per_voxel, coded.voxels)
     return coded
 
 
-def _most_voxels(body: bytes) -> int:
+def _max_voxels(body: bytes) -> int:
     """Largest believable count: a damaged stream must not keep the decoder busy for long."""
     return 65536 + 8192 * len(body)
 
 
 def _read_block(reader: Reader) -> Block:
-    fine, two, four, eight, coordinates, features = (reader.number() for _ in range(6))
+    fine, two, four, eight, coordinates, latent = (reader.number() for _ in range(6))
     counts = (fine, two, four, eight)
     _check_counts(counts)
-    return Block(counts, reader.take(coordinates), reader.take(features))
+    return Block(counts, reader.take(coordinates), reader.take(latent))
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
     """Every voxel has at least one child and at most eight (the last scale may have fewer)."""
     fine, two, four, eight = counts
     fits = 1 <= eight <= four <= 8 * eight and four <= two <= 8 * four and 1 <= fine <= 8 * two
-    if not fits or max(counts) > 2 * MOST_VOXELS:
+    if not fits or max(counts) > 2 * MAX_VOXELS:
         raise InputError("the stream is damaged (counts per scale)")

@@ -1,11 +1,11 @@
-"""Training PCGCv2: its loss, and one step.
+"""Training of PCGCv2: its rate-distortion loss, and one step.
 
-The loss of a cloud at a rate is ``alpha * sum over 3 scales of the mean binary cross entropy, in
-bits, of its candidate voxels + bits of the latent per point``, divided by the square root of alpha
-so that no rate outweighs the others where they share weights. The authors add the scales up as they
-are; here they weigh as the sides of their voxels, since a voxel missed at stride 4 cannot be mended
-at stride 1. While training, rounding is uniform
-noise and the true voxels are kept at each scale beside those that the network chose.
+The loss of a batch at a rate is ``lambda * D + R``, divided by the square root of lambda so that no
+rate outweighs the others where they share weights. R is the bits of the latent per point. D is the
+mean binary cross entropy, in bits, of the candidate voxels of each scale, weighted by the side of
+the voxels, since a voxel missed at stride 4 cannot be recovered at stride 1 (the authors weigh all
+scales alike). Rounding is replaced by uniform noise, and the true voxels of each scale are kept
+beside those that the network chooses.
 """
 
 from __future__ import annotations
@@ -22,70 +22,79 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from puckbench.codecs.learned.gains import parameter_groups
 from puckbench.codecs.learned.pcgcv2.model import SCALES, PCGCv2
-from puckbench.codecs.learned.sparse.convolution import site
-from puckbench.codecs.learned.sparse.kernel_map import blocks_layout, rows_layout
+from puckbench.codecs.learned.sparse.convolution import neighbourhood
+from puckbench.codecs.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.codecs.learned.sparse.layers import kept_children
-from puckbench.codecs.learned.sparse.thread_pool import Crew
+from puckbench.codecs.learned.sparse.thread_pool import ThreadPool
 from puckbench.codecs.learned.sparse.voxels import (
     CHILDREN,
     Keys,
     Voxels,
-    descended,
     keys_of_slots,
     pyramid,
+    selected_children,
 )
 from puckbench.codecs.learned.training.examples import batch
-from puckbench.codecs.learned.training.loop import Trainer as AnyTrainer
-from puckbench.codecs.learned.training.settings import TrainingByAlpha
+from puckbench.codecs.learned.training.loop import Trainer as BaseTrainer
+from puckbench.codecs.learned.training.settings import MultiRateTraining
 
-WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
-"""Of the scales in the loss; together as much as the authors'."""
+SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
+"""Of strides 4, 2 and 1 in the loss; their sum is the authors'."""
 
 
 class Loss(NamedTuple):
-    """What a batch costs.
+    """The loss of a batch.
 
-    entropies: mean bits of a candidate at strides 4, 2 and 1. bpp: bits of the latent per point.
+    Parameters
+    ----------
+    total
+        What is minimised.
+    cross_entropies
+        Mean bits of a candidate voxel at strides 4, 2 and 1.
+    bpp
+        Bits of the latent per point.
     """
 
     total: Tensor
-    entropies: tuple[Tensor, ...]
+    cross_entropies: tuple[Tensor, ...]
     bpp: Tensor
 
 
-def loss_of(
-    model: PCGCv2, keys: Keys, rate: int, alpha: float, crew: Crew, noise: torch.Generator
+def rate_distortion_loss(
+    model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
 ) -> Loss:
-    """The loss of voxels in Morton order at a rate."""
+    """The loss at a rate of voxels in Morton order (n,)."""
     device = model.log_gains.device
-    sets, families = pyramid(keys, SCALES, crew)
-    sites = [site(voxels.neighbours, rows_layout(), crew, device) for voxels in sets]
-    latent = model.encoder(sites, families, torch.ones(len(keys), 1, 1, device=device))[:, 0]
-    scaled = latent * model.gain(rate)
+    sets, child_maps = pyramid(keys, SCALES, pool)
+    sites = [neighbourhood(v.neighbours, voxel_kernel_map(), pool, device) for v in sets]
+    y = model.g_a(sites, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
+    scaled = y * model.gain(rate)
     noisy = scaled + torch.rand(scaled.shape, generator=noise).to(device) - 0.5
-    bits = -model.bottleneck(rate).likelihood(noisy).log2().sum()
-    entropies = _entropies(model, noisy / model.gain(rate), sets, crew)
+    bits = -model.entropy_bottleneck(rate).likelihood(noisy).log2().sum()
+    cross_entropies = _cross_entropies(model, noisy / model.gain(rate), sets, pool)
     bpp = bits / len(keys)
-    entropy = torch.stack(entropies) @ torch.tensor(WEIGHTS, device=device)
-    total = (alpha * entropy + bpp) / math.sqrt(alpha)
-    return Loss(total, tuple(entropies), bpp)
+    distortion = torch.stack(cross_entropies) @ torch.tensor(SCALE_WEIGHTS, device=device)
+    total = (lmbda * distortion + bpp) / math.sqrt(lmbda)
+    return Loss(total, tuple(cross_entropies), bpp)
 
 
-def _entropies(model: PCGCv2, features: Tensor, sets: list[Voxels], crew: Crew) -> list[Tensor]:
-    entropies, parents = [], sets[SCALES]
+def _cross_entropies(
+    model: PCGCv2, features: Tensor, sets: list[Voxels], pool: ThreadPool
+) -> list[Tensor]:
+    found, parents = [], sets[SCALES]
     for scale in range(SCALES):
-        where = site(parents.neighbours, blocks_layout(), crew, features.device)
-        children, logits = model.decoder.scale(scale)(features, where)
+        where = neighbourhood(parents.neighbours, block_kernel_map(), pool, features.device)
+        children, logits = model.g_s.scale(scale)(features, where)
         truth = sets[SCALES - 1 - scale].keys
         occupied = _occupied(parents, truth)
         target = torch.from_numpy(occupied).to(logits)
-        entropies.append(binary_cross_entropy_with_logits(logits.reshape(-1), target) / math.log(2))
+        found.append(binary_cross_entropy_with_logits(logits.reshape(-1), target) / math.log(2))
         if scale + 1 < SCALES:
             chosen = kept_children(logits.detach().cpu().numpy(), len(truth))
             kept = np.union1d(chosen, np.flatnonzero(occupied))
             features = children.flatten(0, 1)[torch.from_numpy(kept).to(features.device)]
-            parents = descended(parents, kept, crew)
-    return entropies
+            parents = selected_children(parents, kept, pool)
+    return found
 
 
 def _occupied(parents: Voxels, truth: Keys) -> NDArray[np.bool_]:
@@ -96,27 +105,27 @@ def _occupied(parents: Voxels, truth: Keys) -> NDArray[np.bool_]:
     return occupied
 
 
-class Trainer(AnyTrainer[PCGCv2, Loss]):
-    """PCGCv2 in training, at all its rates in turn."""
+class Trainer(BaseTrainer[PCGCv2, Loss]):
+    """PCGCv2 in training, each step at a rate drawn at random."""
 
-    training: TrainingByAlpha
+    training: MultiRateTraining
 
-    def __init__(self, model: PCGCv2, training: TrainingByAlpha, crew: Crew) -> None:
+    def __init__(self, model: PCGCv2, training: MultiRateTraining, pool: ThreadPool) -> None:
         super().__init__(model, training, parameter_groups(model))
-        self.crew = crew
+        self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> Loss:
-        """One step on a batch, at the rate whose turn it is."""
-        rate = int(torch.randint(len(self.training.alphas), (1,), generator=self.noise))
-        alpha = self.training.alphas[rate]
-        loss = loss_of(self.model, batch(clouds), rate, alpha, self.crew, self.noise)
-        self.descend(loss.total)
-        return Loss(
-            loss.total.detach(), tuple(e.detach() for e in loss.entropies), loss.bpp.detach()
-        )
+        """One step on a batch of cubes."""
+        rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
+        lmbda = self.training.lmbdas[rate]
+        keys = batch(clouds)
+        loss = rate_distortion_loss(self.model, keys, rate, lmbda, self.pool, self.noise)
+        self.optimiser_step(loss.total)
+        cross_entropies = tuple(value.detach() for value in loss.cross_entropies)
+        return Loss(loss.total.detach(), cross_entropies, loss.bpp.detach())
 
     def row(self, loss: Loss) -> dict[str, float]:
-        """Loss, bits of a candidate at each stride, bits of the latent per point."""
+        """Loss, bits of a candidate voxel at each stride, bits of the latent per point."""
         names = ("loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
-        values = (loss.total, *loss.entropies, loss.bpp)
+        values = (loss.total, *loss.cross_entropies, loss.bpp)
         return {name: float(value) for name, value in zip(names, values, strict=True)}

@@ -4,41 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.codecs.learned.training.settings import TrainingByAlpha
+from puckbench.codecs.learned.training.settings import Channels, MultiRateTraining
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.pcgcv2.training import Trainer
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training(TrainingByAlpha):
-    """A training of PCGCv2. widths: at strides 1, 2, 4 and 8."""
+class Training(MultiRateTraining):
+    """A training of PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
 
-    widths: tuple[int, int, int, int] = (16, 32, 64, 32)
+    channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
 
     @contextmanager
     def trainer(self) -> Iterator[Trainer]:
         """A new model with its optimiser."""
         import torch
 
-        from puckbench.codecs.learned.gains import spread_gains
+        from puckbench.codecs.learned.gains import initialise_gains
         from puckbench.codecs.learned.pcgcv2.model import PCGCv2, Shape
         from puckbench.codecs.learned.pcgcv2.training import Trainer
-        from puckbench.codecs.learned.sparse.thread_pool import crew
+        from puckbench.codecs.learned.sparse.thread_pool import thread_pool
         from puckbench.codecs.learned.training.loop import on_device
 
         torch.manual_seed(self.seed)
-        model = PCGCv2(Shape(widths=self.widths, rates=len(self.alphas)))
-        spread_gains(model, self.alphas)
-        with crew() as workers:
-            yield Trainer(on_device(model), self, workers)
+        model = PCGCv2(Shape(channels=self.channels, rates=len(self.lmbdas)))
+        initialise_gains(model, self.lmbdas)
+        with thread_pool() as pool:
+            yield Trainer(on_device(model), self, pool)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""
         from puckbench.codecs.learned.pcgcv2.weights import save_weights
 
-        save_weights(path, model, self.alphas, card)
+        save_weights(path, model, self.lmbdas, card)

@@ -1,4 +1,4 @@
-"""3x3x3 convolution on a set of voxels: gather, multiply, add, a chunk of rows at a time."""
+"""Sparse 3x3x3 convolution: gather, multiply, scatter, for one chunk of rows after the other."""
 
 from __future__ import annotations
 
@@ -11,80 +11,103 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from puckbench.codecs.learned.sparse.gather_scatter import (
-    CompiledMover,
-    Mover,
-    TorchMover,
+    CompiledGatherScatter,
+    GatherScatter,
+    TorchGatherScatter,
     segments,
 )
-from puckbench.codecs.learned.sparse.kernel_map import Layout
-from puckbench.codecs.learned.sparse.thread_pool import Crew, Scratch
-from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS, Table
+from puckbench.codecs.learned.sparse.kernel_map import KernelMap
+from puckbench.codecs.learned.sparse.thread_pool import Scratch, ThreadPool
+from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
-"""Gathered features of one chunk, about: larger ones leave the caches of small machines,
-smaller ones spend more of their time in Python, which two threads cannot share."""
-_FEWEST_ROWS, _MOST_ROWS = 64, 4096
+"""Gathered features of a chunk, about: larger chunks leave the caches of small machines, smaller
+ones spend more time in Python, which two threads cannot share."""
+_MIN_ROWS, _MAX_ROWS = 64, 4096
 
-Products = tuple[Tensor, ...]
-"""For each offset between rows the matrix (many * width read, many * width written)."""
+Matrices = tuple[Tensor, ...]
+"""For each offset between rows the matrix (count * channels read, count * channels written)."""
 
 
 @dataclass(frozen=True)
-class Site:
-    """Where a layer works: who neighbours whom, how features are laid out, and who computes.
+class Neighbourhood:
+    """The set of voxels that a layer works on.
 
-    Features are (n, children, width): one child for rows, eight for blocks.
+    Parameters
+    ----------
+    gather_scatter
+        Moves features (n, children, channels) between neighbouring rows.
+    kernel_map
+        What rows are: voxels, with one child, or parents with eight.
+    pool
+        The threads that compute.
+    chunk_floats
+        Features gathered at once, about.
     """
 
-    mover: Mover
-    layout: Layout
-    crew: Crew
+    gather_scatter: GatherScatter
+    kernel_map: KernelMap
+    pool: ThreadPool
     chunk_floats: int = _CHUNK_FLOATS
 
-    def chunk(self, width: int) -> int:
-        """Rows of a chunk for features of this width."""
-        rows = self.chunk_floats // (self.layout.usually_read * width)
-        return int(np.clip(rows, _FEWEST_ROWS, _MOST_ROWS))
+    def chunk_rows(self, channels: int) -> int:
+        """Rows of a chunk for features of so count channels."""
+        rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
+        return int(np.clip(rows, _MIN_ROWS, _MAX_ROWS))
 
 
-def site(table: Table, layout: Layout, crew: Crew, device: torch.device | None = None) -> Site:
-    """The site of a neighbour table (27, n), for tensors of a device (default: the CPU)."""
+def neighbourhood(table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device | None = None) -> Neighbourhood:
+    """The neighbourhood of a table (27, n), for tensors of a device (default: the CPU)."""
     if device is None or device.type == "cpu":
-        return Site(CompiledMover(table), layout, crew)
-    return Site(TorchMover(torch.from_numpy(table).long().to(device)), layout, crew)
+        return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
+    return Neighbourhood(TorchGatherScatter(torch.from_numpy(table).long().to(device)), kernel_map, pool)
 
 
-def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Site) -> Tensor:
-    """Features (n, children, d) from (n, children, c), a kernel (27, c, d) and a bias (d).
+def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:
+    """Convolve features; voxels outside the set count as zero and get no value. Differentiable.
 
-    Differentiable. Voxels that are not in the set count as zero, and get no value.
+    Parameters
+    ----------
+    features
+        (n, children, c).
+    kernel
+        (27, c, d).
+    bias
+        (d,).
+    where
+        The set of voxels.
+
+    Returns
+    -------
+    Tensor
+        (n, children, d).
     """
-    pairs = torch.from_numpy(where.layout.kernel_of_pair).to(kernel.device)
+    pairs = torch.from_numpy(where.kernel_map.kernel_of_pair).to(kernel.device)
     result: Tensor = _Convolution.apply(features, kernel[pairs], bias, where)  # type: ignore[no-untyped-call]
     return result
 
 
-def products_of(kernel: Tensor, layout: Layout) -> Products:
-    """The matrices of a kernel (27, c, d), for `accumulate`."""
-    return _products(kernel[torch.from_numpy(layout.kernel_of_pair)], layout)
+def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
+    """The matrices of a kernel (27, c, d) for `accumulate`."""
+    return _matrices(kernel[torch.from_numpy(kernel_map.kernel_of_pair)], kernel_map)
 
 
 def accumulate(
-    features: Tensor, where: Site, products: Products, rows: slice, scratch: Scratch, sums: Tensor
+    features: Tensor, where: Neighbourhood, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
 ) -> None:
-    """Add the products of a chunk's neighbours, the rows themselves left out, to `sums`.
+    """Add to sums (rows, children, d) the products of a chunk's neighbours, not of the rows.
 
-    features: (n, children, c). sums: (rows, children, d).
+    The features are (n, children, c).
     """
     width = sums.shape[2]
-    gathered = where.mover.gather(features, where.layout, rows, scratch)
+    gathered = where.gather_scatter.gather(features, where.kernel_map, rows, scratch)
     counts = np.array([0 if part is None else len(part) for part in gathered])
-    size = int(counts @ where.layout.many) * width
-    made = segments(_like(features, scratch, size), counts, where.layout, width)
-    for part, matrix, product in zip(gathered, products, made, strict=True):
+    size = int(counts @ where.kernel_map.counts) * width
+    made = segments(_like(features, scratch, size), counts, where.kernel_map, width)
+    for part, matrix, product in zip(gathered, matrices, made, strict=True):
         if part is not None and product is not None:
             torch.mm(part, matrix, out=product)
-    where.mover.add(made, sums, where.layout, rows)
+    where.gather_scatter.scatter_add(made, sums, where.kernel_map, rows)
 
 
 def _like(features: Tensor, scratch: Scratch, size: int) -> Tensor:
@@ -97,10 +120,10 @@ class _Convolution(torch.autograd.Function):
     """`convolve` with one kernel for each pair of children: (pairs, c, d)."""
 
     @staticmethod
-    def forward(ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, where: Site) -> Tensor:
+    def forward(ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:
         ctx.save_for_backward(features, kernels)
         ctx.where = where
-        return _apply(features.detach(), _products(kernels.detach(), where.layout), bias, where)
+        return _apply(features.detach(), _matrices(kernels.detach(), where.kernel_map), bias, where)
 
     @staticmethod
     @once_differentiable
@@ -110,22 +133,22 @@ class _Convolution(torch.autograd.Function):
         back = None
         if ctx.needs_input_grad[0]:
             # the set's neighbourhood is symmetric: backwards, offset and children swap sides
-            products = _products(kernels.detach(), ctx.where.layout)[::-1]
+            matrices = _matrices(kernels.detach(), ctx.where.kernel_map)[::-1]
             none = gradient.new_zeros(kernels.shape[1])
-            back = _apply(gradient, tuple(product.T for product in products), none, ctx.where)
+            back = _apply(gradient, tuple(matrix.T for matrix in matrices), none, ctx.where)
         of_kernels = _kernel_gradient(features.detach(), gradient, ctx.where)
         return back, of_kernels, gradient.sum(dim=(0, 1)), None
 
 
-def _products(kernels: Tensor, layout: Layout) -> Products:
-    parts = torch.split(kernels, [many * many for many in layout.sizes])
+def _matrices(kernels: Tensor, kernel_map: KernelMap) -> Matrices:
+    parts = torch.split(kernels, [count * count for count in kernel_map.sizes])
     return tuple(
-        part.view(many, many, *part.shape[1:]).transpose(1, 2).flatten(2).flatten(0, 1).contiguous()
-        for part, many in zip(parts, layout.sizes, strict=True)
+        part.view(count, count, *part.shape[1:]).transpose(1, 2).flatten(2).flatten(0, 1).contiguous()
+        for part, count in zip(parts, kernel_map.sizes, strict=True)
     )
 
 
-def _apply(features: Tensor, products: Products, bias: Tensor, where: Site) -> Tensor:
+def _apply(features: Tensor, matrices: Matrices, bias: Tensor, where: Neighbourhood) -> Tensor:
     rows, children, width = features.shape
     result = features.new_empty(rows, children, len(bias))
     biases = bias.detach().repeat(children)
@@ -133,35 +156,35 @@ def _apply(features: Tensor, products: Products, bias: Tensor, where: Site) -> T
     def work(chunk: slice, scratch: Scratch) -> None:
         sums = result[chunk]
         own = features[chunk].reshape(len(sums), -1)
-        torch.addmm(biases, own, products[CENTRE], out=sums.view(len(sums), -1))
-        accumulate(features, where, products, chunk, scratch, sums)
+        torch.addmm(biases, own, matrices[CENTRE], out=sums.view(len(sums), -1))
+        accumulate(features, where, matrices, chunk, scratch, sums)
 
-    where.crew.over(rows, where.chunk(width), work)
+    where.pool.map_chunks(rows, where.chunk_rows(width), work)
     return result
 
 
-def _kernel_gradient(features: Tensor, gradient: Tensor, where: Site) -> Tensor:
-    layout, widths = where.layout, (features.shape[2], gradient.shape[2])
+def _kernel_gradient(features: Tensor, gradient: Tensor, where: Neighbourhood) -> Tensor:
+    kernel_map, widths = where.kernel_map, (features.shape[2], gradient.shape[2])
 
     def work(chunk: slice, scratch: Scratch) -> Tensor:
-        inputs = where.mover.gather(features, layout, chunk, scratch)
-        outputs = where.mover.gather(gradient, layout, chunk, scratch, own=True)
+        inputs = where.gather_scatter.gather(features, kernel_map, chunk, scratch)
+        outputs = where.gather_scatter.gather(gradient, kernel_map, chunk, scratch, own=True)
         inputs[CENTRE] = features[chunk].reshape(chunk.stop - chunk.start, -1)
         outputs[CENTRE] = gradient[chunk].reshape(chunk.stop - chunk.start, -1)
         parts = [
-            _pair_gradient(inputs[offset], outputs[offset], layout.sizes[offset], widths)
+            _pair_gradient(inputs[offset], outputs[offset], kernel_map.sizes[offset], widths)
             for offset in range(OFFSETS)
         ]
         return torch.cat([part.to(features.device) for part in parts])
 
-    chunks = where.crew.over(len(features), 4 * where.chunk(widths[0]), work)
+    chunks = where.pool.map_chunks(len(features), 4 * where.chunk_rows(widths[0]), work)
     return torch.stack(chunks).sum(dim=0) if len(chunks) > 1 else chunks[0]
 
 
 def _pair_gradient(
-    inputs: Tensor | None, outputs: Tensor | None, many: int, widths: tuple[int, int]
+    inputs: Tensor | None, outputs: Tensor | None, count: int, widths: tuple[int, int]
 ) -> Tensor:
     if inputs is None or outputs is None:
-        return torch.zeros(many * many, *widths)
-    both = torch.mm(inputs.T, outputs).view(many, widths[0], many, widths[1])
+        return torch.zeros(count * count, *widths)
+    both = torch.mm(inputs.T, outputs).view(count, widths[0], count, widths[1])
     return both.transpose(1, 2).flatten(0, 1)

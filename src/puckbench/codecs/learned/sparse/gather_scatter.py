@@ -1,6 +1,7 @@
-"""Bringing neighbours' features together, and handing products back: compiled, or in PyTorch.
+"""Gathering the features of neighbours, and adding products to the rows they belong to.
 
-Both do the same to the same numbers. The compiled one serves the CPU; the other one any device.
+There are two implementations with equal results: compiled loops for the CPU, and PyTorch's indexing
+for any device.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from puckbench.codecs.learned.sparse.kernel_map import Layout
+from puckbench.codecs.learned.sparse.kernel_map import KernelMap
 from puckbench.codecs.learned.sparse.thread_pool import Scratch
 from puckbench.codecs.learned.sparse.vector_copies import add_run, copy_run
 from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS
@@ -22,56 +23,71 @@ from puckbench.core.compiling import compiled
 
 Flat = NDArray[np.float32]
 Segments = list[Tensor | None]
-"""For each offset the features (m, many * width) of its m pairs of rows; None without any."""
+"""For each offset the features (m, count * channels) of its m pairs of rows; None if m is 0."""
 
 
-class Mover(Protocol):
-    """Moves features between rows that are neighbours, for the rows of one chunk."""
+class GatherScatter(Protocol):
+    """Gathers and scatters features between neighbouring rows, for a chunk of rows."""
 
     def gather(
-        self, features: Tensor, layout: Layout, rows: slice, scratch: Scratch, own: bool = False
+        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
     ) -> Segments:
-        """For each offset but the centre, what rows that have a neighbour there read from it.
+        """The features that rows read from their neighbours at each offset but the centre.
 
-        features: (n, children, width). own: the row's own written children instead.
+        Parameters
+        ----------
+        features
+            (n, children, channels).
+        kernel_map
+            Which children are read and written.
+        rows
+            The chunk.
+        scratch
+            Working memory.
+        own
+            Gather the children that the row itself writes instead.
         """
 
-    def add(self, products: Segments, onto: Tensor, layout: Layout, rows: slice) -> None:
-        """Add products to the children they go to; onto: (rows, children, width)."""
+    def scatter_add(
+        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+    ) -> None:
+        """Add products to the written children in `onto` (rows, children, channels)."""
 
 
-class CompiledMover:
-    """For tensors of the CPU; table: (27, n) int32."""
+class CompiledGatherScatter:
+    """Compiled loops for tensors of the CPU, over a neighbour table (27, n) int32."""
 
     def __init__(self, table: NDArray[np.int32]) -> None:
         self.table = table
 
     def gather(
-        self, features: Tensor, layout: Layout, rows: slice, scratch: Scratch, own: bool = False
+        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
     ) -> Segments:
-        """See `Mover`."""
+        """As in `GatherScatter`."""
         width, name = features.shape[2], "own" if own else "read"
-        room = scratch.take(name, (rows.stop - rows.start) * layout.most_read * width)
+        room = scratch.take(name, (rows.stop - rows.start) * kernel_map.max_read * width)
         counts = np.zeros(OFFSETS, dtype=np.int64)
         _gatherer(width)(
-            *_flat(features), self.table, rows.start, rows.stop, layout.many,
-            layout.written if own else layout.read, own, room.numpy(), counts,
+            *_flat(features), self.table, rows.start, rows.stop, kernel_map.counts,
+            kernel_map.written if own else kernel_map.read, own, room.numpy(), counts,
         )  # fmt: skip
-        return segments(room, counts, layout, width)
+        return segments(room, counts, kernel_map, width)
 
-    def add(self, products: Segments, onto: Tensor, layout: Layout, rows: slice) -> None:
-        """See `Mover`; the products are one after the other in memory, as `segments` lays them."""
+    def scatter_add(
+        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+    ) -> None:
+        """As in `GatherScatter`; the products are contiguous in memory, as in `segments`."""
         found = next((part for part in products if part is not None), None)
         if found is not None:
             whole = found.as_strided((_after(found),), (1,), found.storage_offset())
             _adder(onto.shape[2])(
-                whole.numpy(), self.table, rows.start, rows.stop, layout.many, layout.written,
+                whole.numpy(), self.table, rows.start, rows.stop, kernel_map.counts, kernel_map.written,
                 *_flat(onto),
             )  # fmt: skip
 
 
-class TorchMover:
-    """For tensors of any device; table: (27, n) int64 there."""
+class TorchGatherScatter:
+    """For tensors of any device, over a neighbour table (27, n) int64 on it."""
 
     def __init__(self, table: Tensor) -> None:
         self.table = table
@@ -82,43 +98,45 @@ class TorchMover:
         return inside, others[inside]
 
     def gather(
-        self, features: Tensor, layout: Layout, rows: slice, scratch: Scratch, own: bool = False
+        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
     ) -> Segments:
-        """See `Mover`."""
+        """As in `GatherScatter`."""
         found: Segments = []
         for offset in range(OFFSETS):
             inside, others = self._pairs(offset, rows)
             if offset == CENTRE or len(inside) == 0:
                 found.append(None)
                 continue
-            children = (layout.written if own else layout.read)[offset, : layout.sizes[offset]]
+            children = (kernel_map.written if own else kernel_map.read)[offset, : kernel_map.sizes[offset]]
             chosen = features[rows.start + inside if own else others]
             found.append(chosen[:, children.tolist()].flatten(1))
         return found
 
-    def add(self, products: Segments, onto: Tensor, layout: Layout, rows: slice) -> None:
-        """See `Mover`."""
+    def scatter_add(
+        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+    ) -> None:
+        """As in `GatherScatter`."""
         for offset, product in enumerate(products):
             if product is not None:
                 inside, _ = self._pairs(offset, rows)
-                children = torch.from_numpy(layout.written[offset, : layout.sizes[offset]])
+                children = torch.from_numpy(kernel_map.written[offset, : kernel_map.sizes[offset]])
                 target = (inside[:, None], children.to(inside.device)[None, :])
                 onto[target] = onto[target] + product.view(len(inside), len(children), -1)
 
 
-def segments(room: Tensor, counts: NDArray[np.int64], layout: Layout, width: int) -> Segments:
-    """Cut flat memory into the pairs of each offset, one after the other."""
+def segments(room: Tensor, counts: NDArray[np.int64], kernel_map: KernelMap, width: int) -> Segments:
+    """Views of flat memory as the pairs of rows of each offset, one after the other."""
     found: Segments = []
     at = 0
-    for pairs, many in zip(counts.tolist(), layout.sizes, strict=True):
-        size = pairs * many * width
-        found.append(room[at : at + size].view(pairs, many * width) if pairs else None)
+    for pairs, count in zip(counts.tolist(), kernel_map.sizes, strict=True):
+        size = pairs * count * width
+        found.append(room[at : at + size].view(pairs, count * width) if pairs else None)
         at += size
     return found
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Memory from the first feature on, and the strides of rows and children in it."""
+    """Flat memory from the first feature on, and the strides of rows and children in it."""
     flat = features.as_strided((_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 
@@ -138,11 +156,11 @@ def _gatherer(width: int) -> Callable[..., None]:
         table: NDArray[np.int32],
         first: int,
         last: int,
-        many: NDArray[np.int64],
+        child_counts: NDArray[np.int64],
         children: NDArray[np.int64],
         own: bool,
         into: Flat,
-        counts: NDArray[np.int64],
+        pair_counts: NDArray[np.int64],
     ) -> None:
         at = 0
         for offset in range(OFFSETS):
@@ -154,11 +172,11 @@ def _gatherer(width: int) -> Callable[..., None]:
                 if other >= 0:
                     pairs += 1
                     start = row_stride * (row if own else other)
-                    for j in range(many[offset]):
+                    for j in range(child_counts[offset]):
                         child = children[offset, j]
                         copy_run(into, at, features, start + child * child_stride, width)
                         at += width
-            counts[offset] = pairs
+            pair_counts[offset] = pairs
 
     return gather
 
@@ -171,7 +189,7 @@ def _adder(width: int) -> Callable[..., None]:
         table: NDArray[np.int32],
         first: int,
         last: int,
-        many: NDArray[np.int64],
+        child_counts: NDArray[np.int64],
         children: NDArray[np.int64],
         onto: Flat,
         row_stride: int,
@@ -184,7 +202,7 @@ def _adder(width: int) -> Callable[..., None]:
             for row in range(first, last):
                 if table[offset, row] >= 0:
                     start = row_stride * (row - first)
-                    for j in range(many[offset]):
+                    for j in range(child_counts[offset]):
                         child = children[offset, j]
                         add_run(onto, start + child * child_stride, products, at, width)
                         at += width

@@ -1,4 +1,4 @@
-"""Layers between scales, and the sparse convolution as a module with parameters of its own."""
+"""Layers of sparse networks, and which children a decoder keeps by their occupancy logits."""
 
 from __future__ import annotations
 
@@ -9,62 +9,62 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from puckbench.codecs.learned.sparse.convolution import Site, convolve
-from puckbench.codecs.learned.sparse.voxels import CHILDREN, OFFSETS, Families
+from puckbench.codecs.learned.sparse.convolution import Neighbourhood, convolve
+from puckbench.codecs.learned.sparse.voxels import CHILDREN, OFFSETS, ChildMap
 
 
-class Weighted(nn.Module):
-    """A kernel (offsets, c, d), x fastest among the offsets, and a bias (d)."""
+class SparseLayer(nn.Module):
+    """A layer with a kernel (offsets, c, d), x fastest among the offsets, and a bias (d,)."""
 
-    def __init__(self, offsets: int, width: int, wider: int) -> None:
+    def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
         super().__init__()
-        spread = 1 / math.sqrt(offsets * width)
-        self.kernel = nn.Parameter(torch.empty(offsets, width, wider).uniform_(-spread, spread))
-        self.bias = nn.Parameter(torch.zeros(wider))
+        spread = 1 / math.sqrt(offsets * in_channels)
+        self.kernel = nn.Parameter(torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread))
+        self.bias = nn.Parameter(torch.zeros(out_channels))
 
 
-class Convolution(Weighted):
-    """3x3x3, from a set of voxels to itself."""
+class SparseConvolution(SparseLayer):
+    """3x3x3 convolution from a set of voxels to itself."""
 
-    def __init__(self, width: int, wider: int) -> None:
-        super().__init__(OFFSETS, width, wider)
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(OFFSETS, in_channels, out_channels)
 
-    def forward(self, features: Tensor, where: Site) -> Tensor:
+    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
         """(n, children, c) to (n, children, d)."""
         return convolve(features, self.kernel, self.bias, where)
 
 
-class Pointwise(Weighted):
-    """1x1x1: each voxel by itself."""
+class PointwiseConvolution(SparseLayer):
+    """1x1x1 convolution."""
 
-    def __init__(self, width: int, wider: int) -> None:
-        super().__init__(1, width, wider)
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(1, in_channels, out_channels)
 
     def forward(self, features: Tensor) -> Tensor:
         """(n, children, c) to (n, children, d)."""
         return features @ self.kernel[0] + self.bias
 
 
-class Down(Weighted):
-    """2x2x2 with stride 2, from a set to the next coarser one."""
+class StridedConvolution(SparseLayer):
+    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser one."""
 
-    def __init__(self, width: int, wider: int) -> None:
-        super().__init__(CHILDREN, width, wider)
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(CHILDREN, in_channels, out_channels)
 
-    def forward(self, features: Tensor, families: Families) -> Tensor:
+    def forward(self, features: Tensor, child_map: ChildMap) -> Tensor:
         """(n, 1, c) of the children to (m, 1, d) of their parents."""
-        blocks = features.new_zeros(CHILDREN * (len(families.first) - 1), features.shape[2])
-        slots = torch.from_numpy(families.slots).to(features.device)
+        blocks = features.new_zeros(CHILDREN * (len(child_map.first) - 1), features.shape[2])
+        slots = torch.from_numpy(child_map.slots).to(features.device)
         blocks = blocks.index_copy(0, slots, features[:, 0])
-        sums = blocks.view(len(families.first) - 1, -1) @ self.kernel.flatten(0, 1) + self.bias
+        sums = blocks.view(len(child_map.first) - 1, -1) @ self.kernel.flatten(0, 1) + self.bias
         return sums[:, None]
 
 
-class Up(Weighted):
-    """Transposed 2x2x2 with stride 2, from a set to all children of its voxels."""
+class GenerativeTransposedConvolution(SparseLayer):
+    """Transposed 2x2x2 convolution with stride 2, from a set to all children of its voxels."""
 
-    def __init__(self, width: int, wider: int) -> None:
-        super().__init__(CHILDREN, width, wider)
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(CHILDREN, in_channels, out_channels)
 
     def matrix(self) -> Tensor:
         """(c, 8 d), all children of a parent at once."""
@@ -75,8 +75,8 @@ class Up(Weighted):
         return (features @ self.matrix()).view(len(features), CHILDREN, -1) + self.bias
 
 
-def largest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Rows of the `count` (1 or more) largest, ascending; of equal ones the first, by key."""
+def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+    """Rows of the `count` (1 or more) largest of logits (n,), ascending; ties by row."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]
@@ -87,27 +87,33 @@ def largest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 
 
 def kept_children(
-    logits: NDArray[np.float32], count: int, families: bool = True
+    logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Slots, ascending, of the `count` children to keep by their logits (m, 8).
+    """The children that a decoder keeps, by their occupancy logits.
 
-    families: every parent keeps its likeliest child; otherwise it may lose all of them.
+    Parameters
+    ----------
+    logits
+        (m, 8), of the children of m parents.
+    count
+        How many to keep.
+    child_per_parent
+        Keep the most likely child of each parent first, as an occupied voxel has an occupied
+        child; otherwise the most likely ones may be of few parents, and the others leave holes.
+
+    Returns
+    -------
+    NDArray
+        Slots ``8 * parent + child``, ascending.
     """
-    return likeliest(logits, count) if families else largest(logits.reshape(-1), count)
-
-
-def likeliest(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Slots of `count` children by their logits (m, 8), ascending; every parent has one if it can.
-
-    A voxel that is occupied has a child that is. Without this rule the likeliest children may all
-    be of the same few parents, and the others leave holes.
-    """
+    if not child_per_parent:
+        return top_k(logits.reshape(-1), count)
     best = logits.argmax(axis=1)
     rows = np.arange(len(logits))
     if count <= len(logits):
-        chosen = largest(logits[rows, best], count)
+        chosen = top_k(logits[rows, best], count)
         slots: NDArray[np.int64] = CHILDREN * chosen + best[chosen]
         return slots
     ranked = logits.copy()
     ranked[rows, best] = np.inf
-    return largest(ranked.reshape(-1), count)
+    return top_k(ranked.reshape(-1), count)

@@ -1,4 +1,4 @@
-"""Voxel sets in Morton order: 64-bit keys, coarser sets, and who neighbours whom.
+"""Voxel sets in Morton order: 64-bit keys, coarser sets, and tables of neighbours.
 
 The key of a voxel interleaves the bits of x, y and z, x lowest. In that order the up to eight
 children of a voxel stand together, the keys of the next coarser set are ``keys >> 3``, and a
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled
 
 if TYPE_CHECKING:
-    from puckbench.codecs.learned.sparse.thread_pool import Crew
+    from puckbench.codecs.learned.sparse.thread_pool import ThreadPool
 
 Keys = NDArray[np.int64]
-Table = NDArray[np.int32]
+NeighbourTable = NDArray[np.int32]
 AXIS_BITS = 20
 """Coordinates are below 2**20, so that a key and its neighbours fit 63 bits."""
 OFFSETS = 27
@@ -35,23 +35,31 @@ CHILDREN = 8
 class Voxels:
     """Distinct voxels in Morton order.
 
-    keys: (n,) int64, ascending. neighbours: (27, n) int32, the row of the voxel at each offset
-    or -1.
+    Parameters
+    ----------
+    keys
+        (n,) int64, ascending.
+    neighbours
+        (27, n) int32, the row of the voxel at each offset, or -1 where there is none.
     """
 
     keys: Keys
-    neighbours: Table
+    neighbours: NeighbourTable
 
     def __len__(self) -> int:
         return len(self.keys)
 
 
 @dataclass(frozen=True)
-class Families:
-    """Which voxels of a fine set belong to which voxel of the next coarser set.
+class ChildMap:
+    """Which voxels of a set are the children of which voxel of the next coarser set.
 
-    first: (m + 1,) int64, children of parent p are rows first[p] to first[p + 1].
-    slots: (n,) int64, ``8 * parent + child number`` of each fine voxel.
+    Parameters
+    ----------
+    first
+        (m + 1,) int64, the children of parent p are the rows first[p] to first[p + 1].
+    slots
+        (n,) int64, ``8 * parent + child number`` of each child.
     """
 
     first: NDArray[np.int64]
@@ -69,8 +77,8 @@ def morton_voxels(keys: Keys) -> NDArray[np.int64]:
     return np.column_stack([_gathered(keys >> axis) for axis in range(3)])
 
 
-def distinct(keys: Keys) -> Keys:
-    """Keys in order, each once; faster than `numpy.unique`, which makes a hash table first."""
+def unique_keys(keys: Keys) -> Keys:
+    """Keys in order without duplicates; `numpy.unique` is slower, since it makes a hash table."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
 
@@ -93,75 +101,89 @@ def _gathered(keys: Keys) -> NDArray[np.int64]:
     return values
 
 
-def parents_of(keys: Keys) -> tuple[Keys, Families]:
+def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
     """Keys of the next coarser set, and the children of each of its voxels."""
     above = keys >> 3
     starts = np.flatnonzero(np.diff(above, prepend=-1))
     parent = np.cumsum(np.diff(above, prepend=-1) != 0) - 1
-    return above[starts], Families(np.append(starts, len(keys)), 8 * parent + (keys & 7))
+    return above[starts], ChildMap(np.append(starts, len(keys)), 8 * parent + (keys & 7))
 
 
 def pyramid(
-    keys: Keys, scales: int, crew: Crew | None = None
-) -> tuple[list[Voxels], list[Families]]:
-    """A set and its coarser sets with their neighbours, finest first: `scales` + 1 of them.
+    keys: Keys, scales: int, pool: ThreadPool | None = None
+) -> tuple[list[Voxels], list[ChildMap]]:
+    """A set of voxels and its coarser sets with their tables of neighbours.
 
-    The tables are made from the top down: a child's neighbours are children of its parent's
-    neighbours, so nothing is ever searched for. crew: shares the work.
+    The tables are made from the coarsest set down: a child's neighbours are children of its
+    parent's neighbours, so nothing is ever searched for.
+
+    Parameters
+    ----------
+    keys
+        (n,), ascending and distinct.
+    scales
+        Number of coarser sets.
+    pool
+        Threads that share the work.
+
+    Returns
+    -------
+    tuple
+        The `scales` + 1 sets, finest first, and the `scales` maps from one to the next.
     """
-    sets, families = [keys], []
+    sets, child_maps = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:
-        coarser, family = parents_of(sets[-1])
+        coarser, child_map = parents_of(sets[-1])
         sets.append(coarser)
-        families.append(family)
-    voxels = [_lone(sets[-1])]
+        child_maps.append(child_map)
+    voxels = [_root(sets[-1])]
     for fine in reversed(sets[:-1]):
-        voxels.append(children_voxels(voxels[-1], fine, crew))
-    return voxels[::-1][: scales + 1], families[:scales]
+        voxels.append(children_voxels(voxels[-1], fine, pool))
+    return voxels[::-1][: scales + 1], child_maps[:scales]
 
 
-def _lone(keys: Keys) -> Voxels:
+def _root(keys: Keys) -> Voxels:
     table = np.full((OFFSETS, 1), -1, dtype=np.int32)
     table[CENTRE] = 0
     return Voxels(keys, table)
 
 
-def children_voxels(parents: Voxels, keys: Keys, crew: Crew | None = None) -> Voxels:
-    """The set of some of the parents' children, each parent having at least one."""
+def children_voxels(parents: Voxels, keys: Keys, pool: ThreadPool | None = None) -> Voxels:
+    """The set of some children of the parents, at least one of each, by their keys (n,)."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
     table = np.empty((OFFSETS, len(keys)), dtype=np.int32)
 
     def work(offsets: slice, _: object = None) -> None:
-        steps = (*_family_steps(), offsets.start, offsets.stop)
-        _descend(parents.neighbours, first, keys, rows, *steps, table)
+        steps = (*_child_steps(), offsets.start, offsets.stop)
+        _fill_neighbours(parents.neighbours, first, keys, rows, *steps, table)
 
-    if crew is None:
+    if pool is None:
         work(slice(0, OFFSETS))
     else:
-        crew.over(OFFSETS, -(-OFFSETS // crew.threads), work)
+        pool.map_chunks(OFFSETS, -(-OFFSETS // pool.threads), work)
     return Voxels(keys, table)
 
 
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
-    """Keys of children named by slots, ``8 * row of the parent + child number``."""
+    """Keys (n,) of the children in slots (n,), ``8 * row of the parent + child number``."""
     keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
     return keys
 
 
-def descended(parents: Voxels, slots: NDArray[np.int64], crew: Crew | None = None) -> Voxels:
-    """The set of the children in ascending slots; parents may be left with none."""
+def selected_children(parents: Voxels, slots: NDArray[np.int64], pool: ThreadPool | None = None) -> Voxels:
+    """The set of the children in ascending slots; some parents may have none."""
     stays = np.zeros(len(parents), dtype=bool)
     stays[slots >> 3] = True
     row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
     table = parents.neighbours[:, stays]
     left = Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
-    return children_voxels(left, keys_of_slots(parents.keys, slots), crew)
+    return children_voxels(left, keys_of_slots(parents.keys, slots), pool)
 
 
 @cache
-def _family_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _child_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For a child and an offset: the offset of the parent it leads to, and the child there."""
     child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
     above, within = np.zeros_like(child), np.zeros_like(child)
@@ -173,16 +195,16 @@ def _family_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 @compiled
-def _descend(
-    parent_table: Table,
+def _fill_neighbours(
+    parent_table: NeighbourTable,
     first: NDArray[np.int64],
     keys: Keys,
-    rows: Table,
+    rows: NeighbourTable,
     above: NDArray[np.int64],
     within: NDArray[np.int64],
     first_offset: int,
     last_offset: int,
-    table: Table,
+    table: NeighbourTable,
 ) -> None:
     for offset in range(first_offset, last_offset):
         for parent in range(len(first) - 1):

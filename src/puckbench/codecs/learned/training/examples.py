@@ -19,57 +19,73 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class Examples:
-    """Batches of cubes, each batch made from its number and the seed alone.
+    """Batches of cubes; a batch depends on its number and the seed alone.
 
-    clouds: voxels (n, 3). side: of a cube, in voxels. fewest: voxels of a cube worth learning from.
-    thinnest: the least share of its voxels that a cube keeps; the share is drawn anew for each
-    cube, evenly on a logarithmic axis, so that clouds of other densities are met.
+    Parameters
+    ----------
+    clouds
+        Voxels (n, 3).
+    cube_size
+        Voxels along an edge of a cube.
+    batch_size
+        Cubes of a batch.
+    min_voxels
+        Voxels of a cube worth learning from.
+    min_kept_fraction
+        Smallest fraction of its voxels that a cube keeps; it is drawn anew for each cube, evenly on
+        a logarithmic axis, so that sparser clouds are learned from too.
+    seed
+        Of the random numbers.
     """
 
     clouds: Sequence[NDArray[Any]]
-    side: int = 64
-    cubes: int = 4
-    fewest: int = 200
-    thinnest: float = 1.0
+    cube_size: int = 64
+    batch_size: int = 4
+    min_voxels: int = 200
+    min_kept_fraction: float = 1.0
     seed: int = 1
     kind: ClassVar[str] = "training cubes"
+    """Names the stream of random numbers."""
 
     def batch(self, step: int) -> list[Keys]:
-        """The cubes of a step, mirrored and turned at random; InputError when none has enough."""
+        """The cubes of a step in random symmetries; InputError when none has enough voxels."""
         rng = generator(self.seed, self.kind, str(step))
-        return [self._cube(rng) for _ in range(self.cubes)]
+        return [self._cube(rng) for _ in range(self.batch_size)]
 
     def _cube(self, rng: np.random.Generator) -> Keys:
         for _ in range(_TRIES):
-            keys = self._cut(self.clouds[int(rng.integers(len(self.clouds)))], rng)
+            keys = self._crop(self.clouds[int(rng.integers(len(self.clouds)))], rng)
             if keys is not None:
                 return keys
-        raise InputError(f"no cube of {self.side} voxels' side holds {self.fewest} voxels")
+        raise InputError(f"no cube of {self.cube_size} voxels' side holds {self.min_voxels} voxels")
 
-    def _cut(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
+    def _crop(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
         """A cube somewhere in a cloud; None where it has too few voxels."""
+        size = self.cube_size
         centre = voxels[rng.integers(len(voxels))]
-        least = centre - rng.integers(0, self.side, 3)
-        inside = voxels[((voxels >= least) & (voxels < least + self.side)).all(axis=1)] - least
-        inside = inside[rng.random(len(inside)) < self.thinnest ** rng.random()]
-        if len(inside) < self.fewest:
+        least = centre - rng.integers(0, size, 3)
+        inside = voxels[((voxels >= least) & (voxels < least + size)).all(axis=1)] - least
+        inside = inside[rng.random(len(inside)) < self.min_kept_fraction ** rng.random()]
+        if len(inside) < self.min_voxels:
             return None
-        return np.unique(morton_keys(turned(inside, self.side, rng)))
+        return np.unique(morton_keys(random_symmetry(inside, size, rng)))
 
 
-def turned(voxels: Voxels, side: int, rng: np.random.Generator, upright: bool = False) -> Voxels:
-    """Voxels of a cube in one of its 48 symmetries, or of the 8 that leave the z axis alone."""
+def random_symmetry(
+    voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
+) -> Voxels:
+    """Voxels (n, 3) of a cube in one of its 48 symmetries, or of the 8 that keep the z axis."""
     axes = 2 if upright else 3
     found = voxels.copy()
     mirrored = np.where(
-        rng.integers(0, 2, axes) == 1, side - 1 - voxels[:, :axes], voxels[:, :axes]
+        rng.integers(0, 2, axes) == 1, size - 1 - voxels[:, :axes], voxels[:, :axes]
     )
     found[:, :axes] = mirrored[:, rng.permutation(axes)]
     return found
 
 
 def batch(clouds: Sequence[Keys]) -> Keys:
-    """Clouds of voxels as one set in which none touches another."""
+    """Clouds of voxels, by their keys, as one set in which none touches another."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, so that there is a gap
     if cell + (len(clouds) - 1).bit_length() > 60:

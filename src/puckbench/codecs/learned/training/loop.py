@@ -1,14 +1,12 @@
-"""Training a network: steps along a schedule, in a loop that can be stopped and taken up again."""
+"""Training loop: optimiser steps along a learning rate schedule, with checkpoints to resume from."""
 
 from __future__ import annotations
 
 import io
 import json
 import math
-import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -17,28 +15,43 @@ from torch import Tensor, nn
 
 from puckbench.codecs.learned.sparse.voxels import Keys
 from puckbench.codecs.learned.training.settings import Training
+from puckbench.codecs.learned.weights_file import read_checkpoint
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 
 M = TypeVar("M", bound=nn.Module)
 L = TypeVar("L")
-Row = Mapping[str, float]
 
 
 class OtherTrainingError(InputError):
-    """A checkpoint of another training than the one to go on with."""
+    """A checkpoint is of another training than the one to resume."""
 
 
 class Trainer(ABC, Generic[M, L]):
-    """A model in training: optimiser, schedule, randomness; everything that a resumed run needs.
+    """A model in training with its optimiser, schedule and random numbers.
 
-    groups: parameters with how much larger steps than the schedule's they take (`faster`); all with
-    the schedule's if none are given. identity: what else a checkpoint must have been made with,
-    such as the data. curve: a row for each step done, for whoever fills it.
+    Parameters
+    ----------
+    model
+        The network.
+    training
+        Settings.
+    groups
+        Parameter groups of the optimiser, with the factor of their learning rate (`lr_factor`); by
+        default one group of all parameters.
+
+    Attributes
+    ----------
+    done
+        Steps done.
+    identity
+        What else a checkpoint must have been made with, such as the data.
+    curve
+        A row for each step done, for the caller to fill.
     """
 
-    steepest: float | None = None
-    """Longest gradient that a step follows; longer ones are shortened."""
+    max_gradient_norm: float | None = None
+    """Gradients are clipped to this norm."""
 
     def __init__(
         self, model: M, training: Training, groups: Sequence[Mapping[str, Any]] = ()
@@ -48,44 +61,44 @@ class Trainer(ABC, Generic[M, L]):
         self.done = 0
         self.identity: dict[str, Any] = {}
         self.curve: list[dict[str, float]] = []
-        whole = [{"params": list(model.parameters()), "faster": 1.0}]
-        self.optimiser = torch.optim.Adam([dict(group) for group in groups or whole])
+        every = [{"params": list(model.parameters()), "lr_factor": 1.0}]
+        self.optimiser = torch.optim.Adam([dict(group) for group in groups or every])
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
     def step(self, clouds: Sequence[Keys]) -> L:
-        """One step on a batch of cubes; what it cost."""
+        """One step on a batch of cubes; returns its loss."""
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
-        """The cost of a step as a row of the curve, what is made smaller first."""
+        """The loss of a step as a row of the training curve, what is minimised first."""
 
-    def descend(self, loss: Tensor) -> None:
-        """Change the weights along the gradient of a loss."""
+    def optimiser_step(self, loss: Tensor) -> None:
+        """Back-propagate a loss, clip the gradients, and change the weights."""
         for group in self.optimiser.param_groups:
-            group["lr"] = self._step_size() * group.get("faster", 1.0)
+            group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        if self.steepest is not None:
-            torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.steepest)
+        if self.max_gradient_norm is not None:
+            torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.max_gradient_norm)
         self.optimiser.step()
         self.done += 1
 
-    def _step_size(self) -> float:
-        """From the first to the last step size along half a cosine."""
-        first, last = self.training.rate_first, self.training.rate_last
+    def _learning_rate(self) -> float:
+        """From the first to the final learning rate along half a cosine."""
+        first, last = self.training.learning_rate, self.training.final_learning_rate
         turn = math.cos(math.pi * self.done / max(self.training.steps, 1))
         return last + (first - last) * (1 + turn) / 2
 
     def save(self, path: Path) -> None:
-        """Write everything that a resumed run needs."""
+        """Write a checkpoint with everything that a resumed run needs."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "noise": self.noise.get_state(),
             "done": self.done,
-            "training": _plain(asdict(self.training)),
-            "identity": _plain(self.identity),
+            "training": _as_json(self.training.model_dump()),
+            "identity": _as_json(self.identity),
             "curve": self.curve,
         }
         content = io.BytesIO()  # of a full disk PyTorch's own writer says nothing useful
@@ -93,14 +106,17 @@ class Trainer(ABC, Generic[M, L]):
         write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
-        """Go on where a saved run stopped; OtherTrainingError when it was another training.
+        """Continue from a checkpoint.
 
-        What a checkpoint says nothing of is not compared: older ones say less.
+        Raises
+        ------
+        OtherTrainingError
+            It has another network, or other settings or data, as far as it names them.
         """
-        state = _read(path)
-        for name, own in (("training", asdict(self.training)), ("identity", self.identity)):
-            saved = _plain(state.get(name, {}))
-            if any(saved.get(key, value) != value for key, value in _plain(own).items()):
+        state = read_checkpoint(path, "not a checkpoint of a training")
+        for name, own in (("training", self.training.model_dump()), ("identity", self.identity)):
+            saved = _as_json(state.get(name, {}))
+            if any(saved.get(key, value) != value for key, value in _as_json(own).items()):
                 raise OtherTrainingError(f"{path}: the saved training has other settings or data")
         try:
             self.model.load_state_dict(state["model"])
@@ -112,24 +128,14 @@ class Trainer(ABC, Generic[M, L]):
         self.curve = state.get("curve", [])
 
 
-def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as JSON has them, so that lists and tuples are alike."""
+def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as JSON has them, with lists for tuples."""
     plain: dict[str, Any] = json.loads(json.dumps(settings))
     return plain
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise InputError(f"{path}: not a checkpoint of a training") from error
-    if "settings" in state:  # where the octree coder's trainings once had them
-        state["training"] = state["settings"]
-    return state
-
-
 def on_device(model: M) -> M:
-    """The model where it is trained: on CUDA if there, else on the processor."""
+    """The model on the device it is trained on: CUDA if there, else the CPU."""
     return model.to("cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -140,10 +146,21 @@ def train(
     every: int,
     report: Callable[[int, L], None],
 ) -> None:
-    """Train to the end from where `checkpoint` stands, and save there every so many steps.
+    """Train to the last step, from where a checkpoint stands if there is one.
 
-    clouds: the batch of a step. It must depend on the step's number alone, so that a resumed run
-    sees what an unbroken one would have seen. report: told of each step when it is done.
+    Parameters
+    ----------
+    trainer
+        The model in training.
+    clouds
+        The batch of a step. It must depend on the number of the step alone, so that a resumed run
+        sees what an unbroken one would have seen.
+    checkpoint
+        File to save to.
+    every
+        Steps between two checkpoints.
+    report
+        Called with the number and the loss of each step.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)
