@@ -118,7 +118,7 @@ def opened(decoder: str) -> Codec:
         from tests.support.learned_codecs import changes as with_weights
         from tests.support.learned_codecs import save_tiny
 
-        weights = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}.pcgw"
+        weights = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}.safetensors"
         save_tiny(name, weights)
         changes = with_weights(name, weights)
     if decoder.endswith("(framed)"):

@@ -18,11 +18,17 @@ from hypothesis import strategies as st
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.octree_net.coder import Coder, split
 from puckbench.codecs.learned.octree_net.fixed_point import UNITS, WEIGHT_UNITS
-from puckbench.codecs.learned.octree_net.frequencies import frequencies
 from puckbench.codecs.learned.octree_net.mixing import code_symbols
 from puckbench.codecs.learned.octree_net.model import OctreeNet, Shape
 from puckbench.codecs.learned.octree_net.stream import Coded, read_stream, write_stream
-from puckbench.codecs.learned.octree_net.symbols import EVEN, ODD, groups_of, slots_of, symbols_of
+from puckbench.codecs.learned.octree_net.symbols import (
+    EVEN,
+    ODD,
+    frequencies,
+    groups_of,
+    slots_of,
+    symbols_of,
+)
 from puckbench.codecs.learned.octree_net.training import bits_per_level
 from puckbench.codecs.learned.octree_net.weights import load_weights, save_weights
 from puckbench.codecs.learned.sparse.thread_pool import thread_pool
@@ -44,7 +50,7 @@ KEYS = np.unique(morton_keys(np.rint(_shell()).astype(np.int64)))
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("folder")
-    save_tiny("sparse_octree_net", path / "tiny.pcgw")
+    save_tiny("sparse_octree_net", path / "tiny.safetensors")
     return path
 
 
@@ -117,26 +123,28 @@ class IntegerNetwork:
     def level(self, own: np.ndarray, below: np.ndarray, features: np.ndarray) -> Step:
         """Logits of a level's groups and symbols, and the features of its children."""
         voxels, (first, second), logits = morton_voxels(own), symbols_of(below), []
-        features = self._around(features, "before.0", voxels)
+        features = self._around(features, "convolutions.0", voxels)
         corner = own & 7
         for group, corners in enumerate([(0, 7), (1, 6), (2, 5), (3, 4)]):
             rows = np.isin(corner, corners)
-            around = f"between.{group - 1}"
+            around = f"group_convolutions.{group - 1}"
             known = (self._around(features, around, voxels) if group else features)[rows]
             logits.append(self._head(known, f"first_heads.{group}"))
-            known = known + self.values["first_known"][first[rows]]
+            known = known + self.values["first_embedding"][first[rows]]
             logits.append(self._head(known, f"second_heads.{group}"))
-            features[rows] = known + self.values["second_known"][second[rows]]
+            features[rows] = known + self.values["second_embedding"][second[rows]]
         parent = np.searchsorted(own, below >> 3)
         pairs = zip(parent, below & 7, strict=True)
-        return logits, np.stack([self._rows(features[p], "down", child) for p, child in pairs])
+        return logits, np.stack(
+            [self._rows(features[p], "upsampling", child) for p, child in pairs]
+        )
 
     def frequencies(self, keys: np.ndarray, levels: int) -> list[np.ndarray]:
         """Frequencies of every run of symbols, in the order in which they are coded."""
         sets = [keys]
         for _ in range(levels):
             sets.append(np.unique(sets[-1] >> 3))
-        features = np.repeat(self.values["top"][None], len(sets[-1]), axis=0)
+        features = np.repeat(self.values["root"][None], len(sets[-1]), axis=0)
         found = []
         for below, own in zip(sets[-2::-1], sets[:0:-1], strict=True):
             logits, features = self.level(own, below, features)
@@ -159,7 +167,7 @@ def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
 
 
 def test_the_network_is_the_same_in_integers(folder: Path) -> None:
-    model = load_weights(folder / "tiny.pcgw").model
+    model = load_weights(folder / "tiny.safetensors").model
     runs = _coded_frequencies(model, KEYS)
     whole = IntegerNetwork(model).frequencies(KEYS, Coder(model, 1).encode(KEYS).levels)
     assert len(runs) == len(whole) > 16
@@ -175,7 +183,7 @@ def test_frequencies_are_rounded_powers_of_two() -> None:
 
 
 def test_threads_change_neither_bytes_nor_voxels() -> None:
-    model = octree_network(Shape(width=32))
+    model = octree_network(Shape(channels=32))
     parts = [Coder(model, threads).encode(KEYS) for threads in (1, 2, 3)]
     assert parts[0] == parts[1] == parts[2]
     for threads in (1, 2, 3):
@@ -272,7 +280,7 @@ def test_what_lacks_is_said(tmp_path: Path) -> None:
 
 
 def test_weights_come_back_as_they_were_used(folder: Path) -> None:
-    model, loaded = octree_network(), load_weights(folder / "tiny.pcgw")
+    model, loaded = octree_network(), load_weights(folder / "tiny.safetensors")
     assert loaded.card == {"data": "none"}
     assert Coder(model, 1).encode(KEYS) == Coder(loaded.model, 1).encode(KEYS)
 
@@ -281,18 +289,18 @@ def test_weights_whose_sums_might_not_be_exact_are_refused(tmp_path: Path) -> No
     model = octree_network()
     model.before[0].kernel[:] = 2.0
     with pytest.raises(InputError, match="too large for exact sums"):
-        save_weights(tmp_path / "a.pcgw", model, {})
+        save_weights(tmp_path / "a.safetensors", model, {})
 
 
 def test_damaged_weights_are_refused(folder: Path, tmp_path: Path) -> None:
-    whole = (folder / "tiny.pcgw").read_bytes()
+    whole = (folder / "tiny.safetensors").read_bytes()
     for name, data in {
         "cut": whole[:-2],
         "shape": whole.replace(b'"width": 8', b'"width": 9'),
     }.items():
-        (tmp_path / f"{name}.pcgw").write_bytes(data)
+        (tmp_path / f"{name}.safetensors").write_bytes(data)
         with pytest.raises(InputError, match="damaged weights"):
-            load_weights(tmp_path / f"{name}.pcgw")
+            load_weights(tmp_path / f"{name}.safetensors")
 
 
 def _checked(body: bytes, stream: bytes) -> bytes:

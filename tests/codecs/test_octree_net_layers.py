@@ -8,24 +8,23 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
     CELLS,
-    count_of,
-    known_of,
-    look_around,
+    empty_state,
+    find_neighbourhood,
+    popcount,
 )
 from puckbench.codecs.learned.octree_net.coder import Coder
 from puckbench.codecs.learned.octree_net.fixed_point import UNITS
-from puckbench.codecs.learned.octree_net.frequencies import frequencies
 from puckbench.codecs.learned.octree_net.inference import (
-    before_groups,
-    below,
+    child_features,
     chunks_of,
+    convolved,
     group_of,
     network_of,
-    start,
+    root_features,
 )
 from puckbench.codecs.learned.octree_net.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.model import Shape
-from puckbench.codecs.learned.octree_net.symbols import groups_of, slots_of, symbols_of
+from puckbench.codecs.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
 from puckbench.codecs.learned.sparse.convolution import neighbourhood
 from puckbench.codecs.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.codecs.learned.sparse.thread_pool import thread_pool
@@ -62,37 +61,43 @@ def _cloud(points: int, side: int) -> np.ndarray:
     return np.unique(morton_keys(voxels))
 
 
-def test_a_level_says_what_the_models_own_layers_say() -> None:
+def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     """On a level of several chunks, for every group and both symbols."""
     keys = _cloud(150_000, 128)
     own = np.unique(keys >> 3)
-    model, table = octree_network(Shape(width=32)), pyramid(own, 0)[0][0].neighbours
+    model, table = octree_network(Shape(channels=32)), pyramid(own, 0)[0][0].neighbours
     network, (first, second) = network_of(model), symbols_of(keys)
     rng = np.random.default_rng(1)
     given = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
-    features = start(network, len(own))
+    features = root_features(network, len(own))
     features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
     with thread_pool(2) as pool, torch.no_grad():
         where = neighbourhood(table, voxel_kernel_map(), pool)
-        mine = model.before_groups(torch.from_numpy(given / UNITS), where)
-        ours = before_groups(network, features, table, pool)
+        mine = model.convolved(torch.from_numpy(given / UNITS), where)
+        ours = convolved(network, features, table, pool)
         for number, rows in enumerate(groups_of(own)):
             at = torch.from_numpy(rows)
-            expected = model.of_group(number, mine, at, where)
+            expected = model.group_features(number, mine, at, where)
             group = group_of(network, number, rows)
             chunks = chunks_of(len(rows))
-            said = np.concatenate([group.say_first(ours, table, chunk) for chunk in chunks])
-            assert np.array_equal(said, frequencies(model.first_heads[number](expected).numpy()))
+            predicted = np.concatenate(
+                [group.predict_first(ours, table, chunk) for chunk in chunks]
+            )
+            assert np.array_equal(
+                predicted, frequencies(model.first_heads[number](expected).numpy())
+            )
             expected = model.with_first(expected, torch.from_numpy(first[rows].astype(int)))
-            said = np.concatenate([group.say_second(c, first[rows[c]]) for c in chunks])
-            assert np.array_equal(said, frequencies(model.second_heads[number](expected).numpy()))
+            predicted = np.concatenate([group.predict_second(c, first[rows[c]]) for c in chunks])
+            assert np.array_equal(
+                predicted, frequencies(model.second_heads[number](expected).numpy())
+            )
             mine[at] = model.with_second(expected, torch.from_numpy(second[rows].astype(int)))
             for chunk in chunks:
-                group.finish(chunk, second[rows[chunk]], ours)
+                group.update(chunk, second[rows[chunk]], ours)
         slots = slots_of(first, second)
-        handed = below(network, ours, slots, pool)
-    whole = (model.below(mine, torch.from_numpy(slots)) * UNITS).detach().numpy()
+        handed = child_features(network, ours, slots, pool)
+    whole = (model.child_features(mine, torch.from_numpy(slots)) * UNITS).detach().numpy()
     assert np.array_equal(handed.all.reshape(-1, 32), whole)
     assert np.array_equal(handed.active.reshape(-1, 32), whole.clip(0, 255))
 
@@ -108,13 +113,13 @@ def test_threads_change_nothing_where_levels_have_many_chunks() -> None:
 def test_cells_around_a_voxel_are_its_neighbours_children() -> None:
     keys = _cloud(3000, 32)
     own = np.unique(keys >> 3)
-    level, (first, second) = known_of(pyramid(own, 0)[0][0].neighbours), symbols_of(keys)
+    level, (first, second) = empty_state(pyramid(own, 0)[0][0].neighbours), symbols_of(keys)
     slots = slots_of(first, second)
     codes = np.bincount(slots >> 3, 1 << (slots & 7)).astype(np.uint8)
     done = np.random.default_rng(2).random(len(own)) < 0.5
     level.codes[done], level.done[:] = codes[done], done
     rows = np.flatnonzero(~done)
-    look_around(level, rows)
+    find_neighbourhood(level, rows)
     occupied = {tuple(voxel) for voxel in morton_voxels(keys[done[slots >> 3]]).tolist()}
     unknown = {tuple(voxel) for voxel in morton_voxels(own[~done]).tolist()}
     for row in rows[:200]:
@@ -143,9 +148,9 @@ def test_cells_of_a_child_are_where_they_are_said_to_be() -> None:
         outside = np.concatenate([CELLS.beyond[child], CELLS.edges[child], CELLS.across[child]])
         assert not set(outside.tolist()) & set(CELLS.own.tolist())
         sets = [int(kind[child]) for kind in (CELLS.faces, CELLS.ring, CELLS.corners, CELLS.far)]
-        assert [count_of(cells) for cells in sets] == [6, 12, 8, 37]
+        assert [popcount(cells) for cells in sets] == [6, 12, 8, 37]
 
 
 def test_cells_are_counted() -> None:
     sets = [*np.random.default_rng(3).integers(-(2**63), 2**63, 50).tolist(), 0, -1]
-    assert [count_of(cells) for cells in sets] == [(cells % 2**64).bit_count() for cells in sets]
+    assert [popcount(cells) for cells in sets] == [(cells % 2**64).bit_count() for cells in sets]

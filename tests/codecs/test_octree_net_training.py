@@ -5,14 +5,20 @@ import pytest
 import torch
 
 from puckbench.codecs.learned.octree_net.examples import Examples
-from puckbench.codecs.learned.octree_net.fixed_point import MOST_SUM, largest_sum, rounded, weight
+from puckbench.codecs.learned.octree_net.fixed_point import (
+    MAX_SUM,
+    largest_sum,
+    quantised,
+    quantised_weight,
+)
 from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet, Shape
-from puckbench.codecs.learned.octree_net.training import Trainer, bits_per_level, limit
+from puckbench.codecs.learned.octree_net.training import Trainer, bits_per_level, limit_weights
 from puckbench.codecs.learned.octree_net.training_settings import Training
 from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
-from puckbench.codecs.learned.training.examples import turned
+from puckbench.codecs.learned.training.examples import random_symmetry
 from puckbench.codecs.learned.training.loop import train
+from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError
 
 
@@ -25,12 +31,12 @@ def _room(points: int = 3000) -> np.ndarray:
 
 
 def _examples(seed: int = 1) -> Examples:
-    return Examples([_room()], side=16, cubes=2, fewest=20, seed=seed)
+    return Examples([_room()], cube_size=16, batch_size=2, min_voxels=20, seed=seed)
 
 
 def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
-    return Trainer(OctreeNet(Shape(width=8)), Training(steps=steps, side=16), pool)
+    return Trainer(OctreeNet(Shape(channels=8)), Training(steps=steps, cube_size=16), pool)
 
 
 def test_training_lowers_the_bits() -> None:
@@ -41,7 +47,7 @@ def test_training_lowers_the_bits() -> None:
 
 
 def test_equal_logits_cost_eight_bits_a_voxel_of_each_level() -> None:
-    model = OctreeNet(Shape(width=8))
+    model = OctreeNet(Shape(channels=8))
     with torch.no_grad():
         for head in (*model.first_heads, *model.second_heads):
             head.logits.kernel.zero_()
@@ -78,15 +84,15 @@ def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
 
 
 def test_limited_weights_keep_sums_exact() -> None:
-    model = OctreeNet(Shape(width=8))
+    model = OctreeNet(Shape(channels=8))
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, Layer):
                 layer.kernel.fill_(3.0)
-    limit(model)
-    model.check()
-    kernel, bias = weight(model.between[0].kernel), rounded(torch.zeros(8))
-    assert 0.8 * MOST_SUM < largest_sum(kernel, bias) < MOST_SUM
+    limit_weights(model)
+    model.check_exact()
+    kernel, bias = quantised_weight(model.group_convolutions[0].kernel), quantised(torch.zeros(8))
+    assert 0.8 * MAX_SUM < largest_sum(kernel, bias) < MAX_SUM
 
 
 def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
@@ -98,18 +104,18 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(InputError, match="no cube of 8 voxels' side holds 5000"):
-        Examples([_room()], side=8, fewest=5000).batch(0)
+        Examples([_room()], cube_size=8, min_voxels=5000).batch(0)
 
 
 @pytest.mark.parametrize(("upright", "symmetries"), [(False, 48), (True, 8)])
-def test_cubes_are_met_in_so_many_symmetries(upright: bool, symmetries: int) -> None:
+def test_cubes_are_turned_into_their_symmetries(upright: bool, symmetries: int) -> None:
     rng, voxel = np.random.default_rng(0), np.array([[0, 1, 2]])
-    found = {tuple(turned(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
+    found = {tuple(random_symmetry(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
     assert len(found) == symmetries
     assert not upright or {z for _, _, z in found} == {2}
 
 
 def test_other_numbers_of_symmetries_are_refused() -> None:
     assert Training(symmetries=8).examples([_room()]).upright
-    with pytest.raises(InputError, match="symmetries cannot be 7"):
-        Training(symmetries=7)
+    with pytest.raises(InputError, match="'symmetries' is 7 .*allowed: 8 or 48"):
+        open_training("sparse_octree_net", None, {"symmetries": 7})

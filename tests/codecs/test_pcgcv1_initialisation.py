@@ -1,4 +1,4 @@
-"""PCGCv1's first weights: what they are for, seen on another example than they were made with."""
+"""PCGCv1's initialisation, tested on another example than it was made with."""
 
 import math
 
@@ -6,30 +6,30 @@ import pytest
 import torch
 from torch import nn
 
-from puckbench.codecs.learned.pcgcv1.initialisation import level, sphere
+from puckbench.codecs.learned.pcgcv1.initialisation import initialise, sphere
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, Shape
 from puckbench.codecs.learned.pcgcv1.training import Trainer
 from puckbench.codecs.learned.pcgcv1.training_settings import Training
-from puckbench.codecs.learned.sparse.voxels import unique_keys, morton_keys
+from puckbench.codecs.learned.sparse.voxels import morton_keys, unique_keys
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 SIDE = 16
 
 
-def _spreads(model: nn.Module, cubes: torch.Tensor) -> dict[str, float]:
-    """Standard deviation of what each convolution answers."""
+def _deviations(model: nn.Module, cubes: torch.Tensor) -> dict[str, float]:
+    """Standard deviation of the output of each convolution."""
     found: dict[str, float] = {}
 
     def note(name: str) -> object:
-        return lambda _layer, _inputs, answers: found.update({name: float(answers.std())})
+        return lambda _layer, _inputs, output: found.update({name: float(output.std())})
 
     for name, layer in model.named_modules():
         if isinstance(layer, (nn.Conv3d, nn.ConvTranspose3d)):
             layer.register_forward_hook(note(name))
     with torch.no_grad():
-        latent = model.analysis(cubes)
-        model.hyper_decoder(model.hyper_encoder(latent))
-        model.synthesis(latent)
+        y = model.g_a(cubes)
+        model.h_s(model.h_a(y))
+        model.g_s(y)
     return found
 
 
@@ -39,25 +39,25 @@ def _plane() -> torch.Tensor:
     return cubes
 
 
-def test_no_layers_answers_vanish_or_grow() -> None:
+def test_no_layers_outputs_vanish_or_grow() -> None:
     torch.manual_seed(0)
-    before, after = PCGCv1(Shape(side=SIDE)), PCGCv1(Shape(side=SIDE))
-    level(after, SIDE)
+    before, after = PCGCv1(Shape(cube_size=SIDE)), PCGCv1(Shape(cube_size=SIDE))
+    initialise(after, SIDE)
     rounding = math.sqrt(1 / 12)
-    assert _spreads(before, _plane())["analysis.last"] < rounding / 2
-    spreads = _spreads(after, _plane())
-    assert 0.05 < min(spreads.values()) < max(spreads.values()) < 20
-    assert spreads["analysis.last"] > 5 * rounding
+    assert _deviations(before, _plane())["g_a.conv_out"] < rounding / 2
+    deviations = _deviations(after, _plane())
+    assert 0.05 < min(deviations.values()) < max(deviations.values()) < 20
+    assert deviations["g_a.conv_out"] > 5 * rounding
 
 
-def test_a_sphere_is_answered_as_was_asked_for() -> None:
+def test_outputs_for_a_sphere_have_the_wanted_deviations() -> None:
     torch.manual_seed(0)
-    model = PCGCv1(Shape(side=SIDE))
-    level(model, SIDE)
-    spreads = _spreads(model, sphere(SIDE))
-    assert spreads["analysis.last"] == pytest.approx(4, rel=1e-3)
-    assert spreads["synthesis.first"] == pytest.approx(1, rel=1e-3)
-    assert model.synthesis.last.bias.item() == pytest.approx(-math.log(3))
+    model = PCGCv1(Shape(cube_size=SIDE))
+    initialise(model, SIDE)
+    deviations = _deviations(model, sphere(SIDE))
+    assert deviations["g_a.conv_out"] == pytest.approx(4, rel=1e-3)
+    assert deviations["g_s.conv_in"] == pytest.approx(1, rel=1e-3)
+    assert model.g_s.conv_out.bias.item() == pytest.approx(-math.log(3))
 
 
 def test_a_spheres_shell_is_one_voxel_thick() -> None:
@@ -66,10 +66,15 @@ def test_a_spheres_shell_is_one_voxel_thick() -> None:
     assert shell[0].sum() == 0
 
 
-def test_the_networks_learn_where_an_empty_answer_is_the_first_way_down() -> None:
-    """The whole of it: first weights, and bits that count little at first."""
+def test_the_networks_learn_more_than_that_everything_is_empty() -> None:
+    """Initialisation and rate warm-up together."""
     training = Training(
-        steps=60, side=SIDE, cubes=1, alphas=(2.0, 10.0), widths=(4, 8, 16), rate_first=3e-3
+        steps=60,
+        cube_size=SIDE,
+        batch_size=1,
+        lmbdas=(2.0, 10.0),
+        channels=(4, 8, 16),
+        learning_rate=3e-3,
     )
     keys = unique_keys(morton_keys(_plane()[0, 0].nonzero().numpy()))
     with training.trainer() as trainer:
@@ -78,11 +83,11 @@ def test_the_networks_learn_where_an_empty_answer_is_the_first_way_down() -> Non
     assert float(losses[-1].occupied) < undecided / 2
 
 
-def test_bits_count_fully_after_the_eased_share() -> None:
-    training = Training(steps=100, eased=0.5)
+def test_the_rate_counts_fully_after_its_warm_up() -> None:
+    training = Training(steps=100, rate_warm_up=0.5)
     with training.trainer() as trainer:
         assert isinstance(trainer, Trainer)
-        prices = []
+        rate_weights = []
         for trainer.done in (0, 25, 50, 99):
-            prices.append(trainer.price())
-    assert prices == pytest.approx([0.01, 0.1, 1, 1])
+            rate_weights.append(trainer.rate_weight())
+    assert rate_weights == pytest.approx([0.01, 0.1, 1, 1])

@@ -6,14 +6,14 @@ import torch
 
 from puckbench.codecs.learned.gains import initialise_gains
 from puckbench.codecs.learned.pcgcv2.model import PCGCv2
-from puckbench.codecs.learned.pcgcv2.training import Loss, Trainer, loss_of
+from puckbench.codecs.learned.pcgcv2.training import Loss, Trainer, rate_distortion_loss
 from puckbench.codecs.learned.pcgcv2.training_settings import Training
 from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import morton_keys, morton_voxels
 from puckbench.codecs.learned.training.examples import Examples, batch
 from puckbench.codecs.learned.training.loop import train
 from puckbench.core.errors import InputError
-from tests.support.learned_codecs import ALPHAS, TINY2
+from tests.support.learned_codecs import LMBDAS, TINY2
 
 
 def _cloud(step: int) -> list[np.ndarray]:
@@ -27,8 +27,8 @@ def _cloud(step: int) -> list[np.ndarray]:
 def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
     torch.manual_seed(0)
     model = PCGCv2(TINY2)
-    initialise_gains(model, ALPHAS)
-    return Trainer(model, Training(alphas=ALPHAS, steps=steps, rate_first=5e-3), pool)
+    initialise_gains(model, LMBDAS)
+    return Trainer(model, Training(lmbdas=LMBDAS, steps=steps, learning_rate=5e-3), pool)
 
 
 def _number(value: torch.Tensor) -> float:
@@ -49,8 +49,8 @@ def test_clouds_of_a_batch_do_not_touch() -> None:
 def test_the_loss_is_the_weighted_sum_of_its_parts() -> None:
     with thread_pool(1) as pool:
         trainer = _trainer(pool)
-        loss = loss_of(trainer.model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
-    entropy = np.dot(list(map(_number, loss.entropies)), [12 / 7, 6 / 7, 3 / 7])
+        loss = rate_distortion_loss(trainer.model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
+    entropy = np.dot(list(map(_number, loss.cross_entropies)), [12 / 7, 6 / 7, 3 / 7])
     expected = 4.0 * entropy + _number(loss.bpp)
     assert _number(loss.total) == pytest.approx(expected / 2, rel=1e-5)
 
@@ -60,26 +60,26 @@ def test_an_even_guess_costs_one_bit_a_candidate() -> None:
         model = _trainer(pool).model
         with torch.no_grad():
             for scale in range(3):
-                model.decoder.scale(scale).logits.kernel.zero_()
-        loss = loss_of(model, _cloud(0)[0], 0, 1.0, pool, torch.Generator())
-    assert [_number(entropy) for entropy in loss.entropies] == pytest.approx([1, 1, 1])
+                model.g_s.scale(scale).conv_cls.kernel.zero_()
+        loss = rate_distortion_loss(model, _cloud(0)[0], 0, 1.0, pool, torch.Generator())
+    assert [_number(entropy) for entropy in loss.cross_entropies] == pytest.approx([1, 1, 1])
 
 
 def test_training_lowers_the_loss() -> None:
     with thread_pool(2) as pool:
         trainer = _trainer(pool, steps=30)
-        losses = [float(sum(trainer.step(_cloud(0)).entropies)) for _ in range(30)]
+        losses = [float(sum(trainer.step(_cloud(0)).cross_entropies)) for _ in range(30)]
     assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
 
 
 def test_every_parameter_of_the_chosen_rate_has_a_gradient() -> None:
     with thread_pool(1) as pool:
         model = _trainer(pool).model
-        loss = loss_of(model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
+        loss = rate_distortion_loss(model, _cloud(0)[0], 1, 4.0, pool, torch.Generator())
         loss.total.backward()
     lacking = [name for name, value in model.named_parameters() if value.grad is None]
     assert lacking
-    assert all(name.startswith("bottlenecks.0.") for name in lacking)
+    assert all(name.startswith("entropy_bottlenecks.0.") for name in lacking)
 
 
 def _ignore(step: int, loss: Loss) -> None:
@@ -114,7 +114,7 @@ def _plane() -> np.ndarray:
 
 
 def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
-    examples = [Examples([_plane()], side=32, cubes=3, seed=seed) for seed in (1, 1, 2)]
+    examples = [Examples([_plane()], cube_size=32, batch_size=3, seed=seed) for seed in (1, 1, 2)]
     batches = [made.batch(7) for made in examples]
     assert all(np.array_equal(a, b) for a, b in zip(batches[0], batches[1], strict=True))
     assert not np.array_equal(batches[0][0], batches[2][0])
@@ -124,4 +124,4 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(InputError, match="no cube of 8 voxels' side holds 200"):
-        Examples([_plane()], side=8).batch(0)
+        Examples([_plane()], cube_size=8).batch(0)

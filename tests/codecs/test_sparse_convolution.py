@@ -10,13 +10,19 @@ from torch.nn.functional import conv3d, conv_transpose3d
 from puckbench.codecs.learned.sparse.convolution import Neighbourhood, convolve, neighbourhood
 from puckbench.codecs.learned.sparse.gather_scatter import TorchGatherScatter
 from puckbench.codecs.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
-from puckbench.codecs.learned.sparse.layers import Down, Pointwise, Up, top_k, likeliest
+from puckbench.codecs.learned.sparse.layers import (
+    GenerativeTransposedConvolution,
+    PointwiseConvolution,
+    StridedConvolution,
+    kept_children,
+    top_k,
+)
 from puckbench.codecs.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.codecs.learned.sparse.voxels import Voxels, morton_keys, morton_voxels, pyramid
 
 SIDE = 16
 CHILDREN = np.array([[child & 1, child >> 1 & 1, child >> 2] for child in range(8)])
-LAYOUTS = {"rows": voxel_kernel_map(), "blocks": block_kernel_map()}
+KERNEL_MAPS = {"voxels": voxel_kernel_map(), "blocks": block_kernel_map()}
 
 
 def _sets() -> tuple[Voxels, Voxels]:
@@ -42,30 +48,36 @@ def _sparse(grid: torch.Tensor, at: torch.Tensor) -> torch.Tensor:
     return grid[0].permute(1, 2, 3, 0)[at[..., 2], at[..., 1], at[..., 0]]
 
 
-def _operands(kernel_map: KernelMap, width: int, wider: int) -> list[torch.Tensor]:
+def _operands(kernel_map: KernelMap, channels: int, out: int) -> list[torch.Tensor]:
     voxels, _ = _positions(kernel_map)
     maker = torch.Generator().manual_seed(0)
-    sizes = [(len(voxels), kernel_map.children, width), (27, width, wider), (wider,)]
+    sizes = [(len(voxels), kernel_map.children, channels), (27, channels, out), (out,)]
     return [torch.randn(size, generator=maker).requires_grad_() for size in sizes]
 
 
-def _site(kernel_map: KernelMap, pool: ThreadPool, gather_scatter: str = "compiled") -> Neighbourhood:
+def _site(
+    kernel_map: KernelMap, pool: ThreadPool, gather_scatter: str = "compiled"
+) -> Neighbourhood:
     voxels, _ = _positions(kernel_map)
     made = neighbourhood(voxels.neighbours, kernel_map, pool)
     table = torch.from_numpy(voxels.neighbours).long()
-    return made if gather_scatter == "compiled" else replace(made, gather_scatter=TorchGatherScatter(table))
+    return (
+        made
+        if gather_scatter == "compiled"
+        else replace(made, gather_scatter=TorchGatherScatter(table))
+    )
 
 
-@pytest.mark.parametrize("mover", ["compiled", "torch"])
-@pytest.mark.parametrize(("width", "wider"), [(1, 4), (4, 8), (8, 1)])
-@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize("gather_scatter", ["compiled", "torch"])
+@pytest.mark.parametrize(("channels", "out"), [(1, 4), (4, 8), (8, 1)])
+@pytest.mark.parametrize("name", KERNEL_MAPS)
 def test_values_and_gradients_are_those_of_a_dense_convolution(
-    name: str, width: int, wider: int, gather_scatter: str
+    name: str, channels: int, out: int, gather_scatter: str
 ) -> None:
-    kernel_map = LAYOUTS[name]
+    kernel_map = KERNEL_MAPS[name]
     _, at = _positions(kernel_map)
-    features, kernel, bias = _operands(kernel_map, width, wider)
-    dense_kernel = kernel.view(3, 3, 3, width, wider).permute(4, 3, 0, 1, 2)
+    features, kernel, bias = _operands(kernel_map, channels, out)
+    dense_kernel = kernel.view(3, 3, 3, channels, out).permute(4, 3, 0, 1, 2)
     expected = _sparse(conv3d(_dense(features, at), dense_kernel, bias, padding=1), at)
     weights = torch.randn(expected.shape, generator=torch.Generator().manual_seed(2))
     with thread_pool(2) as pool:
@@ -77,21 +89,21 @@ def test_values_and_gradients_are_those_of_a_dense_convolution(
         torch.testing.assert_close(gradient, dense, rtol=1e-4, atol=1e-4)
 
 
-def test_down_is_a_dense_convolution_of_stride_two() -> None:
+def test_the_strided_convolution_is_a_dense_one() -> None:
     fine, coarse = _sets()
-    _, families = pyramid(fine.keys, scales=1)
-    down = Down(3, 5)
+    _, child_maps = pyramid(fine.keys, scales=1)
+    down = StridedConvolution(3, 5)
     features = torch.randn(len(fine), 1, 3)
     kernel = down.kernel.view(2, 2, 2, 3, 5).permute(4, 3, 0, 1, 2)
     at = torch.from_numpy(morton_voxels(fine.keys)[:, None])
     dense = conv3d(_dense(features, at), kernel, down.bias, stride=2)
     above = torch.from_numpy(morton_voxels(coarse.keys)[:, None])
-    torch.testing.assert_close(down(features, families[0]), _sparse(dense, above))
+    torch.testing.assert_close(down(features, child_maps[0]), _sparse(dense, above))
 
 
-def test_up_is_a_dense_transposed_convolution_of_stride_two() -> None:
+def test_the_generative_transposed_convolution_is_a_dense_one() -> None:
     _, coarse = _sets()
-    up = Up(3, 5)
+    up = GenerativeTransposedConvolution(3, 5)
     features = torch.randn(len(coarse), 3)
     kernel = up.kernel.view(2, 2, 2, 3, 5).permute(3, 4, 0, 1, 2)
     above = torch.from_numpy(morton_voxels(coarse.keys)[:, None])
@@ -101,15 +113,15 @@ def test_up_is_a_dense_transposed_convolution_of_stride_two() -> None:
 
 
 def test_pointwise_is_a_product_for_each_voxel() -> None:
-    layer = Pointwise(3, 2)
+    layer = PointwiseConvolution(3, 2)
     features = torch.randn(7, 8, 3)
     expected = torch.nn.functional.linear(features, layer.kernel[0].T, layer.bias)
     torch.testing.assert_close(layer(features), expected)
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize("name", KERNEL_MAPS)
 def test_the_number_of_threads_changes_no_bit(name: str) -> None:
-    kernel_map = LAYOUTS[name]
+    kernel_map = KERNEL_MAPS[name]
     features, kernel, bias = (operand.detach() for operand in _operands(kernel_map, 8, 4))
     results = []
     for threads in (1, 2, 3):
@@ -151,10 +163,10 @@ def test_the_largest_are_kept_and_of_equal_ones_the_first(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 6, 17, 40])
-def test_every_parent_keeps_its_likeliest_child_before_any_keeps_a_second(count: int) -> None:
+def test_every_parent_keeps_its_most_likely_child_before_any_keeps_a_second(count: int) -> None:
     logits = np.random.default_rng(2).normal(size=(5, 8)).round(1).astype(np.float32)
     first = {(parent, int(np.argmax(row))) for parent, row in enumerate(logits)}
     slots = [(parent, child) for parent in range(5) for child in range(8)]
     order = sorted(slots, key=lambda slot: (slot not in first, -logits[slot], slot))
     expected = sorted(8 * parent + child for parent, child in order[:count])
-    assert likeliest(logits, count).tolist() == expected
+    assert kept_children(logits, count).tolist() == expected

@@ -4,11 +4,11 @@ import pytest
 from puckbench.codecs.learned.sparse.voxels import (
     Voxels,
     children_voxels,
-    selected_children,
-    unique_keys,
     morton_keys,
     morton_voxels,
     pyramid,
+    selected_children,
+    unique_keys,
 )
 
 OFFSETS = [(d % 3 - 1, d // 3 % 3 - 1, d // 9 - 1) for d in range(27)]
@@ -46,24 +46,26 @@ def test_neighbours_are_those_that_a_search_finds_at_every_scale() -> None:
         assert np.array_equal(voxels.neighbours, _table_by_search(morton_voxels(voxels.keys)))
 
 
-def test_distinct_keys_are_in_order_and_each_once() -> None:
+def test_unique_keys_are_in_order_and_each_once() -> None:
     assert unique_keys(np.array([5, 0, 7, 5, 0])).tolist() == [0, 5, 7]
 
 
 def test_coarser_sets_are_the_voxels_halved() -> None:
     fine = _scattered(40, 300)
-    sets, families = pyramid(np.sort(morton_keys(fine)), scales=2)
+    sets, child_maps = pyramid(np.sort(morton_keys(fine)), scales=2)
     for scale in (1, 2):
         halved = np.unique(fine >> scale, axis=0)
         assert np.array_equal(np.sort(morton_keys(halved)), sets[scale].keys)
-    parents = families[0].slots >> 3
+    parents = child_maps[0].slots >> 3
     assert np.array_equal(sets[1].keys[parents], sets[0].keys >> 3)
-    assert np.array_equal(np.searchsorted(parents, np.arange(len(sets[1]))), families[0].first[:-1])
+    assert np.array_equal(
+        np.searchsorted(parents, np.arange(len(sets[1]))), child_maps[0].first[:-1]
+    )
 
 
 def test_parents_left_without_children_are_gone_from_the_neighbourhood() -> None:
-    sets, families = pyramid(np.sort(morton_keys(_scattered(12, 300))), scales=1)
-    slots = families[0].slots[families[0].slots >> 3 != 4]
+    sets, child_maps = pyramid(np.sort(morton_keys(_scattered(12, 300))), scales=1)
+    slots = child_maps[0].slots[child_maps[0].slots >> 3 != 4]
     some = selected_children(sets[1], slots)
     assert len(some) < len(sets[0])
     assert np.array_equal(some.neighbours, _table_by_search(morton_voxels(some.keys)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from puckbench.planning.workflow import Workflow
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "train.yaml"
 SHIPPED = ["pcgcv1_mixed", "pcgcv2_objects", "pcgcv2_rooms", "sparse_octree_net_rooms"]
-IN_ONE_GO = {"steps", "seed", "rate_first", "rate_last", "eased", "symmetries"}
+IN_ONE_GO = {"steps", "seed", "learning_rate", "final_learning_rate", "rate_warm_up", "symmetries"}
 """Settings in which one training differs from the several of which a shipped set is the last."""
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -33,13 +32,13 @@ def planned(name: str) -> TrainingPlan:
     return Workflow(config, ROOT / "workflow/schemas/config.schema.yaml").training(name)
 
 
-def header_of(name: str) -> dict[str, Any]:
+def header_of(name: str) -> catalogue.Header:
     return catalogue.header_of(catalogue.shipped()[name])
 
 
 def plain(settings: Any) -> dict[str, Any]:
     """As JSON has them."""
-    found: dict[str, Any] = json.loads(json.dumps(asdict(settings)))
+    found: dict[str, Any] = json.loads(json.dumps(settings.model_dump()))
     return found
 
 
@@ -50,7 +49,7 @@ def test_every_shipped_set_can_be_trained_again() -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_settings_are_those_of_the_shipped_set(name: str) -> None:
-    plan, card = planned(name), header_of(name)["card"]
+    plan, card = planned(name), header_of(name).card
     assert plan.codec == card["codec"]
     settings = plain(open_training(plan.codec, plan.entry, plan.settings))
     kept = settings.keys() - IN_ONE_GO
@@ -59,7 +58,7 @@ def test_settings_are_those_of_the_shipped_set(name: str) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_clouds_are_those_of_the_shipped_set(name: str) -> None:
-    plan, data = planned(name), header_of(name)["card"]["data"]
+    plan, data = planned(name), header_of(name).card["data"]
     several = len({dataset for dataset, _ in plan.clouds}) > 1
     wanted = {
         f"{dataset}/{cloud}.ply" if several else f"{cloud}.ply" for dataset, cloud in plan.clouds
@@ -72,7 +71,7 @@ def test_clouds_are_those_of_the_shipped_set(name: str) -> None:
 def test_the_network_is_that_of_the_shipped_set(name: str) -> None:
     plan, header = planned(name), header_of(name)
     with open_training(plan.codec, plan.entry, plan.settings).trainer() as trainer:
-        assert {**plain(trainer.model.shape), **header["shape"]} == plain(trainer.model.shape)
+        assert {**plain(trainer.model.shape), **header.shape} == plain(trainer.model.shape)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -81,7 +80,7 @@ def test_cards_tell_what_the_sets_do_on_the_clouds_they_are_validated_on(name: s
     plan, path = planned(name), catalogue.shipped()[name].with_suffix(".json")
     card = json.loads(path.read_text(encoding="utf-8"))
     validation = card.pop("validation")
-    assert card == header_of(name)["card"]
+    assert card == header_of(name).card
     assert validation["data"] == [f"{dataset}/{cloud}.ply" for dataset, cloud in plan.validate]
     assert list(validation["rates"]) == list(open_codec(plan.codec).rates)
     assert validation["faults"] == faults(validation["rates"]) == []

@@ -6,7 +6,7 @@ rule weights:
         validate=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).validate),
         start=lambda wildcards: bench.training(wildcards.trained).start or [],
     output:
-        weights=f"{RESULTS}/weights/{{trained}}.pcgw",
+        weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
         card=f"{RESULTS}/weights/{{trained}}.json",
     params:
@@ -30,5 +30,5 @@ rule weights:
 TRAINED = [
     f"{RESULTS}/weights/{name}.{suffix}"
     for name in bench.plan.trainings
-    for suffix in ("pcgw", "csv", "json")
+    for suffix in ("safetensors", "csv", "json")
 ]

@@ -190,7 +190,7 @@ class Plan:
     def _start(self, start: str | None) -> str | None:
         """The file of a training before this one, or of weights that are there."""
         if start in self.trainings:
-            return str(self.results / "weights" / f"{start}.pcgw")
+            return str(self.results / "weights" / f"{start}.safetensors")
         return None if start is None else str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:

@@ -231,7 +231,9 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
 
 
 @compiled_in_place
-def _neighbour_statistics(around: _Neighbourhood, values: Ints, channel: int) -> tuple[int, int, int, int]:
+def _neighbour_statistics(
+    around: _Neighbourhood, values: Ints, channel: int
+) -> tuple[int, int, int, int]:
     """Mean, mean at faces, mean magnitude and largest magnitude of the neighbours coded before."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
@@ -258,12 +260,21 @@ def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
 
 @compiled_in_place
 def _code_value(
-    mixer: Mixer, tables: _Tables, around: _Neighbourhood, starts: Ints, row: int, channel: int, value: int
+    mixer: Mixer,
+    tables: _Tables,
+    around: _Neighbourhood,
+    starts: Ints,
+    row: int,
+    channel: int,
+    value: int,
 ) -> int:
     """Code a value: whether it is zero, its sign, then its magnitude in unary."""
     decision = _DECISIONS * channel
     zero = _frequency(tables, row, channel, 0, 0)
-    above, below = _frequency(tables, row, channel, 1, _MAX_MAGNITUDE), _frequency(tables, row, channel, -_MAX_MAGNITUDE, -1)
+    above, below = (
+        _frequency(tables, row, channel, 1, _MAX_MAGNITUDE),
+        _frequency(tables, row, channel, -_MAX_MAGNITUDE, -1),
+    )
     if _code_decision(mixer, around, starts, decision, zero, above + below, value == 0) == 1:
         return 0
     sign = 2 * _code_decision(mixer, around, starts, decision + 1, above, below, value > 0) - 1

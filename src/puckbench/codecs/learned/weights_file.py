@@ -81,7 +81,9 @@ def write_weights(
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
-    tensors |= {name: np.ascontiguousarray(value, "<i4") for name, value in (integers or {}).items()}
+    tensors |= {
+        name: np.ascontiguousarray(value, "<i4") for name, value in (integers or {}).items()
+    }
     header = {**about, "sha256": _checksum(save(tensors))}
     # a single entry, since safetensors writes several in any order
     metadata = {HEADER_KEY: json.dumps(header, sort_keys=True, allow_nan=False)}

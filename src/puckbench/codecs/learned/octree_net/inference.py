@@ -40,9 +40,7 @@ Matrix = tuple[Floats32, Floats32]
 
 def chunks_of(count: int) -> list[slice]:
     """The chunks that `count` rows are computed in, in order."""
-    return [
-        slice(first, min(count, first + _CHUNK_ROWS)) for first in range(0, count, _CHUNK_ROWS)
-    ]
+    return [slice(first, min(count, first + _CHUNK_ROWS)) for first in range(0, count, _CHUNK_ROWS)]
 
 
 @dataclass(frozen=True)
@@ -166,9 +164,7 @@ class Group:
     rows: Rows
     own: Floats32
 
-    def predict_first(
-        self, features: Features, table: NeighbourTable, chunk: slice
-    ) -> Frequencies:
+    def predict_first(self, features: Features, table: NeighbourTable, chunk: slice) -> Frequencies:
         """Frequencies of the first symbols, by what is known of the groups before."""
         channels = self.network.channels
         if self.number:
@@ -209,9 +205,7 @@ def group_of(network: Network, number: int, rows: Rows) -> Group:
     return Group(network, number, rows, np.empty(len(rows) * network.channels, np.float32))
 
 
-def child_features(
-    network: Network, features: Features, slots: Rows, pool: ThreadPool
-) -> Features:
+def child_features(network: Network, features: Features, slots: Rows, pool: ThreadPool) -> Features:
     """Features of the children in slots ``8 * parent + child``, from those of their parents."""
     size = len(slots) * network.channels
     made = Features(np.empty(size, np.float32), np.empty(size, np.float32))

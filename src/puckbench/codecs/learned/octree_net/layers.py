@@ -51,8 +51,8 @@ def convolution(channels: int) -> Callable[..., None]:
     """A compiled 3x3x3 convolution that is added to the features of some rows of a level."""
 
     def convolve(
-        table: NeighbourTable, features: Floats32, active: Floats32, rows: Rows, first: int, last: int,
-        kernel: Floats32, bias: Floats32, own: Floats32,
+        table: NeighbourTable, features: Floats32, active: Floats32, rows: Rows, first: int,
+        last: int, kernel: Floats32, bias: Floats32, own: Floats32,
     ) -> None:  # fmt: skip
         sums = np.empty(_BLOCK_ROWS * channels, np.float32)
         targets, sources = np.empty(_BLOCK_ROWS, np.int64), np.empty(_BLOCK_ROWS, np.int64)
@@ -66,7 +66,10 @@ def convolution(channels: int) -> Callable[..., None]:
                 pairs = 0
                 for i in range(count):
                     other = table[offset, rows[start + i]]
-                    targets[pairs], sources[pairs] = i, other  # overwritten by the next one if there is none
+                    targets[pairs], sources[pairs] = (
+                        i,
+                        other,
+                    )  # overwritten by the next one if there is none
                     pairs += other >= 0
                 add_products(
                     sums, targets, active, sources, pairs, kernel, offset * channels * channels,
@@ -118,9 +121,7 @@ def head(channels: int) -> Callable[..., None]:
 def embedding(channels: int) -> Callable[..., None]:
     """A compiled addition of the embeddings of symbols to features."""
 
-    def embed(
-        own: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
-    ) -> None:
+    def embed(own: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols) -> None:
         for i in range(first, last):
             at, value = i * channels, np.int64(symbols[i - first]) * channels
             for j in range(channels):

@@ -13,9 +13,20 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.common.binary_coder import BitCoder, bit_reader, bit_writer
 from puckbench.codecs.common.context_mixing import Habits, Mixer, code_mixed, mixer
-from puckbench.codecs.learned.octree_net.causal_neighbourhood import CELLS, CellMasks, LevelState, popcount
-from puckbench.codecs.learned.octree_net.frequencies import Frequencies
-from puckbench.codecs.learned.octree_net.symbols import EVEN, GROUPS, ODD, VALUES, Symbols
+from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
+    CELLS,
+    CellMasks,
+    LevelState,
+    popcount,
+)
+from puckbench.codecs.learned.octree_net.symbols import (
+    EVEN,
+    GROUPS,
+    ODD,
+    VALUES,
+    Frequencies,
+    Symbols,
+)
 from puckbench.core.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]

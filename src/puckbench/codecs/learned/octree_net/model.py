@@ -51,7 +51,7 @@ class Shape(Model):
 
 
 class Layer(SparseLayer):
-    """A layer in fixed point: its kernel (offsets, c, d) and bias are rounded when they are used."""
+    """A fixed-point layer: its kernel (offsets, c, d) and bias are rounded when they are used."""
 
     def forward(self, active: Tensor, where: Neighbourhood) -> Tensor:
         """A 3x3x3 convolution of activations (n, c) to (n, d)."""

@@ -27,7 +27,6 @@ from puckbench.codecs.learned.range_coding import (
     range_decoder,
 )
 from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, NeighbourTable, morton_keys, pyramid
-from puckbench.core.errors import InputError
 
 Integers = NDArray[np.int32]
 Bools = NDArray[np.bool_]

@@ -21,9 +21,9 @@ from torch.nn.functional import conv3d, max_pool3d, pad
 
 from puckbench.codecs.learned.pcgcv1.model import (
     Conv,
-    StridedConv,
     PCGCv1,
     PointwiseConv,
+    StridedConv,
     TransposedConv,
     VoxceptionResNet,
     coded_blocks,
@@ -57,8 +57,15 @@ class Inference:
             self._conv_in, self._conv_out = _strip_conv(g_a.conv_in), _strip_conv(g_a.conv_out)
             self._downs = [_kernel(cast(StridedConv, down)) for down in g_a.downs]
             self._analysis_blocks = [_residual_blocks(blocks) for blocks in g_a.blocks]
-            self._hyper_layers = (_strip_conv(h_a.conv1), _kernel(h_a.conv2), _strip_conv(h_a.conv3))
-            self._synthesis_in, self._synthesis_out = _strip_conv(g_s.conv_in), _tile_kernel(g_s.conv_out)
+            self._hyper_layers = (
+                _strip_conv(h_a.conv1),
+                _kernel(h_a.conv2),
+                _strip_conv(h_a.conv3),
+            )
+            self._synthesis_in, self._synthesis_out = (
+                _strip_conv(g_s.conv_in),
+                _tile_kernel(g_s.conv_out),
+            )
             self._ups = [_polyphase_conv(cast(TransposedConv, up)) for up in g_s.ups]
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
@@ -66,7 +73,9 @@ class Inference:
         """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
-            features = _apply_blocks(self._analysis_blocks[2], _strided_conv(features, self._downs[1]).relu_())
+            features = _apply_blocks(
+                self._analysis_blocks[2], _strided_conv(features, self._downs[1]).relu_()
+            )
             blocks = coded_blocks(self._shape, torch.from_numpy(occupied)[None, None])
             y = self._conv_out.apply(features) * self._gains[rate] * blocks
             z = self._h_a(y) * max_pool3d(blocks, 2)
@@ -78,7 +87,10 @@ class Inference:
         box = _bounding_box(occupied)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
         kept = [
-            ((low + _INVALID_MARGIN) // 2 if low else 0, (high - _INVALID_MARGIN if high < side else high) // 2)
+            (
+                (low + _INVALID_MARGIN) // 2 if low else 0,
+                (high - _INVALID_MARGIN if high < side else high) // 2,
+            )
             for (low, high), side in zip(box, sides, strict=True)
         ]
         whole = self._stride_two_empty(sides).clone(memory_format=torch.channels_last_3d)
@@ -109,7 +121,9 @@ class Inference:
         """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest."""
         with torch.inference_mode():
             features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
-            features = _apply_blocks(self._synthesis_blocks[0], self._synthesis_in.apply(features).relu_())
+            features = _apply_blocks(
+                self._synthesis_blocks[0], self._synthesis_in.apply(features).relu_()
+            )
             for up, blocks in zip(self._ups, self._synthesis_blocks[1:], strict=True):
                 features = _apply_blocks(blocks, up.apply(features))
             logits: Floats32 = _logits(features, self._synthesis_out).numpy()
@@ -246,7 +260,7 @@ def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
 
 
 def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
-    """The taps of a kernel of three that outputs of a parity use, for the input before and their own."""
+    """The taps of a kernel of three for outputs of a parity: of the input before and their own."""
     taps = torch.tensor([1] if parity else [2, 0])
     return kernel.index_select(axis, taps)
 

@@ -2,7 +2,7 @@
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are then integers below
 2**53, which double precision holds exactly, so that neither the number of threads nor a fused
-multiplication nor another library can change a bit: encoder and decoder always build_indexes the same
+multiplication nor another library can change a bit: encoder and decoder always choose the same
 tables.
 
 References
@@ -59,7 +59,9 @@ class IntegerHyperSynthesis:
     def tables(self, z_hat: NDArray[np.int32]) -> Indexes:
         """The tables of y (latent_channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
-            features = torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS
+            features = (
+                torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS
+            )
             features = _requantised(_conv(features, self.conv1)).relu()
             features = _requantised(_transposed_conv(features, self.conv2)).relu()
             features = _requantised(_conv(features, self.conv3)).relu()

@@ -1,7 +1,7 @@
 """The conditional entropy model: Laplace distributions of integers, as a fixed set of tables.
 
 The hyper-synthesis transform gives the location and scale of each value of the latent, in integers
-of 1 / `UNITS`. They build_indexes one of 64 scales and one of 16 offsets between two integers, and so one
+of 1 / `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers, and so one
 of 1,024 integer tables. The tables are part of the format: they are made with a correctly rounded
 exponential and with multiplications, so that every machine has the same.
 """
@@ -100,7 +100,9 @@ def laplace_table(number: int) -> FrequencyTable:
     tail = _powers(level, np.abs(edges).max())[np.abs(edges)] / 2
     below = np.where(edges < 0, tail, 1 - tail)
     masses = np.rint(np.diff(below) * 2**_TOTAL_BITS).astype(np.int32)
-    return FrequencyTable(-reach, np.append(np.maximum(masses, 1), _ESCAPE_FREQUENCY).astype(np.int32))
+    return FrequencyTable(
+        -reach, np.append(np.maximum(masses, 1), _ESCAPE_FREQUENCY).astype(np.int32)
+    )
 
 
 def _powers(level: int, most: int) -> NDArray[np.float64]:

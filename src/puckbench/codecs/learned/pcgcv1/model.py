@@ -138,7 +138,7 @@ class Analysis(nn.Module):
         self.conv_out = Conv(four, shape.latent_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Zeros and ones (n, 1, size, size, size) to y (n, latent_channels, s, s, s), s = size / 4."""
+        """Zeros and ones (n, 1, 4 s, 4 s, 4 s) to y (n, latent_channels, s, s, s)."""
         features = self.blocks[0](self.conv_in(x).relu())
         for down, blocks in zip(self.downs, self.blocks[1:], strict=True):
             features = blocks(down(features).relu())

@@ -7,8 +7,8 @@ points of each voxel, in 256ths, or 0 for one in its centre (2 bytes)
 base-128 numbers: bytes of positions, of counts, of sparse voxels and of the latent, number of cubes
 positions of the cubes, or of their occupied blocks if the weights were trained with these (octree),
     voxels to keep in each cube, voxels of sparse cubes (octree), the latent
-each batch of cubes: check sum of the tables of the latent (uint32), base-128 bytes of hyper-latents,
-    these
+each batch of cubes: check sum of the tables of the latent (uint32), base-128 number of bytes of the
+    hyper-latents, these
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ def write_stream(coded: Coded) -> bytes:
     """The stream of a coded cloud; InputError when its cubes are too many for its size."""
     parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
-    body = _HEADER.pack(coded.digest, coded.rate, coded.scale, coded.context_mixing, coded.points_per_voxel)
+    body = _HEADER.pack(
+        coded.digest, coded.rate, coded.scale, coded.context_mixing, coded.points_per_voxel
+    )
     body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_batch_bytes, coded.batches))
     if coded.cubes > _max_cubes(body):
@@ -123,7 +125,9 @@ def read_stream(stream: bytes) -> Coded:
 
 
 def _read_body(reader: Reader) -> Coded:
-    digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(reader.take(_HEADER.size))
+    digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(
+        reader.take(_HEADER.size)
+    )
     *sizes, cubes = (reader.number() for _ in range(5))
     fits = context_mixing <= 1 and _SCALES[0] < scale < _SCALES[1]
     if cubes > _max_cubes(reader.body) or not fits:
@@ -132,8 +136,8 @@ def _read_body(reader: Reader) -> Coded:
     batches = tuple(_read_batch(reader) for _ in range(-(-cubes // BATCH)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
-    return Coded(digest, rate, scale, cubes, bool(context_mixing), points_per_voxel, positions, counts, sparse,
-                 latent, batches)  # fmt: skip
+    return Coded(digest, rate, scale, cubes, bool(context_mixing), points_per_voxel, positions,
+                 counts, sparse, latent, batches)  # fmt: skip
 
 
 def _read_batch(reader: Reader) -> Batch:

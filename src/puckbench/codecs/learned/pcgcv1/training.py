@@ -102,9 +102,7 @@ class Trainer(BaseTrainer[PCGCv1, Loss]):
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         x = cubes.to(memory_format=torch.channels_last_3d)
         lmbda, rate_weight = self.training.lmbdas[rate], self.rate_weight()
-        loss = rate_distortion_loss(
-            self.model, x, rate, lmbda, self.noise, rate_weight=rate_weight
-        )
+        loss = rate_distortion_loss(self.model, x, rate, lmbda, self.noise, rate_weight=rate_weight)
         self.optimiser_step(loss.total)
         return Loss(*(value.detach() for value in loss))
 

@@ -2,10 +2,10 @@
 
 magic "PCG2", version, kind, CRC-32 of all that follows
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), index of the rate among theirs, level of the grid in quarter
-    octaves, coding tools (1: child per parent, 2: context mixing), points of each voxel in 256ths
-    (2 bytes; 0: one in its centre); base-128 numbers: origin (signed), number of blocks; each block:
-    voxels at strides 1, 2, 4 and 8, bytes of coordinates and of the latent, these
+kind 1: digest of the weights (8 bytes), index of the rate among theirs, level of the grid in
+    quarter octaves, coding tools (1: child per parent, 2: context mixing), points of each voxel in
+    256ths (2 bytes; 0: one in its centre); base-128 numbers: origin (signed), number of blocks;
+    each block: voxels at strides 1, 2, 4 and 8, bytes of coordinates and of the latent, these
 """
 
 from __future__ import annotations
@@ -162,9 +162,7 @@ def _read_coded(body: bytes) -> Coded:
     blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
-    coded = Coded(
-        digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel
-    )
+    coded = Coded(digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel)
     if coded.voxels > _max_voxels(body):
         raise InputError("the stream is damaged (it promises too many voxels)")
     check_points_per_voxel(points_per_voxel, coded.voxels)

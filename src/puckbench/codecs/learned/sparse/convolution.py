@@ -56,11 +56,18 @@ class Neighbourhood:
         return int(np.clip(rows, _MIN_ROWS, _MAX_ROWS))
 
 
-def neighbourhood(table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device | None = None) -> Neighbourhood:
+def neighbourhood(
+    table: NeighbourTable,
+    kernel_map: KernelMap,
+    pool: ThreadPool,
+    device: torch.device | None = None,
+) -> Neighbourhood:
     """The neighbourhood of a table (27, n), for tensors of a device (default: the CPU)."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
-    return Neighbourhood(TorchGatherScatter(torch.from_numpy(table).long().to(device)), kernel_map, pool)
+    return Neighbourhood(
+        TorchGatherScatter(torch.from_numpy(table).long().to(device)), kernel_map, pool
+    )
 
 
 def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:
@@ -93,7 +100,12 @@ def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
 
 
 def accumulate(
-    features: Tensor, where: Neighbourhood, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
+    features: Tensor,
+    where: Neighbourhood,
+    matrices: Matrices,
+    rows: slice,
+    scratch: Scratch,
+    sums: Tensor,
 ) -> None:
     """Add to sums (rows, children, d) the products of a chunk's neighbours, not of the rows.
 
@@ -120,7 +132,9 @@ class _Convolution(torch.autograd.Function):
     """`convolve` with one kernel for each pair of children: (pairs, c, d)."""
 
     @staticmethod
-    def forward(ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:
+    def forward(
+        ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, where: Neighbourhood
+    ) -> Tensor:
         ctx.save_for_backward(features, kernels)
         ctx.where = where
         return _apply(features.detach(), _matrices(kernels.detach(), where.kernel_map), bias, where)
@@ -143,7 +157,11 @@ class _Convolution(torch.autograd.Function):
 def _matrices(kernels: Tensor, kernel_map: KernelMap) -> Matrices:
     parts = torch.split(kernels, [count * count for count in kernel_map.sizes])
     return tuple(
-        part.view(count, count, *part.shape[1:]).transpose(1, 2).flatten(2).flatten(0, 1).contiguous()
+        part.view(count, count, *part.shape[1:])
+        .transpose(1, 2)
+        .flatten(2)
+        .flatten(0, 1)
+        .contiguous()
         for part, count in zip(parts, kernel_map.sizes, strict=True)
     )
 

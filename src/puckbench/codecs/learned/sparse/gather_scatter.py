@@ -30,7 +30,12 @@ class GatherScatter(Protocol):
     """Gathers and scatters features between neighbouring rows, for a chunk of rows."""
 
     def gather(
-        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
+        self,
+        features: Tensor,
+        kernel_map: KernelMap,
+        rows: slice,
+        scratch: Scratch,
+        own: bool = False,
     ) -> Segments:
         """The features that rows read from their neighbours at each offset but the centre.
 
@@ -61,7 +66,12 @@ class CompiledGatherScatter:
         self.table = table
 
     def gather(
-        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
+        self,
+        features: Tensor,
+        kernel_map: KernelMap,
+        rows: slice,
+        scratch: Scratch,
+        own: bool = False,
     ) -> Segments:
         """As in `GatherScatter`."""
         width, name = features.shape[2], "own" if own else "read"
@@ -81,8 +91,8 @@ class CompiledGatherScatter:
         if found is not None:
             whole = found.as_strided((_after(found),), (1,), found.storage_offset())
             _adder(onto.shape[2])(
-                whole.numpy(), self.table, rows.start, rows.stop, kernel_map.counts, kernel_map.written,
-                *_flat(onto),
+                whole.numpy(), self.table, rows.start, rows.stop, kernel_map.counts,
+                kernel_map.written, *_flat(onto),
             )  # fmt: skip
 
 
@@ -98,7 +108,12 @@ class TorchGatherScatter:
         return inside, others[inside]
 
     def gather(
-        self, features: Tensor, kernel_map: KernelMap, rows: slice, scratch: Scratch, own: bool = False
+        self,
+        features: Tensor,
+        kernel_map: KernelMap,
+        rows: slice,
+        scratch: Scratch,
+        own: bool = False,
     ) -> Segments:
         """As in `GatherScatter`."""
         found: Segments = []
@@ -107,7 +122,9 @@ class TorchGatherScatter:
             if offset == CENTRE or len(inside) == 0:
                 found.append(None)
                 continue
-            children = (kernel_map.written if own else kernel_map.read)[offset, : kernel_map.sizes[offset]]
+            children = (kernel_map.written if own else kernel_map.read)[
+                offset, : kernel_map.sizes[offset]
+            ]
             chosen = features[rows.start + inside if own else others]
             found.append(chosen[:, children.tolist()].flatten(1))
         return found
@@ -124,7 +141,9 @@ class TorchGatherScatter:
                 onto[target] = onto[target] + product.view(len(inside), len(children), -1)
 
 
-def segments(room: Tensor, counts: NDArray[np.int64], kernel_map: KernelMap, width: int) -> Segments:
+def segments(
+    room: Tensor, counts: NDArray[np.int64], kernel_map: KernelMap, width: int
+) -> Segments:
     """Views of flat memory as the pairs of rows of each offset, one after the other."""
     found: Segments = []
     at = 0

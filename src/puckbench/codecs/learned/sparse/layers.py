@@ -19,7 +19,9 @@ class SparseLayer(nn.Module):
     def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
         super().__init__()
         spread = 1 / math.sqrt(offsets * in_channels)
-        self.kernel = nn.Parameter(torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread))
+        self.kernel = nn.Parameter(
+            torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread)
+        )
         self.bias = nn.Parameter(torch.zeros(out_channels))
 
 

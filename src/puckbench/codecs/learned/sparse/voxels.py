@@ -172,7 +172,9 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
     return keys
 
 
-def selected_children(parents: Voxels, slots: NDArray[np.int64], pool: ThreadPool | None = None) -> Voxels:
+def selected_children(
+    parents: Voxels, slots: NDArray[np.int64], pool: ThreadPool | None = None
+) -> Voxels:
     """The set of the children in ascending slots; some parents may have none."""
     stays = np.zeros(len(parents), dtype=bool)
     stays[slots >> 3] = True

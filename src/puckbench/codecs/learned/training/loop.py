@@ -1,4 +1,4 @@
-"""Training loop: optimiser steps along a learning rate schedule, with checkpoints to resume from."""
+"""Training loop: optimiser steps along a learning rate schedule, with checkpoints."""
 
 from __future__ import annotations
 
