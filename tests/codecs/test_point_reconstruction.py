@@ -34,12 +34,12 @@ def _tilted(side: float) -> tuple[np.ndarray, np.ndarray]:
     return points, normal / np.linalg.norm(normal)
 
 
-def _vague(voxels: np.ndarray) -> SiblingBlocks:
+def _unconfident(voxels: np.ndarray) -> SiblingBlocks:
     """One voxel is kept of each block, any of these would have been as likely, others hardly."""
     blocks = known_blocks(voxels)
     first = np.zeros_like(blocks.kept)
     first[np.arange(len(first)), blocks.kept.argmax(axis=1)] = True
-    return sibling_blocks(blocks.places, np.where(blocks.kept, -1, -60).astype(np.float32), first)
+    return sibling_blocks(blocks.positions, np.where(blocks.kept, -1, -60).astype(np.float32), first)
 
 
 def _sorted(rows: np.ndarray) -> np.ndarray:
@@ -48,8 +48,8 @@ def _sorted(rows: np.ndarray) -> np.ndarray:
 
 def test_one_point_for_each_voxel_is_the_voxel() -> None:
     assert np.array_equal(_sorted(reconstructed_points(known_blocks(FLAT), 256)), _sorted(FLAT))
-    vague = _vague(FLAT)
-    assert np.array_equal(reconstructed_points(vague, 0), vague.voxels())
+    unconfident = _unconfident(FLAT)
+    assert np.array_equal(reconstructed_points(unconfident, 0), unconfident.voxels())
 
 
 def test_four_points_of_a_flat_surface_stand_half_a_voxel_apart() -> None:
@@ -108,13 +108,13 @@ def test_any_voxels_have_as_many_points_as_asked_for(voxels: np.ndarray, parts: 
     st.integers(256, 2304),
     st.integers(0, 2**32 - 1),
 )
-def test_vague_voxels_have_about_as_many(voxels: np.ndarray, parts: int, seed: int) -> None:
+def test_unconfident_voxels_have_about_as_many(voxels: np.ndarray, parts: int, seed: int) -> None:
     blocks = known_blocks(np.unique(voxels, axis=0))
     logits = np.random.default_rng(seed).normal(-1, 3, blocks.kept.shape).astype(np.float32)
-    points = reconstructed_points(sibling_blocks(blocks.places, logits, blocks.kept), parts)
+    points = reconstructed_points(sibling_blocks(blocks.positions, logits, blocks.kept), parts)
     wanted = blocks.kept.sum() * parts / 256
-    assert wanted - 1 <= len(points) <= wanted + len(blocks.places)
-    apart = np.abs(points[:, None] - (2 * blocks.places + 0.5)).max(axis=2).min(axis=1)
+    assert wanted - 1 <= len(points) <= wanted + len(blocks.positions)
+    apart = np.abs(points[:, None] - (2 * blocks.positions + 0.5)).max(axis=2).min(axis=1)
     assert apart.max() < 3  # a voxel aside, as much for the slope, the expected place, being off
 
 
@@ -123,9 +123,9 @@ def test_voxels_too_far_apart_for_planes_stay_as_they_are() -> None:
     assert np.array_equal(_sorted(reconstructed_points(known_blocks(far), 5 * 256)), _sorted(far))
 
 
-def test_points_stand_where_a_vague_network_expects_them() -> None:
+def test_points_are_placed_at_the_centroid_of_an_unconfident_network() -> None:
     """It keeps any one voxel of a block, but says that all four of a layer are as likely."""
-    blocks = _vague(FLAT)
+    blocks = _unconfident(FLAT)
     assert np.array_equal(np.unique(blocks.kept.sum(axis=1)), [1])
     points = reconstructed_points(blocks, 256)
     inner = points[(np.abs(points[:, :2] - 3.5) < 2.5).all(axis=1)]
@@ -134,21 +134,21 @@ def test_points_stand_where_a_vague_network_expects_them() -> None:
     assert np.all(np.abs(points[:, 2] - 2.9) < 1e-9)  # 0.8 of the way from 2.5 to 3
 
 
-def test_a_thin_cloud_is_nearer_to_points_of_its_blocks_than_to_any_voxels() -> None:
+def test_a_sparse_cloud_is_nearer_to_points_of_its_blocks_than_to_any_voxels() -> None:
     points, _ = _tilted(1.0)
     rng = np.random.default_rng(1)
     thin = points[rng.choice(len(points), 1200, replace=False)]
     all_voxels = known_blocks(np.unique(np.rint(points).astype(np.int64), axis=0))
     blocks = known_blocks(np.unique(np.rint(thin).astype(np.int64), axis=0))
-    known = {tuple(place): row for row, place in enumerate(all_voxels.places.tolist())}
-    could = all_voxels.kept[[known[tuple(place)] for place in blocks.places.tolist()]]
+    known = {tuple(place): row for row, place in enumerate(all_voxels.positions.tolist())}
+    could = all_voxels.kept[[known[tuple(place)] for place in blocks.positions.tolist()]]
     logits = np.where(could, -1.0, -6.0).astype(np.float32)
     likeliest = np.zeros_like(blocks.kept)
     likeliest[np.arange(len(logits)), logits.argmax(axis=1)] = True
     cloud = PointCloud(thin)
-    vague = sibling_blocks(blocks.places, logits, likeliest)
+    unconfident = sibling_blocks(blocks.positions, logits, likeliest)
     expected, kept = (
-        distortion(cloud, reconstructed_points(vague, parts))["d1_mse"] for parts in (256, 0)
+        distortion(cloud, reconstructed_points(unconfident, parts))["d1_mse"] for parts in (256, 0)
     )
     assert expected < 0.75 * kept
 
@@ -170,7 +170,7 @@ def test_whatever_a_network_says_there_are_finite_points() -> None:
     blocks = known_blocks(FLAT)
     for wild in (np.nan, np.inf, -np.inf, 1e30, -1e30):
         logits = np.full(blocks.kept.shape, wild, dtype=np.float32)
-        points = reconstructed_points(sibling_blocks(blocks.places, logits, blocks.kept), 300)
+        points = reconstructed_points(sibling_blocks(blocks.positions, logits, blocks.kept), 300)
         assert np.isfinite(points).all()
         assert np.abs(points).max() < 12
 

@@ -21,8 +21,6 @@ from puckbench.geometry.cloud import Floats
 Voxels = NDArray[np.int64]
 QUARTERS = 4
 """Levels of an octave."""
-MAX_QUARTER_OCTAVES = 80
-"""The coarsest level that a stream may have."""
 _MIN_VOXELS = 64
 """Coarser sets have too few voxels to tell the density."""
 

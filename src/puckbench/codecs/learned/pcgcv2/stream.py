@@ -18,7 +18,7 @@ from enum import IntFlag
 import numpy as np
 
 from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
-from puckbench.codecs.learned.grid_level import MAX_QUARTER_OCTAVES
+from puckbench.codecs.learned.codec import MAX_QUARTER_OCTAVES
 from puckbench.codecs.learned.point_reconstruction import check_points_per_voxel
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
