@@ -1,4 +1,4 @@
-"""Latents coded in contexts: of the tables, of the neighbours, of the channels before."""
+"""Context-adaptive coding of latents: tables, neighbours, channels coded before."""
 
 import zlib
 from collections.abc import Callable
@@ -11,19 +11,21 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from puckbench.codecs.learned.adaptive_entropy import (
-    Expected,
-    decode_in_context,
-    encode_in_context,
-    everywhere,
+    Prior,
+    decode_with_contexts,
+    encode_with_contexts,
+    factorised_prior,
 )
-from puckbench.codecs.learned.entropy_bottleneck import Table
+from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
 from puckbench.codecs.learned.range_coding import encode_latent
 from puckbench.codecs.learned.sparse.voxels import Voxels, morton_keys, pyramid
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, shell
 
-LAPLACE = Table(-6, np.array([1, 4, 16, 64, 256, 1024, 4096, 1024, 256, 64, 16, 4, 1, 1], np.int32))
+LAPLACE = FrequencyTable(
+    -6, np.array([1, 4, 16, 64, 256, 1024, 4096, 1024, 256, 64, 16, 4, 1, 1], np.int32)
+)
 
 
 def _plane(side: int) -> Voxels:
@@ -41,16 +43,16 @@ def _drawn(count: int, channels: int) -> np.ndarray:
 
 
 def _encoded(latent: np.ndarray, voxels: Voxels) -> bytes:
-    return encode_in_context(latent, voxels.neighbours, _tables(latent))
+    return encode_with_contexts(latent, voxels.neighbours, _tables(latent))
 
 
 def _decoded(data: bytes, voxels: Voxels, channels: int) -> np.ndarray:
-    expected = everywhere((LAPLACE,) * channels, len(voxels))
-    return decode_in_context(data, voxels.neighbours, expected)
+    prior = factorised_prior((LAPLACE,) * channels, len(voxels))
+    return decode_with_contexts(data, voxels.neighbours, prior)
 
 
-def _tables(latent: np.ndarray) -> Expected:
-    return everywhere((LAPLACE,) * latent.shape[1], len(latent))
+def _tables(latent: np.ndarray) -> Prior:
+    return factorised_prior((LAPLACE,) * latent.shape[1], len(latent))
 
 
 def _alone(latent: np.ndarray) -> int:
@@ -69,22 +71,22 @@ def test_a_single_voxel_comes_back() -> None:
     assert np.array_equal(_decoded(_encoded(latent, _plane(1)), _plane(1), 2), latent)
 
 
-def test_where_neighbours_say_nothing_contexts_cost_little() -> None:
+def test_contexts_cost_little_where_neighbours_are_independent() -> None:
     latent = _drawn(64**2, 4)
     assert len(_encoded(latent, _plane(64))) < 1.04 * _alone(latent)
 
 
-def test_a_latent_like_its_neighbours_takes_fewer_bits() -> None:
+def test_a_latent_that_resembles_its_neighbours_takes_fewer_bits() -> None:
     latent = _drawn(8**2, 1).repeat(64, axis=0)  # the same in blocks of 8 x 8, in Morton order
     assert len(_encoded(latent, _plane(64))) < 0.4 * _alone(latent)
 
 
-def test_a_channel_like_the_one_before_takes_fewer_bits() -> None:
+def test_a_channel_that_resembles_the_one_before_takes_fewer_bits() -> None:
     latent = _drawn(64**2, 1).repeat(2, axis=1)
     assert len(_encoded(latent, _plane(64))) < 0.65 * _alone(latent)
 
 
-def test_latents_follow_from_which_neighbours_there_are() -> None:
+def test_contexts_learn_from_the_occupancy_of_neighbours() -> None:
     x = np.arange(0, 4096, 2)
     pairs = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
     kept = np.vstack([pairs, pairs[np.random.default_rng(1).random(len(x)) < 0.5] + [0, 1, 0]])
@@ -93,15 +95,15 @@ def test_latents_follow_from_which_neighbours_there_are() -> None:
     assert len(_encoded(latent, voxels)) < 0.1 * _alone(latent)
 
 
-def test_what_is_expected_may_differ_from_value_to_value() -> None:
+def test_the_prior_may_differ_from_value_to_value() -> None:
     """Integers far from zero that the network knows cost next to nothing."""
     centre = np.random.default_rng(0).integers(-15, 16, (64**2, 2))
-    surely = Table(-1, np.array([1, 2**20, 1, 1], np.int32))
-    expected = Expected((LAPLACE, surely), np.ones_like(centre), centre)
+    surely = FrequencyTable(-1, np.array([1, 2**20, 1, 1], np.int32))
+    prior = Prior((LAPLACE, surely), np.ones_like(centre), centre)
     voxels, latent = _plane(64), centre.astype(np.int32)
-    data = encode_in_context(latent, voxels.neighbours, expected)
+    data = encode_with_contexts(latent, voxels.neighbours, prior)
     assert len(data) < 0.06 * latent.size  # half a bit
-    assert np.array_equal(decode_in_context(data, voxels.neighbours, expected), latent)
+    assert np.array_equal(decode_with_contexts(data, voxels.neighbours, prior), latent)
 
 
 def test_every_machine_writes_the_same_bytes() -> None:
@@ -117,8 +119,8 @@ def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes
 
 
 @pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
-def test_a_stream_says_whether_it_was_coded_in_contexts(name: str, tmp_path: Path) -> None:
-    save_tiny(name, tmp_path / "tiny.pcgw")
+def test_a_stream_says_whether_it_was_coded_with_context_mixing(name: str, tmp_path: Path) -> None:
+    save_tiny(name, tmp_path / "tiny.safetensors")
     with_them, without = (
         open_codec(name, changes(name, tmp_path, context_mixing=contexts))
         for contexts in (True, False)
@@ -130,7 +132,7 @@ def test_a_stream_says_whether_it_was_coded_in_contexts(name: str, tmp_path: Pat
 
 
 def test_cubes_too_far_apart_for_contexts_are_coded_without(tmp_path: Path) -> None:
-    save_tiny("pcgcv1_plus", tmp_path / "tiny.pcgw")
+    save_tiny("pcgcv1_plus", tmp_path / "tiny.safetensors")
     codec = open_codec("pcgcv1_plus", changes("pcgcv1_plus", tmp_path))
     far = np.array([2.0**24, 0, 0])
     decoded = codec.decode(codec.encode(np.vstack([shell(), shell() + far]), "r2"))

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import save
 
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import catalogue
+from puckbench.codecs.learned.weights_file import read_weights, write_weights
 from puckbench.codecs.registry import codecs, entry, has_weights, open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256
@@ -19,6 +21,9 @@ from puckbench.planning.workflow import Workflow
 from tests.support.learned_codecs import RATES, changes, save_tiny, shell
 
 NAMES = list(RATES)
+HEADER = (
+    '{"network": "pcgcv2", "shape": {}, "lmbdas": [1, 4], "card": {}, "sha256": "", "digest": null}'
+)
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -28,7 +33,7 @@ def together(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a set for each codec."""
     folder = tmp_path_factory.mktemp("together")
     for name in NAMES:
-        save_tiny(name, folder / f"{name}.pcgw")
+        save_tiny(name, folder / f"{name}.safetensors")
     return folder
 
 
@@ -41,14 +46,14 @@ def test_of_all_sets_in_a_folder_a_codec_takes_its_own(name: str, together: Path
     codec = _codec(name, together)
     assert codec.available().ok
     stream = codec.encode(shell(), "r2")
-    alone = _codec(name, together / f"{name}.pcgw")
+    alone = _codec(name, together / f"{name}.safetensors")
     assert alone.encode(shell(), "r2") == stream
     assert np.array_equal(alone.decode(stream), codec.decode(stream))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_weights_of_a_rate_have_a_name_and_a_digest(name: str, together: Path) -> None:
-    file = together / f"{name}.pcgw"
+    file = together / f"{name}.safetensors"
     assert _codec(name, together).weights_of("r1") == f"{name} {sha256(file)[:16]}"
     assert bytes.fromhex(sha256(file)[:16]) in _codec(name, together).encode(shell(), "r2")
 
@@ -56,7 +61,7 @@ def test_the_weights_of_a_rate_have_a_name_and_a_digest(name: str, together: Pat
 @pytest.mark.parametrize("name", NAMES)
 def test_streams_of_other_weights_are_refused(name: str, together: Path, tmp_path: Path) -> None:
     stream = _codec(name, together).encode(shell(), "r2")
-    save_tiny(name, tmp_path / "other.pcgw", seed=1)
+    save_tiny(name, tmp_path / "other.safetensors", seed=1)
     with pytest.raises(InputError, match=f"codec {name}: the stream was made with other weights"):
         _codec(name, tmp_path).decode(stream)
 
@@ -65,10 +70,10 @@ def test_streams_of_other_weights_are_refused(name: str, together: Path, tmp_pat
 def test_a_shipped_set_has_a_name_and_decodes_its_streams_whatever_is_given(
     name: str, together: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shipped = {path.stem: path for path in together.glob("*.pcgw")}
+    shipped = {path.stem: path for path in together.glob("*.safetensors")}
     monkeypatch.setattr(catalogue, "shipped", lambda: shipped)
     stream = _codec(name, name).encode(shell(), "r2")
-    save_tiny(name, tmp_path / "other.pcgw", seed=1)
+    save_tiny(name, tmp_path / "other.safetensors", seed=1)
     decoded = _codec(name, tmp_path).decode(stream)
     assert np.array_equal(decoded, _codec(name, name).decode(stream))
 
@@ -76,17 +81,90 @@ def test_a_shipped_set_has_a_name_and_decodes_its_streams_whatever_is_given(
 @pytest.mark.parametrize("cut", [0, 6, 200, -2], ids=["empty", "start", "header", "tensors"])
 @pytest.mark.parametrize("name", NAMES)
 def test_damaged_weights_are_refused(name: str, cut: int, together: Path, tmp_path: Path) -> None:
-    whole = (together / f"{name}.pcgw").read_bytes()
-    (tmp_path / "a.pcgw").write_bytes(whole[:cut])
-    with pytest.raises(InputError, match=r"a\.pcgw"):
+    whole = (together / f"{name}.safetensors").read_bytes()
+    (tmp_path / "a.safetensors").write_bytes(whole[:cut])
+    with pytest.raises(InputError, match=r"a\.safetensors"):
         _codec(name, tmp_path).encode(shell(), "r2")
 
 
-@pytest.mark.parametrize("header", [b"[]", b'{"network": "pcgcv2"}', b'{"alphas": [[]]}'])
-def test_headers_of_another_kind_are_refused(header: bytes, tmp_path: Path) -> None:
-    start = catalogue.START.pack(catalogue.MAGIC, catalogue.VERSION, len(header))
-    (tmp_path / "a.pcgw").write_bytes(start + header)
-    assert "damaged weights" in _codec("pcgcv2_plus", tmp_path).available().why
+@pytest.mark.parametrize(
+    "header",
+    ["[]", '{"network": "pcgcv2"}', '{"lmbdas": [[]]}', "{", HEADER.replace("[1, 4]", '["a"]')],
+)
+def test_headers_of_another_kind_are_refused(header: str, tmp_path: Path) -> None:
+    tensors = {"a": np.zeros(1, np.float16)}
+    metadata = {catalogue.HEADER_KEY: header}
+    (tmp_path / "a.safetensors").write_bytes(save(tensors, metadata=metadata))
+    assert "damaged weights" in _codec("pcgcv2", tmp_path).available().why
+
+
+def test_safetensors_files_of_others_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.safetensors").write_bytes(save({"a": np.zeros(1, np.float16)}))
+    assert "not a set of weights" in _codec("pcgcv2", tmp_path).available().why
+
+
+def test_a_file_that_is_too_large_is_refused_unread(tmp_path: Path) -> None:
+    with (tmp_path / "a.safetensors").open("wb") as file:
+        file.truncate(catalogue.MAX_FILE_BYTES + 1)
+    assert "damaged weights (more than" in _codec("pcgcv2", tmp_path).available().why
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_changed_number_is_found_by_its_check_sum(
+    name: str, together: Path, tmp_path: Path
+) -> None:
+    whole = bytearray((together / f"{name}.safetensors").read_bytes())
+    whole[-1] ^= 1
+    (tmp_path / "a.safetensors").write_bytes(whole)
+    with pytest.raises(InputError, match=r"a\.safetensors: damaged weights \(check sum\)"):
+        _codec(name, tmp_path).encode(shell(), "r2")
+
+
+SHAPES = {
+    "pcgcv1_plus": {"channels": [4, 8, 10**9]},
+    "pcgcv2_plus": {"rates": 10**9},
+    "pcgcv1": {"channels": [4, 8, 10**9]},
+    "pcgcv2": {"rates": 10**9},
+    "sparse_octree_net": {"channels": 10**9},
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_network_too_large_to_build_is_refused(name: str, together: Path, tmp_path: Path) -> None:
+    path = together / f"{name}.safetensors"
+    found = read_weights(path)
+    about = {**found.header.model_dump(exclude={"sha256", "digest"}), "shape": SHAPES[name]}
+    write_weights(tmp_path / "a.safetensors", about, found.state, found.integers)
+    with pytest.raises(InputError, match=r"a\.safetensors: shape: (channels\.2|rates|channels) is"):
+        _codec(name, tmp_path).encode(shell(), "r2")
+
+
+@pytest.mark.parametrize(("table", "value"), [("frequencies", 0), ("length", 1), ("lowest", 2**20)])
+def test_impossible_frequency_tables_are_refused(
+    table: str, value: int, together: Path, tmp_path: Path
+) -> None:
+    found = read_weights(together / "pcgcv2.safetensors")
+    integers = {name: array.copy() for name, array in found.integers.items()}
+    integers[f"frequency_tables.{table}"].flat[0] = value
+    about = found.header.model_dump(exclude={"sha256", "digest"})
+    write_weights(tmp_path / "a.safetensors", about, found.state, integers)
+    with pytest.raises(InputError, match=r"a\.safetensors: damaged weights"):
+        _codec("pcgcv2", tmp_path).encode(shell(), "r2")
+
+
+def test_a_set_may_state_the_digest_by_which_streams_name_it(
+    together: Path, tmp_path: Path
+) -> None:
+    """Sets that were converted from an older format decode the streams of before."""
+    found = read_weights(together / "pcgcv2.safetensors")
+    stream = _codec("pcgcv2", together).encode(shell(), "r2")
+    about = {**found.header.model_dump(exclude={"sha256"}), "digest": found.digest.hex()}
+    about["card"] = {"data": "another card"}
+    write_weights(tmp_path / "a.safetensors", about, found.state, found.integers)
+    codec = _codec("pcgcv2", tmp_path)
+    assert codec.encode(shell(), "r2") == stream
+    assert codec.weights_of("r2") == f"a {found.digest.hex()}"
+    assert len(codec.decode(stream)) > 0
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -128,7 +206,7 @@ def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_pa
     }
     codes = []
     for name in ("pcgcv1_plus", "pcgcv2_plus"):
-        (tmp_path / "a.pcgw").write_bytes((together / f"{name}.pcgw").read_bytes())
+        (tmp_path / "a.safetensors").write_bytes((together / f"{name}.safetensors").read_bytes())
         plan = Workflow(config, SCHEMA)
         codes.append([plan.codec_code("puckbench.cli.encode", c) for c in config["codecs"]])
     assert codes[0][0] != codes[1][0]
@@ -139,5 +217,5 @@ def test_the_record_of_a_stream_says_which_weights_made_it(together: Path, tmp_p
     write_cloud(tmp_path / "a.ply", PointCloud(shell()))
     words = ["--codec", "sparse_octree_net", "--rate", "r1", "--weights", str(together)]
     assert main(["encode", f"{tmp_path}/a.ply", f"{tmp_path}/a.bin", *words, "--json"]) == 0
-    digest = sha256(together / "sparse_octree_net.pcgw")[:16]
+    digest = sha256(together / "sparse_octree_net.safetensors")[:16]
     assert read_json(tmp_path / "a.bin.json")["weights"] == f"sparse_octree_net {digest}"

@@ -1,7 +1,6 @@
 """`puckbench train` for every codec that learns: settings, checkpoints, cards, validation."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +22,12 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
-from tests.support.learned_codecs import ALPHAS, TINY2
+from tests.support.learned_codecs import LMBDAS, TINY2
 
 SMALL: dict[str, dict[str, Any]] = {
-    "pcgcv1_plus": {"side": 32, "cubes": 1, "widths": [4, 8, 8], "alphas": [10, 2]},
-    "pcgcv2_plus": {"side": 32, "cubes": 1, "widths": [4, 8, 8, 8], "alphas": [4, 1]},
-    "sparse_octree_net": {"side": 32, "cubes": 1, "width": 8},
+    "pcgcv1_plus": {"cube_size": 32, "batch_size": 1, "channels": [4, 8, 8], "lmbdas": [10, 2]},
+    "pcgcv2_plus": {"cube_size": 32, "batch_size": 1, "channels": [4, 8, 8, 8], "lmbdas": [4, 1]},
+    "sparse_octree_net": {"cube_size": 32, "batch_size": 1, "channels": 8},
 }
 TRAINED = {
     "pcgcv1_plus": [f"r{number}" for number in range(1, 7)],
@@ -50,7 +49,14 @@ def cloud(tmp_path: Path) -> Path:
 
 
 def _train(cloud: Path, codec: str, steps: int, *more: str) -> int:
-    words = ["train", str(cloud), "--out", str(cloud.with_name("set.pcgw")), "--codec", codec]
+    words = [
+        "train",
+        str(cloud),
+        "--out",
+        str(cloud.with_name("set.safetensors")),
+        "--codec",
+        codec,
+    ]
     return main([*words, "--steps", str(steps), "--options", json.dumps(SMALL[codec]), *more])
 
 
@@ -59,7 +65,7 @@ def test_a_set_is_trained_resumed_exported_and_measured(codec: str, cloud: Path)
     write_cloud(cloud.with_name("held_out.ply"), PointCloud(_plane()[:1200]))
     assert _train(cloud, codec, 2, "--validate", str(cloud.with_name("held_out.ply"))) == 0
     card = read_json(cloud.with_name("set.json"))
-    assert header_of(cloud.with_name("set.pcgw"))["card"] == card
+    assert header_of(cloud.with_name("set.safetensors")).card == card
     assert (card["steps"], card["data"], card["codec"]) == (2, ["a.ply"], codec)
     assert card["validation"]["data"] == ["held_out.ply"]
     rows = cloud.with_name("set.csv").read_text().splitlines()
@@ -73,20 +79,20 @@ def test_an_ended_training_is_exported_again_as_it_was(
 ) -> None:
     assert _train(cloud, "pcgcv2_plus", 3) == 0
     assert "going on" not in capsys.readouterr().err
-    first = cloud.with_name("set.pcgw").read_bytes()
-    assert load_weights(cloud.with_name("set.pcgw")).alphas == ALPHAS
+    first = cloud.with_name("set.safetensors").read_bytes()
+    assert load_weights(cloud.with_name("set.safetensors")).lmbdas == LMBDAS
     assert _train(cloud, "pcgcv2_plus", 3) == 0
     assert "set.pt: going on after step 3\n" in capsys.readouterr().err
-    assert cloud.with_name("set.pcgw").read_bytes() == first
+    assert cloud.with_name("set.safetensors").read_bytes() == first
 
 
 def test_other_data_are_another_training_that_a_run_with_its_code_begins_anew(cloud: Path) -> None:
     assert _train(cloud, "pcgcv2_plus", 2, "--code", "a") == 0
-    first = cloud.with_name("set.pcgw").read_bytes()
+    first = cloud.with_name("set.safetensors").read_bytes()
     write_cloud(cloud, PointCloud(_plane()[:3000]))
     assert _train(cloud, "pcgcv2_plus", 2) == 2
     assert _train(cloud, "pcgcv2_plus", 2, "--code", "a") == 0
-    assert cloud.with_name("set.pcgw").read_bytes() != first
+    assert cloud.with_name("set.safetensors").read_bytes() != first
     rows = cloud.with_name("set.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["step", "1", "2"]
 
@@ -94,14 +100,14 @@ def test_other_data_are_another_training_that_a_run_with_its_code_begins_anew(cl
 @pytest.mark.parametrize("codec", SMALL)
 def test_a_training_may_start_from_a_set(codec: str, cloud: Path) -> None:
     assert _train(cloud, codec, 1) == 0
-    first = cloud.with_name("first.pcgw")
-    cloud.with_name("set.pcgw").rename(first)
+    first = cloud.with_name("first.safetensors")
+    cloud.with_name("set.safetensors").rename(first)
     cloud.with_name("set.pt").unlink()
     training = open_training(codec, None, SMALL[codec])
     with training.trainer() as trainer:
         training.begin(trainer.model, first)
-        training.export(cloud.with_name("again.pcgw"), trainer.model, {})
-    kept = [read_weights(path).state for path in (first, cloud.with_name("again.pcgw"))]
+        training.export(cloud.with_name("again.safetensors"), trainer.model, {})
+    kept = [read_weights(path).state for path in (first, cloud.with_name("again.safetensors"))]
     assert all(torch.equal(kept[1][name], value) for name, value in kept[0].items())
     assert _train(cloud, codec, 1, "--start", str(first)) == 0
     assert read_json(cloud.with_name("set.json"))["start"] == "first"
@@ -111,11 +117,11 @@ def test_measuring_on_the_way_changes_nothing(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert _train(cloud, "pcgcv2_plus", 2) == 0
-    state = load_weights(cloud.with_name("set.pcgw")).model.state_dict()
+    state = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     cloud.with_name("set.pt").unlink()
     assert _train(cloud, "pcgcv2_plus", 2, "--validate", str(cloud), "--validate-every", "1") == 0
     assert "step 1, r4: bpp" in capsys.readouterr().err
-    again = load_weights(cloud.with_name("set.pcgw")).model.state_dict()
+    again = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     assert all(torch.equal(again[name], value) for name, value in state.items())
     assert not list(cloud.parent.glob(".*"))
 
@@ -137,13 +143,13 @@ def test_rates_that_are_not_monotone_are_named() -> None:
     ("codec", "settings", "fault"),
     [
         ("draco", {}, "codec draco: there is nothing to train"),
-        ("pcgcv2_plus", {"step": 5}, "unexpected keyword argument 'step'"),
-        ("pcgcv2_plus", {"steps": 0}, "steps cannot be 0"),
-        ("pcgcv2_plus", {"widths": [4, 8]}, r"widths cannot be \(4, 8\)"),
-        ("pcgcv2_plus", {"widths": [4, 8, 8, 6]}, "not multiples of four"),
-        ("pcgcv2_plus", {"alphas": []}, "alphas cannot be"),
-        ("pcgcv1_plus", {"side": 20}, "side 20 is no multiple of 8"),
-        ("sparse_octree_net", {"scales": [0.5, float("inf")]}, "scales cannot be"),
+        ("pcgcv2_plus", {"step": 5}, r"unknown option .*step.* .*did you mean 'steps'"),
+        ("pcgcv2_plus", {"steps": 0}, "steps is 0, but must be greater than 0"),
+        ("pcgcv2_plus", {"channels": [4, 8]}, r"channels\.2.* is missing"),
+        ("pcgcv2_plus", {"channels": [4, 8, 8, 6]}, r"channels\.3 is 6, .* multiple of 4"),
+        ("pcgcv2_plus", {"lmbdas": []}, r"lmbdas is \(\), but .* at least 1 item"),
+        ("pcgcv1_plus", {"cube_size": 20}, "cube_size is 20, but must be a multiple of 8"),
+        ("sparse_octree_net", {"scales": [0.5, float("inf")]}, r"scales\.1 is inf, .* finite"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(codec: str, settings: dict, fault: str) -> None:
@@ -158,16 +164,16 @@ def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
 
 
 def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
-    """Checkpoints once had fewer keys, and those of the octree coder no noise."""
-    training = Training(alphas=ALPHAS, steps=4, widths=TINY2.widths)
+    """Settings that it does not name, random numbers and the curve are those of the new run."""
+    training = Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
     with thread_pool(1) as pool:
         old = Trainer(PCGCv2(TINY2), training, pool)
         old.done = 3
         old.save(tmp_path / "a.pt")
         state = torch.load(tmp_path / "a.pt", weights_only=True)
         kept = {name: state[name] for name in ("model", "optimiser", "done")}
-        settings = {name: asdict(training)[name] for name in ("steps", "seed")}
-        torch.save({**kept, "settings": settings}, tmp_path / "b.pt")
+        settings = {name: training.model_dump()[name] for name in ("steps", "seed")}
+        torch.save({**kept, "training": settings}, tmp_path / "b.pt")
         new = Trainer(PCGCv2(TINY2), training, pool)
         new.resume(tmp_path / "b.pt")
     assert new.done == 3

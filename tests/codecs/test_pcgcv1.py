@@ -12,15 +12,14 @@ from torch.nn.functional import conv3d, conv_transpose3d, pad
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.pcgcv1 import laplace
-from puckbench.codecs.learned.pcgcv1.coder import Coder, Decoder
+from puckbench.codecs.learned.pcgcv1.coder import Decoder, Encoder
 from puckbench.codecs.learned.pcgcv1.cubes import cubes_of, most_likely, occupancy
 from puckbench.codecs.learned.pcgcv1.entropy_coding import decode_counts, encode_counts
 from puckbench.codecs.learned.pcgcv1.inference import Inference
-from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import ExactHyperDecoder
-from puckbench.codecs.learned.pcgcv1.model import Down, HyperDecoder, Shape, Up
-from puckbench.codecs.learned.pcgcv1.published_weights import load_original
-from puckbench.codecs.learned.pcgcv1.stream import BLOCK, Block, Coded, read_stream, write_stream
-from puckbench.codecs.learned.pcgcv1.weights import WeightSet, load_weights
+from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
+from puckbench.codecs.learned.pcgcv1.model import HyperSynthesis, Shape, StridedConv, TransposedConv
+from puckbench.codecs.learned.pcgcv1.stream import BATCH, Batch, Coded, read_stream, write_stream
+from puckbench.codecs.learned.pcgcv1.weights import Weights, load_published, load_weights
 from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import TINY1, changes, endure_damage, network1, save_tiny, shell
@@ -31,13 +30,13 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv1_plus", path / "tiny.pcgw")
+    save_tiny("pcgcv1_plus", path / "tiny.safetensors")
     return path
 
 
 @pytest.fixture(scope="module")
-def weights(folder: Path) -> WeightSet:
-    return load_weights(folder / "tiny.pcgw")
+def weights(folder: Path) -> Weights:
+    return load_weights(folder / "tiny.safetensors")
 
 
 @pytest.fixture
@@ -56,7 +55,7 @@ def _tensorflow_same(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
 
 def test_strides_pad_as_tensorflow_does() -> None:
     values, kernel = np.arange(1.0, 9), np.array([1.0, 10, 100])
-    layer = Down(1, 1, bias=False)
+    layer = StridedConv(1, 1, bias=False)
     with torch.no_grad():
         layer.weight.zero_()[0, 0, 0, 0] = torch.from_numpy(kernel)
         cube = torch.zeros(1, 1, 8, 8, 8)
@@ -68,7 +67,7 @@ def test_strides_pad_as_tensorflow_does() -> None:
 def test_the_transposed_convolution_is_the_strided_ones_adjoint() -> None:
     """<up(x), y> = <x, down(y)>: TensorFlow defines one as the gradient of the other."""
     torch.manual_seed(1)
-    up, down = Up(3, 5), Down(5, 3, bias=False)
+    up, down = TransposedConv(3, 5), StridedConv(5, 3, bias=False)
     with torch.no_grad():
         up.bias.zero_()
         down.weight.copy_(up.weight)
@@ -76,16 +75,19 @@ def test_the_transposed_convolution_is_the_strided_ones_adjoint() -> None:
         torch.testing.assert_close((up(x) * y).sum(), (x * down(y)).sum())
 
 
-def test_the_fast_layout_gives_what_the_modules_give() -> None:
-    for shape in (TINY1, replace(TINY1, widths=(16, 32, 64), latent=16)):
+def test_inference_gives_what_the_modules_give() -> None:
+    for shape in (
+        TINY1,
+        TINY1.model_copy(update={"channels": (16, 32, 64), "latent_channels": 16}),
+    ):
         model = network1(shape)
         fast = Inference(model)
         occupied = (np.random.default_rng(0).random((16, 16, 16)) < 0.05).astype(np.float32)
         latent, hyper = fast.analyse(occupied, 1)
         with torch.no_grad():
-            exact = model.analysis(torch.from_numpy(occupied)[None, None]) * model.gain(1)
-            exact_hyper = model.hyper_encoder(exact)
-            logits = model.synthesis(torch.from_numpy(latent)[None] / model.gain(1))
+            exact = model.g_a(torch.from_numpy(occupied)[None, None]) * model.gain(1)
+            exact_hyper = model.h_a(exact)
+            logits = model.g_s(torch.from_numpy(latent)[None] / model.gain(1))
         assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 1e-3
         assert np.abs(hyper - exact_hyper[0].numpy()).max() < 0.5 + 1e-3
         np.testing.assert_allclose(fast.synthesise(latent, 1), logits.flatten(), atol=1e-4)
@@ -93,13 +95,13 @@ def test_the_fast_layout_gives_what_the_modules_give() -> None:
 
 @pytest.mark.parametrize("where", [(3, 20, 40), (31, 31, 31), (60, 0, 25)])
 def test_empty_parts_of_a_cube_need_not_be_computed(where: tuple[int, int, int]) -> None:
-    model = network1(replace(TINY1, side=64))
+    model = network1(TINY1.model_copy(update={"cube_size": 64}))
     occupied = np.zeros((64, 64, 64), dtype=np.float32)
     occupied[tuple(slice(k, k + 4) for k in where)] = 1
     with torch.no_grad():
         model.log_gains.fill_(8)  # fine steps, so that any difference shows
         latent, _ = Inference(model).analyse(occupied, 1)
-        exact = model.analysis(torch.from_numpy(occupied)[None, None]) * model.gain(1)
+        exact = model.g_a(torch.from_numpy(occupied)[None, None]) * model.gain(1)
     assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 0.1
 
 
@@ -109,10 +111,10 @@ def test_cubes_of_many_extents_are_computed_in_few_shapes(monkeypatch: pytest.Mo
 
     def halved(_: Inference, occupied: np.ndarray) -> torch.Tensor:
         shapes.add(occupied.shape)
-        return torch.zeros(1, TINY1.widths[1], *(side // 2 for side in occupied.shape))
+        return torch.zeros(1, TINY1.channels[1], *(side // 2 for side in occupied.shape))
 
-    monkeypatch.setattr(Inference, "_halved_whole", halved)
-    fast = Inference(network1(replace(TINY1, side=64)))
+    monkeypatch.setattr(Inference, "_stride_two_dense", halved)
+    fast = Inference(network1(TINY1.model_copy(update={"cube_size": 64})))
     rng = np.random.default_rng(0)
     for _ in range(300):
         low = rng.integers(0, 64, 3)
@@ -167,24 +169,24 @@ def _lookalike() -> dict[str, np.ndarray]:
 def test_every_variable_of_the_authors_archive_has_its_place(tmp_path: Path) -> None:
     variables = _lookalike()
     np.savez(tmp_path / "a0.75b3.npz", **variables)
-    model = load_original(tmp_path / "a0.75b3.npz")
+    model = load_published(tmp_path / "a0.75b3.npz")
     assert sum(value.size for value in variables.values()) == 658_449
     theirs = sorted(float(value.sum()) for value in variables.values())
     ours = sorted(float(v.sum()) for n, v in model.state_dict().items() if n != "log_gains")
     assert theirs == pytest.approx(ours, abs=1e-3)
-    up, down = variables["synthesis_transform/up_1/kernel"], model.synthesis.ups[0].weight
+    up, down = variables["synthesis_transform/up_1/kernel"], model.g_s.ups[0].weight
     assert down[7, 5, 0, 1, 2].item() == up[0, 1, 2, 5, 7]  # [d, h, w, out, in]
     kernel = variables["analysis_transform/down_1/kernel"]
-    assert model.analysis.downs[0].weight[5, 7, 0, 1, 2].item() == kernel[0, 1, 2, 7, 5]
+    assert model.g_a.downs[0].weight[5, 7, 0, 1, 2].item() == kernel[0, 1, 2, 7, 5]
     found = load_weights(tmp_path / "a0.75b3.npz")
-    assert found.alphas == (0.75,)
+    assert found.lmbdas == (0.75,)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not an archive"])
 def test_other_files_are_no_archives(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a2b3.npz").write_bytes(content)
     with pytest.raises(InputError, match="not a NumPy archive"):
-        load_original(tmp_path / "a2b3.npz")
+        load_published(tmp_path / "a2b3.npz")
 
 
 def test_an_archive_that_lacks_a_variable_is_refused(tmp_path: Path) -> None:
@@ -192,7 +194,7 @@ def test_an_archive_that_lacks_a_variable_is_refused(tmp_path: Path) -> None:
     del variables["hyper_decoder/conv4_2/bias"]
     np.savez(tmp_path / "a2b3.npz", **variables)
     with pytest.raises(InputError, match="not the variables of PCGCv1"):
-        load_original(tmp_path / "a2b3.npz")
+        load_published(tmp_path / "a2b3.npz")
 
 
 def _laplace_mass(integer: np.ndarray, location: float, scale: float) -> np.ndarray:
@@ -205,8 +207,8 @@ def _laplace_mass(integer: np.ndarray, location: float, scale: float) -> np.ndar
 
 @pytest.mark.parametrize("number", [0, 8, 15, 500, 700, 1023])
 def test_tables_hold_laplace_probabilities(number: int) -> None:
-    table = laplace.table(number)
-    scale = laplace.LEAST_SCALE * 2 ** (10 * (number >> 4) / 63)
+    table = laplace.laplace_table(number)
+    scale = laplace.MIN_SCALE * 2 ** (10 * (number >> 4) / 63)
     integers = table.lowest + np.arange(len(table.frequencies) - 1)
     masses = _laplace_mass(integers, (number & 15) / 16, scale)
     shares = table.frequencies / table.frequencies.sum()
@@ -220,8 +222,8 @@ PINNED = 2262421923
 def test_the_tables_are_the_same_whole_numbers_everywhere() -> None:
     """A change of any frequency changes the format: streams of old versions would not decode."""
     check = 0
-    for number in range(laplace.SCALES * laplace.PLACES):
-        check = zlib.crc32(laplace.table(number).frequencies.astype("<i4").tobytes(), check)
+    for number in range(laplace.SCALES * laplace.OFFSETS):
+        check = zlib.crc32(laplace.laplace_table(number).frequencies.astype("<i4").tobytes(), check)
     assert check == PINNED
 
 
@@ -229,7 +231,7 @@ def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
     units = laplace.UNITS
     location = np.array([0, round(2.49 * units), round(-0.26 * units), -units])
     scale = np.array([0, round(1.05 * units), 3 * units, 10**9])
-    chosen = laplace.choose(location, scale)
+    chosen = laplace.build_indexes(location, scale)
     assert chosen.centre.tolist() == [0, 2, -1, -1]
     assert (chosen.table & 15).tolist() == [0, 8, 12, 0]
     levels = 63 * (np.log2([1.05, 3]) + 5) / 10
@@ -244,26 +246,26 @@ def test_training_likelihood_agrees_with_the_closed_form() -> None:
     np.testing.assert_allclose(found, _laplace_mass(integers, 0.3, 0.8), rtol=1e-5)
 
 
-def test_the_exact_hyper_decoder_follows_thenetwork1() -> None:
-    network = HyperDecoder(Shape())
+def test_the_integer_hyper_synthesis_follows_the_network() -> None:
+    network = HyperSynthesis(Shape())
     torch.manual_seed(2)
     hyper = torch.randint(-3, 4, (1, 8, 4, 4, 4))
     with torch.no_grad():
         location, scale = network(hyper.float())
-    chosen = ExactHyperDecoder(network).tables(hyper[0].numpy().astype(np.int32))
+    chosen = IntegerHyperSynthesis(network).tables(hyper[0].numpy().astype(np.int32))
     places = chosen.centre + (chosen.table & 15) / 16
     assert np.abs(places - location[0].numpy()).max() < 1 / 32 + 1e-3
     levels = np.clip(63 * (np.log2(scale[0].numpy()) + 5) / 10, 0, 63)
     assert np.abs((chosen.table >> 4) - levels).max() < 0.5 + 0.1
 
 
-def test_the_exact_hyper_decoders_sums_do_not_depend_on_their_order() -> None:
+def test_the_integer_hyper_synthesis_sums_do_not_depend_on_their_order() -> None:
     """The same in extended precision, summed tap by tap: no bit of a sum was rounded away."""
-    network = HyperDecoder(replace(Shape(), hyper=(4, 2), latent=2))
+    network = HyperSynthesis(Shape(hyper_channels=(4, 2), latent_channels=2))
     with torch.no_grad():
         for value in network.parameters():
             value.mul_(30)
-    exact = ExactHyperDecoder(network)
+    exact = IntegerHyperSynthesis(network)
     features = torch.randint(-(2**23), 2**23, (1, 8, 3, 3, 3)).double()
     found = conv3d(features, exact.heads.kernel, exact.heads.bias, padding=1)[0].numpy()
     padded = pad(features, (1,) * 6)[0].numpy().astype(np.int64)
@@ -277,11 +279,11 @@ def test_the_exact_hyper_decoders_sums_do_not_depend_on_their_order() -> None:
 
 
 def test_weights_too_large_for_exact_sums_are_refused() -> None:
-    network = HyperDecoder(Shape())
+    network = HyperSynthesis(Shape())
     with torch.no_grad():
         network.scale.weight.fill_(1e4)
     with pytest.raises(InputError, match="too large for exact sums"):
-        ExactHyperDecoder(network)
+        IntegerHyperSynthesis(network)
 
 
 def test_cubes_hold_every_voxel_once() -> None:
@@ -347,31 +349,31 @@ def test_points_of_sparse_cubes_are_coded_or_dropped(folder: Path) -> None:
     assert np.array_equal(np.unique(kept.decode(kept.encode(few, "r2")), axis=0), few)
 
 
-def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: WeightSet) -> None:
+def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: Weights) -> None:
     points = np.vstack([shell() + shift for shift in ([0, 0, 0], [60, 0, 0], [0, 60, 0])])
-    coded = [Coder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2, 3)]
+    coded = [Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2, 3)]
     assert coded[0] == coded[1] == coded[2]
-    assert coded[0].cubes > BLOCK
+    assert coded[0].cubes > BATCH
     decoded = [Decoder(weights, threads).decode(coded[0]) for threads in (1, 2, 3)]
     assert np.array_equal(decoded[0], decoded[1])
     assert np.array_equal(decoded[0], decoded[2])
 
 
-def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: WeightSet) -> None:
+def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: Weights) -> None:
     """The number of cubes coded together changes no cube's points."""
     alone = cubes_of(np.random.default_rng(3).integers(0, 16, (300, 3)), 16).voxels()
     crowd = np.vstack([alone, *(alone // 2 + [16 * k, 0, 0] for k in range(1, 6))])
-    coder, decoder = Coder(weights, rate=1, point_reconstruction=False), Decoder(weights)
+    coder, decoder = Encoder(weights, rate=1, point_reconstruction=False), Decoder(weights)
     one = decoder.decode(coder.encode(alone.astype(float)))
     many = decoder.decode(coder.encode(crowd.astype(float)))
     assert np.array_equal(one, many[many[:, 0] < 16])
 
 
-def test_another_machines_tables_end_in_an_error(weights: WeightSet) -> None:
-    coded = Coder(weights, rate=1).encode(shell())
-    block = replace(coded.blocks[0], check=coded.blocks[0].check ^ 1)
+def test_another_machines_tables_end_in_an_error(weights: Weights) -> None:
+    coded = Encoder(weights, rate=1).encode(shell())
+    batch = replace(coded.batches[0], check=coded.batches[0].check ^ 1)
     with pytest.raises(InputError, match="chose other entropy tables"):
-        Decoder(weights).decode(replace(coded, blocks=(block,)))
+        Decoder(weights).decode(replace(coded, batches=(batch,)))
 
 
 def test_pcc_arenas_rates() -> None:
@@ -393,8 +395,8 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
 
 
 def _coded() -> Coded:
-    blocks = (Block(7, b"hyper"), Block(9, b"latent"))
-    return Coded(b"12345678", 1, 0.625, 40, True, 12, b"where", b"many", b"few", b"latent", blocks)
+    batches = (Batch(7, b"hyper"), Batch(9, b"latent"))
+    return Coded(b"12345678", 1, 0.625, 40, True, 12, b"where", b"many", b"few", b"latent", batches)
 
 
 def test_streams_come_back() -> None:
@@ -408,7 +410,7 @@ def test_a_stream_without_a_scale_is_refused(scale: float) -> None:
 
 
 def test_a_small_stream_cannot_promise_many_cubes() -> None:
-    few = replace(_coded(), cubes=64 + 32 * 40, blocks=(Block(0, b""),) * 42)
+    few = replace(_coded(), cubes=64 + 32 * 40, batches=(Batch(0, b""),) * 42)
     with pytest.raises(InputError, match="too many cubes"):
         write_stream(few)
 
@@ -426,7 +428,7 @@ def test_foreign_streams_are_refused(codec: Codec, stream: bytes) -> None:
 
 def test_transposed_layers_match_torch_on_the_kept_part() -> None:
     torch.manual_seed(3)
-    layer = Up(2, 3)
+    layer = TransposedConv(2, 3)
     x = torch.randn(1, 2, 4, 4, 4)
     whole = conv_transpose3d(x, layer.weight, layer.bias, stride=2)
     assert whole.shape[-1] == 9

@@ -11,19 +11,33 @@ import pytest
 import torch
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.entropy_bottleneck import EntropyBottleneck, Table, tables
+from puckbench.codecs.learned.entropy_bottleneck import (
+    EntropyBottleneck,
+    FrequencyTable,
+    frequency_tables,
+)
 from puckbench.codecs.learned.pcgcv2.coder import Coder, split
 from puckbench.codecs.learned.pcgcv2.inference import analyse, synthesise
 from puckbench.codecs.learned.pcgcv2.model import SCALES, PCGCv2, Shape
-from puckbench.codecs.learned.pcgcv2.published_weights import _NAMES, load_original
 from puckbench.codecs.learned.pcgcv2.stream import Block, Coded, read_stream, write_coded
-from puckbench.codecs.learned.pcgcv2.weights import WeightSet, load_weights, save_weights
+from puckbench.codecs.learned.pcgcv2.weights import (
+    _NAMES,
+    Weights,
+    load_published,
+    load_weights,
+    save_weights,
+)
 from puckbench.codecs.learned.range_coding import decode_latent, encode_latent
 from puckbench.codecs.learned.sparse.convolution import neighbourhood
 from puckbench.codecs.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.codecs.learned.sparse.layers import kept_children
 from puckbench.codecs.learned.sparse.thread_pool import thread_pool
-from puckbench.codecs.learned.sparse.voxels import selected_children, keys_of_slots, morton_keys, pyramid
+from puckbench.codecs.learned.sparse.voxels import (
+    keys_of_slots,
+    morton_keys,
+    pyramid,
+    selected_children,
+)
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import (
@@ -45,15 +59,15 @@ KEYS = np.sort(morton_keys(_shell()))
 
 
 @pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> WeightSet:
-    path = tmp_path_factory.mktemp("weights") / "tiny.pcgw"
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Weights:
+    path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
     return save_weights(path, network2(), (1.0, 4.0), {"data": "none"})
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv2_plus", path / "tiny.pcgw")
+    save_tiny("pcgcv2_plus", path / "tiny.safetensors")
     return path
 
 
@@ -62,19 +76,19 @@ def codec(folder: Path) -> Codec:
     return open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder))
 
 
-def test_joined_layers_give_what_the_modules_give() -> None:
+def test_fused_layers_give_what_the_modules_give() -> None:
     model = network2()
     with thread_pool(2) as pool, torch.no_grad():
         found = analyse(model, KEYS, pool)
-        sets, families = pyramid(KEYS, SCALES)
+        sets, child_maps = pyramid(KEYS, SCALES)
         sites = [neighbourhood(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets]
-        latent = model.encoder(sites, families, torch.ones(len(KEYS), 1, 1))[:, 0]
-        np.testing.assert_allclose(found.latent, latent.numpy(), rtol=1e-4, atol=1e-5)
-        decoded = synthesise(model, found.latent, found.coarse, found.counts, pool)
-        features, parents = torch.from_numpy(found.latent), sets[SCALES]
+        latent = model.g_a(sites, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
+        np.testing.assert_allclose(found.y, latent.numpy(), rtol=1e-4, atol=1e-5)
+        decoded = synthesise(model, found.y, found.coarse, found.counts, pool)
+        features, parents = torch.from_numpy(found.y), sets[SCALES]
         for scale, keep in enumerate(reversed(found.counts)):
             where = neighbourhood(parents.neighbours, block_kernel_map(), pool)
-            children, logits = model.decoder.scale(scale)(features, where)
+            children, logits = model.g_s.scale(scale)(features, where)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]
@@ -85,40 +99,42 @@ def test_joined_layers_give_what_the_modules_give() -> None:
 
 
 def test_tables_hold_the_bottlenecks_probabilities() -> None:
-    entropy_bottleneck = network2().entropy_bottleneck(0)
-    for channel, table in enumerate(tables(entropy_bottleneck)):
+    bottleneck = network2().entropy_bottleneck(0)
+    for channel, table in enumerate(frequency_tables(bottleneck)):
         integers = table.lowest + np.arange(len(table.frequencies) - 1)
-        latent = torch.zeros(len(integers), TINY2.latent)
+        latent = torch.zeros(len(integers), TINY2.latent_channels)
         latent[:, channel] = torch.from_numpy(integers)
-        likelihood = entropy_bottleneck.likelihood(latent)[:, channel].detach().numpy()
+        likelihood = bottleneck.likelihood(latent)[:, channel].detach().numpy()
         shares = table.frequencies / table.frequencies.sum()
         np.testing.assert_allclose(shares[:-1], likelihood, rtol=1e-3, atol=1e-6)
         assert likelihood.sum() == pytest.approx(1, abs=1e-4)
 
 
 def test_the_bottlenecks_bits_are_those_of_the_range_coder() -> None:
-    entropy_bottleneck = EntropyBottleneck(2)
+    bottleneck = EntropyBottleneck(2)
     latent = np.rint(np.random.default_rng(0).normal(0, 3, (5000, 2))).astype(np.int32)
-    bits = -entropy_bottleneck.likelihood(torch.from_numpy(latent).float()).log2().sum().item()
-    assert 8 * len(encode_latent(latent, tables(entropy_bottleneck))) == pytest.approx(bits, rel=0.01)
+    bits = -bottleneck.likelihood(torch.from_numpy(latent).float()).log2().sum().item()
+    assert 8 * len(encode_latent(latent, frequency_tables(bottleneck))) == pytest.approx(
+        bits, rel=0.01
+    )
 
 
 def test_latents_come_back_even_those_outside_their_table() -> None:
-    table = Table(-2, np.array([10, 50, 900, 50, 10, 1], dtype=np.int32))
+    table = FrequencyTable(-2, np.array([10, 50, 900, 50, 10, 1], dtype=np.int32))
     latent = np.rint(np.random.default_rng(0).normal(0, 2, (500, 3))).astype(np.int32)
     latent[3] = [-30_000, 30_000, 77]
     data = encode_latent(latent, (table,) * 3)
     assert np.array_equal(decode_latent(data, 500, (table,) * 3), latent)
 
 
-def test_a_set_of_weights_comes_back_from_its_file(weights: WeightSet, tmp_path: Path) -> None:
+def test_a_set_of_weights_comes_back_from_its_file(weights: Weights, tmp_path: Path) -> None:
     for name, value in network2().state_dict().items():
         found = weights.model.state_dict()[name]
         torch.testing.assert_close(found, value.half().float(), rtol=0, atol=0)
-    assert weights.alphas == (1.0, 4.0)
-    again = save_weights(tmp_path / "b.pcgw", network2(), (1.0, 4.0), {"data": "none"})
+    assert weights.lmbdas == (1.0, 4.0)
+    again = save_weights(tmp_path / "b.safetensors", network2(), (1.0, 4.0), {"data": "none"})
     assert again.digest == weights.digest
-    other = save_weights(tmp_path / "c.pcgw", network2(), (1.0, 4.0), {"data": "rooms"})
+    other = save_weights(tmp_path / "c.safetensors", network2(), (1.0, 4.0), {"data": "rooms"})
     assert other.digest != weights.digest
 
 
@@ -135,11 +151,13 @@ def _lookalike() -> dict[str, dict[str, torch.Tensor]]:
     parts: dict[str, dict[str, torch.Tensor]] = {"encoder": {}, "decoder": {}}
     for (part, theirs), ours in _NAMES.items():
         for kind in ("kernel", "bias"):
-            value = state[f"{part}.{ours}.{kind}"]
+            value = state[f"{ours}.{kind}"]
             parts[part][f"{theirs}.{kind}"] = _their_shape(kind, torch.randn_like(value))
     kinds = {"_matrices": "matrices", "_biases": "biases", "_factors": "factors"}
     names = [
-        (f"{a}.{i}", state[f"bottlenecks.0.{b}.{i}"]) for a, b in kinds.items() for i in range(4)
+        (f"{a}.{i}", state[f"entropy_bottlenecks.0.{b}.{i}"])
+        for a, b in kinds.items()
+        for i in range(4)
     ]
     return {**parts, "entropy_bottleneck": {name: torch.randn_like(v) for name, v in names}}
 
@@ -147,15 +165,15 @@ def _lookalike() -> dict[str, dict[str, torch.Tensor]]:
 def test_every_value_of_an_original_checkpoint_has_its_place(tmp_path: Path) -> None:
     checkpoint = _lookalike()
     torch.save(checkpoint, tmp_path / "c8_a025_32000.pth")
-    model = load_original(tmp_path / "c8_a025_32000.pth")
+    model = load_published(tmp_path / "c8_a025_32000.pth")
     unused = 40  # the published 778,527 count three arrays that the authors' code leaves aside
     assert sum(value.numel() for value in model.parameters()) - 8 + unused == 778_527
     theirs = sorted(float(v.sum()) for part in checkpoint.values() for v in part.values())
     ours = sorted(float(v.sum()) for n, v in model.state_dict().items() if n != "log_gains")
     assert theirs == pytest.approx(ours, abs=1e-3)
     first = checkpoint["decoder"]["block1.2.conv1_1.kernel"]
-    assert torch.equal(model.decoder.scale(1).blocks[2].middle.kernel, first)
-    assert load_weights(tmp_path / "c8_a025_32000.pth").alphas == (0.25,)
+    assert torch.equal(model.g_s.scale(1).blocks[2].conv1_1.kernel, first)
+    assert load_weights(tmp_path / "c8_a025_32000.pth").lmbdas == (0.25,)
 
 
 def test_denormal_weights_of_a_checkpoint_are_zeros(tmp_path: Path) -> None:
@@ -163,7 +181,7 @@ def test_denormal_weights_of_a_checkpoint_are_zeros(tmp_path: Path) -> None:
     kernel = checkpoint["encoder"]["block1.2.conv1_1.kernel"]
     kernel[3], kernel[4] = 1e-40, 1.2e-38
     torch.save(checkpoint, tmp_path / "c8_a1_32000.pth")
-    found = load_original(tmp_path / "c8_a1_32000.pth").encoder.scale(1).blocks[2].middle.kernel
+    found = load_published(tmp_path / "c8_a1_32000.pth").g_a.scale(1).blocks[2].conv1_1.kernel
     assert not found[3].any()
     assert torch.equal(found[4:], kernel[4:])
 
@@ -172,7 +190,7 @@ def test_denormal_weights_of_a_checkpoint_are_zeros(tmp_path: Path) -> None:
 def test_other_files_are_no_checkpoints(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "c8_a1_32000.pth").write_bytes(content)
     with pytest.raises(InputError, match="not a checkpoint"):
-        load_original(tmp_path / "c8_a1_32000.pth")
+        load_published(tmp_path / "c8_a1_32000.pth")
 
 
 def test_a_checkpoint_that_lacks_a_layer_is_refused(tmp_path: Path) -> None:
@@ -180,7 +198,7 @@ def test_a_checkpoint_that_lacks_a_layer_is_refused(tmp_path: Path) -> None:
     del checkpoint["decoder"]["up1.kernel"]
     torch.save(checkpoint, tmp_path / "c8_a1_32000.pth")
     with pytest.raises(InputError, match=r"scales\.1\.up"):
-        load_original(tmp_path / "c8_a1_32000.pth")
+        load_published(tmp_path / "c8_a1_32000.pth")
 
 
 def test_as_many_voxels_come_back_as_went_in_and_near_them(folder: Path) -> None:
@@ -202,7 +220,7 @@ def test_few_points_come_back_as_they_are(codec: Codec) -> None:
     assert np.array_equal(decoded, np.unique(points, axis=0))
 
 
-def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: WeightSet) -> None:
+def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Weights) -> None:
     voxels = _shell().astype(np.int64)
     coders = [Coder(weights, rate=1, threads=threads) for threads in (1, 2, 3)]
     coded = [coder.encode(voxels) for coder in coders]
@@ -212,15 +230,15 @@ def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Weigh
     assert np.array_equal(decoded[0], decoded[2])
 
 
-def test_rho_is_the_share_of_voxels_kept(weights: WeightSet) -> None:
+def test_rho_is_the_share_of_voxels_kept(weights: Weights) -> None:
     voxels = _shell().astype(np.int64)
     coder = Coder(weights, rate=0, rho=0.5)
     assert len(coder.decode(coder.encode(voxels))) == round(0.5 * len(voxels))
 
 
-def test_large_clouds_are_coded_in_blocks(weights: WeightSet) -> None:
+def test_large_clouds_are_coded_in_blocks(weights: Weights) -> None:
     voxels = _shell().astype(np.int64)
-    coder = Coder(weights, rate=0, most_voxels=1500)
+    coder = Coder(weights, rate=0, max_voxels=1500)
     coded = coder.encode(voxels)
     assert len(coded.blocks) == -(-len(voxels) // 1500)
     decoded = coder.decode(coded)

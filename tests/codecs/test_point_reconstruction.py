@@ -39,7 +39,9 @@ def _unconfident(voxels: np.ndarray) -> SiblingBlocks:
     blocks = known_blocks(voxels)
     first = np.zeros_like(blocks.kept)
     first[np.arange(len(first)), blocks.kept.argmax(axis=1)] = True
-    return sibling_blocks(blocks.positions, np.where(blocks.kept, -1, -60).astype(np.float32), first)
+    return sibling_blocks(
+        blocks.positions, np.where(blocks.kept, -1, -60).astype(np.float32), first
+    )
 
 
 def _sorted(rows: np.ndarray) -> np.ndarray:

@@ -62,7 +62,7 @@ def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None
     plan = Workflow(config, SCHEMA).plan
     assert {"pcgcv1", "pcgcv1_plus", "pcgcv2_plus"} < set(plan.codecs)
     assert [path.name for path in plan.weights["pcgcv1"]] == ["a0.75b3.npz"]
-    assert [path.name for path in plan.weights["pcgcv2_plus"]] == ["pcgcv2_objects.pcgw"]
+    assert [path.name for path in plan.weights["pcgcv2_plus"]] == ["pcgcv2_objects.safetensors"]
 
 
 def test_a_learned_codec_without_weights_is_named_before_anything_runs(data: Path) -> None:

@@ -24,9 +24,11 @@ from puckbench.codecs.learned.pcgcv2.model import PCGCv2
 from puckbench.codecs.learned.pcgcv2.model import Shape as Shape2
 from puckbench.core.errors import InputError
 
-TINY1 = Shape1(side=16, widths=(4, 8, 16), latent=4, hyper=(16, 8), blocks=1, rates=2)
-TINY2 = Shape2(widths=(4, 8, 8, 8), latent=2, blocks=1, rates=2)
-ALPHAS = (1.0, 4.0)
+TINY1 = Shape1(
+    cube_size=16, channels=(4, 8, 16), latent_channels=4, hyper_channels=(16, 8), blocks=1, rates=2
+)
+TINY2 = Shape2(channels=(4, 8, 8, 8), latent_channels=2, blocks=1, rates=2)
+LMBDAS = (1.0, 4.0)
 RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
@@ -52,7 +54,7 @@ def network2(shape: Shape2 = TINY2, seed: int = 0) -> PCGCv2:
 
 def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet:
     torch.manual_seed(seed)
-    model = OctreeNet(shape or OctreeShape(width=8))
+    model = OctreeNet(shape or OctreeShape(channels=8))
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, Layer):
@@ -64,9 +66,9 @@ def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet
 def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
     """A set of random weights for a codec."""
     if codec.startswith("pcgcv1"):
-        pcgcv1_weights.save_weights(path, network1(seed=seed), ALPHAS, {"data": "none"})
+        pcgcv1_weights.save_weights(path, network1(seed=seed), LMBDAS, {"data": "none"})
     elif codec.startswith("pcgcv2"):
-        pcgcv2_weights.save_weights(path, network2(seed=seed), ALPHAS, {"data": "none"})
+        pcgcv2_weights.save_weights(path, network2(seed=seed), LMBDAS, {"data": "none"})
     else:
         octree_weights.save_weights(path, octree_network(seed=seed), {"data": "none"})
 

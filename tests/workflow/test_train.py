@@ -10,7 +10,7 @@ import yaml
 from puckbench.core.files import read_json
 from tests.support.bench import ROOT, Bench
 
-SETTINGS = {"alphas": [1, 4], "widths": [4, 8, 8, 8], "cubes": 1, "side": 1024}
+SETTINGS = {"lmbdas": [1, 4], "channels": [4, 8, 8, 8], "batch_size": 1, "cube_size": 1024}
 TRAININGS: dict[str, Any] = {
     "tiny": {
         "codec": "pcgcv2_plus",
@@ -51,7 +51,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     changed = {**TRAININGS, "again": {**TRAININGS["again"], "steps": 3}}
     training.configure({"train": changed, "figures": {}, "sensor_study": None})
     assert training.planned("train") == {"weights": 1, "train": 1}
-    codec = {"options": {"weights": str(weights / "tiny.pcgw")}, "rates": ["r2", "r4", "r6"]}
+    codec = {"options": {"weights": str(weights / "tiny.safetensors")}, "rates": ["r2", "r4", "r6"]}
     training.configure({"codecs": {"pcgcv2_plus": codec}, "figures": {}, "sensor_study": None})
     row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2_plus" / "r2.json"
     training.made(str(row.relative_to(training.folder)))

@@ -6,7 +6,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +24,9 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("clouds", type=Path, nargs="+", help="prepared clouds to learn from (PLY)")
-    parser.add_argument("--out", type=Path, required=True, help="set of weights to write (.pcgw)")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="set of weights to write (.safetensors)"
+    )
     parser.add_argument("--codec", default="pcgcv2_plus", help="default: %(default)s")
     parser.add_argument("--start", help="weights to start from: a shipped set's name, or a file")
     parser.add_argument("--steps", type=whole(1), help="of the training; default: the codec's")
@@ -110,7 +111,7 @@ def _export(
     """Write the set, and again with what it was measured to be; the card stands beside it too."""
     card = {
         "codec": options.codec,
-        **asdict(training),
+        **training.model_dump(),
         "data": _names(options.clouds),
         **({"start": Path(options.start).stem} if options.start else {}),
         "seconds": seconds,

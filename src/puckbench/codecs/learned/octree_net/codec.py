@@ -69,7 +69,7 @@ class SparseOctreeNet(Learned["Weights"]):
     def _coded(self, points: Floats, scale: float) -> Coded:
         from puckbench.codecs.learned.octree_net.coder import Coder, split
         from puckbench.codecs.learned.octree_net.stream import Coded
-        from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, unique_keys, morton_keys
+        from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
         frame = frame_of(points, self.options.unit, scale)
         positions, origin = quantised(points, frame, scale, "nearest")
