@@ -83,7 +83,7 @@ class Pcgcv2(LearnedByLambda["Weights"]):
             rate,
             rho,
             threads=self.options.threads,
-            rules=self._tools(),
+            tools=self._tools(),
             point_reconstruction=self.point_reconstruction,
         )
 
