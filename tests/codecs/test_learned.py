@@ -95,18 +95,18 @@ def test_headers_of_another_kind_are_refused(header: str, tmp_path: Path) -> Non
     tensors = {"a": np.zeros(1, np.float16)}
     metadata = {catalogue.HEADER_KEY: header}
     (tmp_path / "a.safetensors").write_bytes(save(tensors, metadata=metadata))
-    assert "damaged weights" in _codec("pcgcv2", tmp_path).available().why
+    assert "damaged weights" in _codec("pcgcv2_plus", tmp_path).available().why
 
 
 def test_safetensors_files_of_others_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.safetensors").write_bytes(save({"a": np.zeros(1, np.float16)}))
-    assert "not a set of weights" in _codec("pcgcv2", tmp_path).available().why
+    assert "not a set of weights" in _codec("pcgcv2_plus", tmp_path).available().why
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "a.safetensors").open("wb") as file:
         file.truncate(catalogue.MAX_FILE_BYTES + 1)
-    assert "damaged weights (more than" in _codec("pcgcv2", tmp_path).available().why
+    assert "damaged weights (more than" in _codec("pcgcv2_plus", tmp_path).available().why
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -123,8 +123,6 @@ def test_a_changed_number_is_found_by_its_check_sum(
 SHAPES = {
     "pcgcv1_plus": {"channels": [4, 8, 10**9]},
     "pcgcv2_plus": {"rates": 10**9},
-    "pcgcv1": {"channels": [4, 8, 10**9]},
-    "pcgcv2": {"rates": 10**9},
     "sparse_octree_net": {"channels": 10**9},
 }
 
@@ -143,25 +141,25 @@ def test_a_network_too_large_to_build_is_refused(name: str, together: Path, tmp_
 def test_impossible_frequency_tables_are_refused(
     table: str, value: int, together: Path, tmp_path: Path
 ) -> None:
-    found = read_weights(together / "pcgcv2.safetensors")
+    found = read_weights(together / "pcgcv2_plus.safetensors")
     integers = {name: array.copy() for name, array in found.integers.items()}
     integers[f"frequency_tables.{table}"].flat[0] = value
     about = found.header.model_dump(exclude={"sha256", "digest"})
     write_weights(tmp_path / "a.safetensors", about, found.state, integers)
     with pytest.raises(InputError, match=r"a\.safetensors: damaged weights"):
-        _codec("pcgcv2", tmp_path).encode(shell(), "r2")
+        _codec("pcgcv2_plus", tmp_path).encode(shell(), "r2")
 
 
 def test_a_set_may_state_the_digest_by_which_streams_name_it(
     together: Path, tmp_path: Path
 ) -> None:
     """Sets that were converted from an older format decode the streams of before."""
-    found = read_weights(together / "pcgcv2.safetensors")
-    stream = _codec("pcgcv2", together).encode(shell(), "r2")
+    found = read_weights(together / "pcgcv2_plus.safetensors")
+    stream = _codec("pcgcv2_plus", together).encode(shell(), "r2")
     about = {**found.header.model_dump(exclude={"sha256"}), "digest": found.digest.hex()}
     about["card"] = {"data": "another card"}
     write_weights(tmp_path / "a.safetensors", about, found.state, found.integers)
-    codec = _codec("pcgcv2", tmp_path)
+    codec = _codec("pcgcv2_plus", tmp_path)
     assert codec.encode(shell(), "r2") == stream
     assert codec.weights_of("r2") == f"a {found.digest.hex()}"
     assert len(codec.decode(stream)) > 0

@@ -287,7 +287,7 @@ def test_weights_come_back_as_they_were_used(folder: Path) -> None:
 
 def test_weights_whose_sums_might_not_be_exact_are_refused(tmp_path: Path) -> None:
     model = octree_network()
-    model.before[0].kernel[:] = 2.0
+    model.convolutions[0].kernel[:] = 2.0
     with pytest.raises(InputError, match="too large for exact sums"):
         save_weights(tmp_path / "a.safetensors", model, {})
 
@@ -296,7 +296,7 @@ def test_damaged_weights_are_refused(folder: Path, tmp_path: Path) -> None:
     whole = (folder / "tiny.safetensors").read_bytes()
     for name, data in {
         "cut": whole[:-2],
-        "shape": whole.replace(b'"width": 8', b'"width": 9'),
+        "shape": whole.replace(rb'channels\\": 8', rb'channels\\": 9'),
     }.items():
         (tmp_path / f"{name}.safetensors").write_bytes(data)
         with pytest.raises(InputError, match="damaged weights"):
