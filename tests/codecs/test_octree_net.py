@@ -296,7 +296,7 @@ def test_damaged_weights_are_refused(folder: Path, tmp_path: Path) -> None:
     whole = (folder / "tiny.safetensors").read_bytes()
     for name, data in {
         "cut": whole[:-2],
-        "shape": whole.replace(rb'channels\\": 8', rb'channels\\": 9'),
+        "shape": whole.replace(rb"channels\": 8", rb"channels\": 9"),
     }.items():
         (tmp_path / f"{name}.safetensors").write_bytes(data)
         with pytest.raises(InputError, match="damaged weights"):
