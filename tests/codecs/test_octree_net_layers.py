@@ -6,11 +6,11 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from puckbench.codecs.common.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
     CELLS,
     empty_state,
     find_neighbourhood,
-    popcount,
 )
 from puckbench.codecs.learned.octree_net.coder import Coder
 from puckbench.codecs.learned.octree_net.fixed_point import UNITS
@@ -22,7 +22,6 @@ from puckbench.codecs.learned.octree_net.inference import (
     network_of,
     root_features,
 )
-from puckbench.codecs.learned.octree_net.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.model import Shape
 from puckbench.codecs.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
 from puckbench.codecs.learned.sparse.convolution import neighbourhood
@@ -148,9 +147,4 @@ def test_cells_of_a_child_are_where_they_are_said_to_be() -> None:
         outside = np.concatenate([CELLS.beyond[child], CELLS.edges[child], CELLS.across[child]])
         assert not set(outside.tolist()) & set(CELLS.own.tolist())
         sets = [int(kind[child]) for kind in (CELLS.faces, CELLS.ring, CELLS.corners, CELLS.far)]
-        assert [popcount(cells) for cells in sets] == [6, 12, 8, 37]
-
-
-def test_cells_are_counted() -> None:
-    sets = [*np.random.default_rng(3).integers(-(2**63), 2**63, 50).tolist(), 0, -1]
-    assert [popcount(cells) for cells in sets] == [(cells % 2**64).bit_count() for cells in sets]
+        assert [(cells % 2**64).bit_count() for cells in sets] == [6, 12, 8, 37]

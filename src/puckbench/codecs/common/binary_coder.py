@@ -1,7 +1,7 @@
-"""Binary arithmetic coding, both ways: a bit and its probability to bytes, and back.
+"""Binary arithmetic coder: codes bits with given probabilities, in 32-bit integer arithmetic.
 
-All arithmetic is on integers, so that every machine decodes the same. One function codes both ways:
-it writes the bit it is given, or reads one and returns it.
+Integers make every machine decode the same. One function, `code`, serves both directions: a writer
+codes the bit that it is given, a reader returns the bit that it decodes.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from puckbench.core.compiling import compiled_in_place
 ONE = 1 << 16
 """Probability 1 in fixed point."""
 UNIT = 256
-"""1.0 of the logistic domain in fixed point."""
+"""1.0 of the logistic domain (a logit, ln(p / (1 - p))) in fixed point."""
 ENDS = 8 * UNIT
-"""Logits are kept between these."""
+"""Logits are clipped to plus and minus this."""
 LEAST = 32
-"""Probability of a mixture, at least: no bit of one costs less than 0.0007 bits."""
+"""Smallest probability that is coded: no bit costs less than 0.0007 bits."""
 SLOWEST = 160
-"""An adaptive probability follows its last so many bits."""
+"""Longest memory of an adaptive probability, in bits."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
-"""Zeros that `written` leaves out, at most; a reader that goes further has a damaged stream."""
+"""Most zero bytes that `written` leaves out; a reader that goes further has a damaged stream."""
 
 LOW, HIGH, CODE, POSITION, WRITING = range(5)
-"""Places in a coder's registers."""
+"""Indices of a coder's registers."""
 
 
 class BitCoder(NamedTuple):
-    """State of a coder, for `code`."""
+    """State of a coder: its registers (5,) int64 and the stream's bytes (n,) uint8."""
 
     registers: NDArray[np.int64]
     buffer: NDArray[np.uint8]
@@ -54,7 +54,7 @@ def bit_reader(stream: bytes) -> BitCoder:
 
 
 def written(coder: BitCoder) -> bytes:
-    """The bytes written, the last ones flushed; some zeros at their end are left out."""
+    """Flush a writer and return its bytes, but for zeros at their end, which a reader adds."""
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:
@@ -65,30 +65,34 @@ def written(coder: BitCoder) -> bytes:
 
 
 def read_to_its_end(coder: BitCoder) -> bool:
-    """Whether a reader has read what a writer wrote, no less and no more."""
+    """Whether a reader has read exactly what a writer wrote."""
     return 0 <= int(coder.registers[POSITION]) - len(coder.buffer) <= PAST_THE_END
 
 
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of probabilities in 1 / 4096 their logits, and of logits the probabilities in 1 / ONE."""
-    chances = (np.arange(4096) + 0.5) / 4096
-    stretch = np.rint(UNIT * np.log(chances / (1 - chances))).astype(np.int64)
+    """Tables ``stretch`` (4096,), probability to logit, and ``squash`` (2 ENDS,), its inverse.
+
+    Probabilities are in units of 1 / 4096 on the way there and of 1 / ONE on the way back.
+    """
+    probabilities = (np.arange(4096) + 0.5) / 4096
+    stretch = np.rint(UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
     squash = np.rint(ONE / (1 + np.exp(-np.arange(-ENDS, ENDS) / UNIT))).astype(np.int64)
     return stretch.clip(-ENDS, ENDS - 1), squash.clip(LEAST, ONE - LEAST)
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """How far, in 1 / ONE, a probability moves to a bit after so many bits, (SLOWEST + 1,)."""
+    """Learning rates, in 1 / ONE, of adaptive probabilities by bits seen, (SLOWEST + 1,)."""
     return np.rint(ONE / (np.arange(SLOWEST + 1) + 1.6)).astype(np.int64)
 
 
 @compiled_in_place
-def code(coder: BitCoder, bit: int, chance: int) -> int:
-    """Code a bit that is 1 with probability chance / ONE, 0 < chance < ONE; the bit."""
+def code(coder: BitCoder, bit: int, probability: int) -> int:
+    """Code a bit that is 1 with probability / ONE, strictly between 0 and 1; returns the bit."""
     registers = coder.registers
     low, high = registers[0], registers[1]
-    middle = low + ((high - low) >> 16) * chance + ((((high - low) & 0xFFFF) * chance) >> 16)
+    width = high - low
+    middle = low + (width >> 16) * probability + (((width & 0xFFFF) * probability) >> 16)
     if registers[4] == 0:
         bit = 1 if registers[2] <= middle else 0
     if bit == 1:
@@ -116,7 +120,7 @@ def _next_byte(coder: BitCoder) -> int:
 
 @compiled_in_place
 def code_gamma(coder: BitCoder, value: int) -> int:
-    """Elias-gamma code of a number of at least 1 (below 2^16)."""
+    """Elias-gamma code of a number of at least 1 (below 2^16); returns the number."""
     bits = 0
     if coder.registers[WRITING] == 1:
         while value >> (bits + 1):

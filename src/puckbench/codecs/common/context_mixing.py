@@ -1,9 +1,13 @@
-"""Coding a bit with several estimates of it, mixed in more than one way: integers only.
+"""Context mixing: a bit's probability from several adaptive estimates, in integer arithmetic.
 
-An estimate from outside and those of adaptive contexts are mixed in the logistic domain by weights
-that are learnt on the way (Mahoney 2005, "Adaptive weighing of context models for lossless data
-compression"). There may be several sets of weights, each chosen by another property of the bit; the
-mean of their mixtures counts, and tables of what became of such mixtures correct it.
+An outside estimate (a network's, a table's) and the estimates of adaptive contexts are mixed in the
+logistic domain by weights that are learnt while coding. There may be several sets of weights, each
+selected by another property of the bit; their mixtures are averaged and then corrected by adaptive
+tables of how often a bit was 1 at that mixture (secondary estimation).
+
+References
+----------
+Mahoney 2005, "Adaptive weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations
@@ -27,38 +31,44 @@ from puckbench.core.compiling import compiled_in_place
 Ints = NDArray[np.int64]
 Slots = NDArray[np.int32]
 _FINE_BITS = 22
-"""Adaptive probabilities are multiples of 2**-22."""
+"""Adaptive probabilities are in units of 2**-22."""
 _SEEN_BITS = 9
-"""Below the probability, in the same number: bits seen so far."""
+"""Lowest bits of a context's state, below its probability: number of bits seen so far."""
 _CERTAIN = (1 << _FINE_BITS) - 1
 _BUCKETS = 33
 _BIAS = 77
-"""An input of every mixture, in units of the logistic domain."""
+"""Constant input of every mixture, in units of the logistic domain."""
 _TABLES = 2
-"""Of corrections at most, chosen as the first sets of weights are."""
+"""Most correction tables, selected as the first sets of weights are."""
 
 
-class Habits(NamedTuple):
+class MixerSettings(NamedTuple):
     """How a mixer begins and learns.
 
-    estimate, context: weights of the estimate from outside and of each context's, to begin with.
-    pace: how fast weights are learnt. memory: a context's probability follows its last so many
-    bits, at most `SLOWEST`.
+    Parameters
+    ----------
+    estimate, context
+        Initial weights of the outside estimate and of each context's estimate.
+    learning_rate
+        Of the weights.
+    memory
+        Of a context's adaptive probability, in bits; at most `SLOWEST`.
     """
 
     estimate: float
     context: float
-    pace: int
+    learning_rate: int
     memory: int
 
 
 class Mixer(NamedTuple):
-    """State of a coder: where the bytes are, and what it has learnt.
+    """State of a coder that mixes contexts.
 
-    contexts: probability of a 1 and number of bits seen of each. weights: (rows, inputs), all sets'
-    rows one after the other. corrected: (rows, buckets), probability of a 1 where the mixture was
-    so. stretch, squash, rates: tables. at: (contexts of a bit,) which; rows: (sets,) of the
-    weights; inputs, mixtures: workspace. pace, memory: of `Habits`.
+    bits: the arithmetic coder. contexts: (contexts,) probability of a 1 and number of bits seen of
+    each. weights: (rows, inputs), the rows of all sets. corrected: (rows, buckets), probability of
+    a 1 by the mixture's bucket. stretch, squash, rates: tables of `binary_coder`. at: (contexts of
+    a bit,), the contexts of the next bit; rows: (sets,), its weights' rows; inputs, mixtures:
+    workspace. learning_rate, memory: see `MixerSettings`.
     """
 
     bits: BitCoder
@@ -72,20 +82,33 @@ class Mixer(NamedTuple):
     rows: Ints
     inputs: Ints
     mixtures: Ints
-    pace: int
+    learning_rate: int
     memory: int
 
 
 def mixer(
-    bits: BitCoder, contexts: int, inputs: int, rows: int, sets: int, habits: Habits
+    bits: BitCoder, contexts: int, inputs: int, rows: int, sets: int, settings: MixerSettings
 ) -> Mixer:
-    """A coder that has learnt nothing yet.
+    """A coder in its initial state.
 
-    contexts: in all. inputs: contexts of a bit. rows: of weights, in all `sets`.
+    Parameters
+    ----------
+    bits
+        Writes or reads the stream.
+    contexts
+        Number of contexts in all.
+    inputs
+        Number of contexts of one bit.
+    rows
+        Number of rows of weights in all sets together.
+    sets
+        Number of sets of weights.
+    settings
+        Initial weights, learning rate and memory.
     """
     stretch, squash = logistic_tables()
-    weights = np.full((rows, inputs + 2), round(habits.context * ONE), np.int64)
-    weights[:, 0], weights[:, -1] = round(habits.estimate * ONE), 0
+    weights = np.full((rows, inputs + 2), round(settings.context * ONE), np.int64)
+    weights[:, 0], weights[:, -1] = round(settings.estimate * ONE), 0
     steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,
@@ -99,14 +122,14 @@ def mixer(
         np.zeros(sets, np.int64),
         np.zeros(inputs + 2, np.int64),
         np.zeros(sets, np.int64),
-        habits.pace,
-        habits.memory,
+        settings.learning_rate,
+        settings.memory,
     )
 
 
 @compiled_in_place
 def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
-    """Code a bit with an estimate (a logit), the contexts `at` and the weights' `rows`; the bit."""
+    """Code a bit by an outside estimate (a logit) and the mixer's `at` and `rows`; returns it."""
     inputs, sets = mixer.inputs, len(mixer.rows)
     _gather(mixer, guess)
     total = 0
@@ -114,7 +137,7 @@ def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
         total += _mix(mixer, number)
     level = min(max(total // sets, -ENDS), ENDS - 1) + ENDS
     bucket, share, tables = level >> 7, level & 127, min(sets, _TABLES)
-    # half of it is the mixture, half what became of such: 2 or 4 times as much, to be shifted
+    # Half of it is the mixture, half its corrections: 2 or 4 times the mean, to be shifted.
     final = tables * mixer.squash[level]
     for number in range(tables):
         final += _seen(mixer, mixer.rows[number], bucket, share)
@@ -123,7 +146,7 @@ def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
         _correct(mixer, mixer.rows[number], bucket, share, bit * _CERTAIN)
     for number in range(sets):
         row = mixer.rows[number]
-        error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.pace
+        error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.learning_rate
         for place in range(len(inputs)):
             mixer.weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
     for place in range(len(mixer.at)):
@@ -166,6 +189,6 @@ def _correct(mixer: Mixer, row: int, bucket: int, share: int, target: int) -> No
 @compiled_in_place
 def _learn(mixer: Mixer, context: int, target: int) -> None:
     state = np.int64(mixer.contexts[context])
-    seen, chance = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
-    chance += ((target - chance) * mixer.rates[seen]) >> 16
-    mixer.contexts[context] = chance << _SEEN_BITS | min(seen + 1, mixer.memory)
+    seen, probability = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
+    probability += ((target - probability) * mixer.rates[seen]) >> 16
+    mixer.contexts[context] = probability << _SEEN_BITS | min(seen + 1, mixer.memory)

@@ -23,7 +23,7 @@ from puckbench.codecs.common.binary_coder import (
     read_to_its_end,
     written,
 )
-from puckbench.codecs.common.context_mixing import Habits, Mixer, code_mixed, mixer
+from puckbench.codecs.common.context_mixing import Mixer, MixerSettings, code_mixed, mixer
 from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
 from puckbench.codecs.learned.sparse.voxels import FACES, OFFSETS, NeighbourTable
 from puckbench.core.compiling import compiled_in_place
@@ -38,7 +38,7 @@ _DECISIONS = 12
 """Binary decisions of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
-_HABITS = Habits(estimate=0.4, context=0.15, pace=20, memory=SLOWEST)
+_MIXER = MixerSettings(estimate=0.4, context=0.15, learning_rate=20, memory=SLOWEST)
 _MAX_VALUE_BYTES = 80
 """Bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
 
@@ -142,7 +142,7 @@ def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) 
 def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior) -> None:
     decisions = _DECISIONS * values.shape[1]
     starts = np.cumsum((0, *(decisions * size for size in _SIZES)))
-    mixed = mixer(bits, int(starts[-1]), len(_SIZES), decisions, 1, _HABITS)
+    mixed = mixer(bits, int(starts[-1]), len(_SIZES), decisions, 1, _MIXER)
     around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
     _code_values(mixed, values, neighbours, _concatenated(prior), around, starts)
 

@@ -133,15 +133,6 @@ def _share_outside_layer(outside: int, count: int) -> int:
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
 
-@compiled_in_place
-def popcount(cells: int) -> int:
-    """Number of cells in a set."""
-    pairs = cells - ((cells >> 1) & 0x5555555555555555)
-    fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
-    eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
-    return (eights * 0x0101010101010101) >> 56
-
-
 def _cells() -> CellMasks:
     occupied, whole = np.zeros((OFFSETS, 256), np.int64), np.zeros(OFFSETS, np.int64)
     for offset in range(OFFSETS):

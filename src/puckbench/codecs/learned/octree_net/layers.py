@@ -12,12 +12,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.common.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.fixed_point import (
     MAX_ACTIVATION,
     MAX_RESIDUAL,
     WEIGHT_UNITS,
 )
-from puckbench.codecs.learned.octree_net.matrix_products import add_products
 from puckbench.codecs.learned.octree_net.symbols import VALUES, Symbols
 from puckbench.codecs.learned.sparse.voxels import CHILDREN, OFFSETS, NeighbourTable
 from puckbench.core.compiling import compiled

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.common.binary_coder import BitCoder, bit_reader, bit_writer
-from puckbench.codecs.common.context_mixing import Habits, Mixer, code_mixed, mixer
+from puckbench.codecs.common.bit_count import bit_count
+from puckbench.codecs.common.context_mixing import Mixer, MixerSettings, code_mixed, mixer
 from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
     CELLS,
     CellMasks,
     LevelState,
-    popcount,
 )
 from puckbench.codecs.learned.octree_net.symbols import (
     EVEN,
@@ -62,7 +62,7 @@ _ROWS = (_BIT_KINDS, 2 * _FACE_COUNTS, _BIT_PLACES * _STATES)
 """Sets of weights: by the kind of bit, by the numbers of cells at the child's faces, and by the
 states of these cells."""
 _BY_FACE_COUNTS, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
-_HABITS = Habits(estimate=0.6, context=0.05, pace=5, memory=50)
+_MIXER = MixerSettings(estimate=0.6, context=0.05, learning_rate=5, memory=50)
 """Statistics adapt fast, since noise changes with the distance."""
 _MAX_VOXEL_BYTES = 11
 """Bytes of the eight bits of a voxel, each at most log2(65,536 / 32) bits."""
@@ -80,7 +80,7 @@ def reader(stream: bytes) -> Mixer:
 
 
 def _new_mixer(bits: BitCoder) -> Mixer:
-    return mixer(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS), _HABITS)
+    return mixer(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS), _MIXER)
 
 
 def code_symbols(
@@ -188,10 +188,13 @@ def _find_contexts(
         joined += occupied >> cells.own[child ^ 7 ^ 1 << axis] & 1
     for side in range(6):
         across = 3 * across + _state(occupied, unknown, cells.across[child, side])
-    faces, ring = popcount(occupied & cells.faces[child]), popcount(occupied & cells.ring[child])
-    open_faces = popcount(unknown & cells.faces[child])
-    open_ring = popcount(unknown & cells.ring[child])
-    corners, far = popcount(occupied & cells.corners[child]), popcount(occupied & cells.far[child])
+    faces, ring = bit_count(occupied & cells.faces[child]), bit_count(occupied & cells.ring[child])
+    open_faces = bit_count(unknown & cells.faces[child])
+    open_ring = bit_count(unknown & cells.ring[child])
+    corners, far = (
+        bit_count(occupied & cells.corners[child]),
+        bit_count(occupied & cells.far[child]),
+    )
     near, at = faces * 4 + open_faces, place * _STATES + beyond
     numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)
     mixer.at[0], mixer.at[1] = starts[0], starts[1]

@@ -10,11 +10,11 @@ each part: voxels, levels that the network codes, bytes of the top level and of 
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
+from puckbench.codecs.common.framing import Framing
 from puckbench.codecs.gpcc.grid import Frame
 from puckbench.codecs.learned.sparse.voxels import AXIS_BITS
 from puckbench.core.errors import InputError
@@ -27,7 +27,7 @@ _MAX_VOXELS_PER_BYTE = 2**14
 """A bound: eight binary decisions, each at least 0.0007 bits, bring at most 8 voxels."""
 _MIN_SCALE = 2.0**-400
 """With a smaller scale and the largest unit coordinates could exceed double precision."""
-_START = struct.Struct("<4sBI")
+_FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
 _HEADER = struct.Struct("<8sd3iB")
 _FRAME = struct.Struct("<4d")
 _COUNT = struct.Struct("<B")
@@ -67,8 +67,7 @@ def write_stream(coded: Coded) -> bytes:
     for part in coded.parts:
         sizes = (len(part.top), len(part.symbols))
         body += [_PART.pack(part.count, part.levels, *sizes), part.top, part.symbols]
-    whole = b"".join(body)
-    return _START.pack(MAGIC, VERSION, zlib.crc32(whole)) + whole
+    return _FRAMING.framed(b"".join(body))
 
 
 def read_stream(stream: bytes) -> Coded:
@@ -86,12 +85,7 @@ def read_stream(stream: bytes) -> Coded:
 
 
 def _read(stream: bytes) -> Coded:
-    magic, version, check = _START.unpack_from(stream)
-    if magic != MAGIC or version != VERSION:
-        raise InputError("not a stream of this codec and version")
-    body = stream[_START.size :]
-    if zlib.crc32(body) != check:
-        raise InputError("the stream is damaged or truncated")
+    _, body = _FRAMING.unframed(stream)
     digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
     frame, at = _read_frame(body, _HEADER.size, framed)
     parts = _read_parts(body, at)

@@ -14,10 +14,10 @@ each batch of cubes: check sum of the tables of the latent (uint32), base-128 nu
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 
 from puckbench.codecs.common.byte_io import Reader, base_128
+from puckbench.codecs.common.framing import Framing
 from puckbench.core.errors import InputError
 
 MAGIC = b"PCG1"
@@ -26,7 +26,7 @@ BATCH = 32
 """Cubes of a batch; the last one may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
 """Bounds of a scale; with a smaller one coordinates could exceed double precision."""
-_START = struct.Struct("<4sBI")
+_FRAMING = Framing(MAGIC, VERSION, "PCGCv1")
 _HEADER = struct.Struct("<8sBdBH")
 _CHECK = struct.Struct("<I")
 
@@ -93,7 +93,7 @@ def write_stream(coded: Coded) -> bytes:
     body += b"".join(map(_batch_bytes, coded.batches))
     if coded.cubes > _max_cubes(body):
         raise InputError("too many cubes with too little in them")
-    return _START.pack(MAGIC, VERSION, zlib.crc32(body)) + body
+    return _FRAMING.framed(body)
 
 
 def _batch_bytes(batch: Batch) -> bytes:
@@ -113,14 +113,7 @@ def read_stream(stream: bytes) -> Coded:
     InputError
         The bytes are damaged, or of another codec or version.
     """
-    if len(stream) < _START.size:
-        raise InputError("the stream is truncated")
-    magic, version, check = _START.unpack_from(stream)
-    if magic != MAGIC or version != VERSION:
-        raise InputError("not a PCGCv1 stream of this version")
-    body = stream[_START.size :]
-    if zlib.crc32(body) != check:
-        raise InputError("the stream is damaged or truncated")
+    _, body = _FRAMING.unframed(stream)
     return _read_body(Reader(body))
 
 

@@ -11,13 +11,13 @@ kind 1: digest of the weights (8 bytes), index of the rate among theirs, level o
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
 
 from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
+from puckbench.codecs.common.framing import Framing
 from puckbench.codecs.learned.codec import MAX_QUARTER_OCTAVES
 from puckbench.codecs.learned.point_reconstruction import check_points_per_voxel
 from puckbench.core.errors import InputError
@@ -28,7 +28,7 @@ VERSION = 6
 MAX_VOXELS = 2**20
 """Voxels of a block, at any scale; larger clouds are coded as several blocks."""
 _RAW, _NETWORK = 0, 1
-_START = struct.Struct("<4sBBI")
+_FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
 _HEADER = struct.Struct("<8sBBBH")
 
 
@@ -101,7 +101,7 @@ class Coded:
 
 def write_raw(points: Floats) -> bytes:
     """The stream of a cloud (n, 3) that is too small for a network."""
-    return _framed(_RAW, points.astype("<f8").tobytes())
+    return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
 
 
 def write_coded(coded: Coded) -> bytes:
@@ -112,11 +112,7 @@ def write_coded(coded: Coded) -> bytes:
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.latent))
         parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.latent]
-    return _framed(_NETWORK, b"".join(parts))
-
-
-def _framed(kind: int, body: bytes) -> bytes:
-    return _START.pack(MAGIC, VERSION, kind, zlib.crc32(body)) + body
+    return _FRAMING.framed(b"".join(parts), bytes([_NETWORK]))
 
 
 def read_stream(stream: bytes) -> Coded | Floats:
@@ -132,15 +128,8 @@ def read_stream(stream: bytes) -> Coded | Floats:
     InputError
         The bytes are damaged, or of another codec or version.
     """
-    if len(stream) < _START.size:
-        raise InputError("the stream is truncated")
-    magic, version, kind, check = _START.unpack_from(stream)
-    if magic != MAGIC or version != VERSION:
-        raise InputError("not a PCGCv2 stream of this version")
-    body = stream[_START.size :]
-    if zlib.crc32(body) != check:
-        raise InputError("the stream is damaged or truncated")
-    return _read_raw(body) if kind == _RAW else _read_coded(body)
+    kind, body = _FRAMING.unframed(stream)
+    return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
 
 
 def _read_raw(body: bytes) -> Floats:

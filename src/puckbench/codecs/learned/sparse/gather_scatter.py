@@ -17,9 +17,8 @@ from torch import Tensor
 
 from puckbench.codecs.learned.sparse.kernel_map import KernelMap
 from puckbench.codecs.learned.sparse.thread_pool import Scratch
-from puckbench.codecs.learned.sparse.vector_copies import add_run, copy_run
 from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, inlined
 
 Flat = NDArray[np.float32]
 Segments = list[Tensor | None]
@@ -165,6 +164,23 @@ def _after(features: Tensor) -> int:
     return int(features.untyped_storage().nbytes() // 4 - features.storage_offset())
 
 
+# Unsigned indices spare the compiler the check for negative ones.
+@inlined
+def _copy(onto: Flat, i: int, source: Flat, j: int, length: int) -> None:
+    """``onto[i : i + length] = source[j : j + length]``, unchecked."""
+    start, origin = np.uint64(i), np.uint64(j)
+    for k in range(np.uint64(length)):
+        onto[start + np.uint64(k)] = source[origin + np.uint64(k)]
+
+
+@inlined
+def _add(onto: Flat, i: int, source: Flat, j: int, length: int) -> None:
+    """``onto[i : i + length] += source[j : j + length]``, unchecked."""
+    start, origin = np.uint64(i), np.uint64(j)
+    for k in range(np.uint64(length)):
+        onto[start + np.uint64(k)] += source[origin + np.uint64(k)]
+
+
 @cache
 def _gatherer(width: int) -> Callable[..., None]:
     @compiled
@@ -193,7 +209,7 @@ def _gatherer(width: int) -> Callable[..., None]:
                     start = row_stride * (row if own else other)
                     for j in range(child_counts[offset]):
                         child = children[offset, j]
-                        copy_run(into, at, features, start + child * child_stride, width)
+                        _copy(into, at, features, start + child * child_stride, width)
                         at += width
             pair_counts[offset] = pairs
 
@@ -223,7 +239,7 @@ def _adder(width: int) -> Callable[..., None]:
                     start = row_stride * (row - first)
                     for j in range(child_counts[offset]):
                         child = children[offset, j]
-                        add_run(onto, start + child * child_stride, products, at, width)
+                        _add(onto, start + child * child_stride, products, at, width)
                         at += width
 
     return add

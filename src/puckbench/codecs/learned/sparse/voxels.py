@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
+from puckbench.geometry.morton import codes, coordinates
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.sparse.thread_pool import ThreadPool
@@ -29,6 +30,9 @@ FACES = (12, 14, 10, 16, 4, 22)
 """Those that share a face: to and fro along x, y and z."""
 CENTRE = 13
 CHILDREN = 8
+
+_X_LOWEST = np.array([2, 1, 0])
+"""Order of the axes in a key, for `puckbench.geometry.morton`."""
 
 
 @dataclass(frozen=True)
@@ -68,37 +72,18 @@ class ChildMap:
 
 def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
     """Keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
-    rows = np.ascontiguousarray(voxels, dtype=np.int64)
-    return _spread(rows[:, 0]) | _spread(rows[:, 1]) << 1 | _spread(rows[:, 2]) << 2
+    return codes(np.ascontiguousarray(voxels, dtype=np.int64), _X_LOWEST)
 
 
 def morton_voxels(keys: Keys) -> NDArray[np.int64]:
     """Voxels (n, 3) of keys (n,)."""
-    return np.column_stack([_gathered(keys >> axis) for axis in range(3)])
+    return coordinates(np.ascontiguousarray(keys), _X_LOWEST, np.zeros(3, np.int64))
 
 
 def unique_keys(keys: Keys) -> Keys:
     """Keys in order without duplicates; `numpy.unique` is slower, since it makes a hash table."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
-
-
-_SPREADS = ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
-            (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249))  # fmt: skip
-
-
-def _spread(values: NDArray[np.int64]) -> Keys:
-    for shift, mask in _SPREADS:
-        values = (values | values << shift) & mask
-    return values
-
-
-def _gathered(keys: Keys) -> NDArray[np.int64]:
-    values = keys & _SPREADS[-1][1]
-    masks = [mask for _, mask in _SPREADS[-2::-1]] + [(1 << AXIS_BITS + 1) - 1]
-    for (shift, _), mask in zip(_SPREADS[::-1], masks, strict=True):
-        values = (values | values >> shift) & mask
-    return values
 
 
 def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:

@@ -1,9 +1,15 @@
-"""Products of features and matrices for pairs of rows, as vector code for compiled loops.
+"""Products of features and matrices for pairs of rows, written in LLVM's vector instructions.
 
-A layer on voxels with neighbours is, for each offset, a product of a small matrix with the features
-of the rows that have a neighbour there. Four pairs at a time go through registers from beginning
-to end, so that nothing is gathered before and scattered afterwards. Sums are exact (see `fixed`):
-whether a multiplication is fused with its addition changes nothing.
+A sparse convolution is, for each offset, a product of a small matrix with the features of the rows
+that have a neighbour there. Four pairs at a time stay in registers from beginning to end, so that
+nothing is gathered before and scattered afterwards. Operands and sums must be such that single
+precision holds them exactly, as fixed-point numbers do: a multiplication that is fused with its
+addition then changes nothing.
+
+This is the one loop that is written in LLVM's intermediate representation: numba cannot prove that
+the arrays do not overlap and leaves the loops in single steps. With the same loops in plain numba
+the sparse octree net encodes five and decodes four times more slowly (chair_01 at r4: 1.89 s and
+1.78 s of processor time against 0.38 s and 0.44 s).
 """
 
 from __future__ import annotations
