@@ -14,7 +14,6 @@ from puckbench.cli import main
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
 
 @pytest.fixture
@@ -75,12 +74,12 @@ def test_what_is_no_table_of_claims_ends_in_one_line(
 
 def opened(**changes: Any) -> Workflow:
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
-    return Workflow({**config, **changes}, SCHEMA)
+    return Workflow({**config, **changes})
 
 
 def test_a_configuration_tells_what_plays_which_part() -> None:
     bench = opened()
-    options = json.loads(bench.table_options("claims"))
+    options = bench.outputs.table_options("claims")
     assert options["datasets"] == {
         "objects": "objects",
         "rooms_raw": "sampled rooms",
@@ -93,24 +92,24 @@ def test_a_configuration_tells_what_plays_which_part() -> None:
         "gpcc_as_run": "gpcc_arena",
     }
     assert options["stand_ins"] == {"pcgcv1": "pcgcv1_plus", "pcgcv2": "pcgcv2_plus"}
-    scales = json.loads(bench.table_options("gpcc_scales"))["scales"]
+    scales = bench.outputs.table_options("gpcc_scales")["scales"]
     assert scales["gpcc_arena"]["r3"] == 0.375
     assert set(scales) == {"gpcc", "gpcc_arena"}
 
 
 def test_the_table_of_claims_takes_what_a_run_has() -> None:
     tables = {"residual_statistics", "thesis_numbers", "incidence_effect"}
-    assert set(opened().result_tables()["claims"]) == {"metrics", "clouds", *tables}
+    assert set(opened().outputs.result_tables["claims"]) == {"metrics", "clouds", *tables}
     study = opened(scenes={}, datasets={}, figures={})
-    assert set(study.result_tables()) == {"claims"}
-    assert set(study.result_tables()["claims"]) == tables
+    assert set(study.outputs.result_tables) == {"claims"}
+    assert set(study.outputs.result_tables["claims"]) == tables
     without = opened(sensor_study=None, codecs={"draco": {}})
-    assert set(without.result_tables()) == {"claims", "thesis_medians", "machines"}
-    assert set(without.result_tables()["claims"]) == {"metrics", "clouds"}
-    assert not {"gpcc_grid", "gpcc_rounding"} & set(without.figures)
+    assert set(without.outputs.result_tables) == {"claims", "thesis_medians", "machines"}
+    assert set(without.outputs.result_tables["claims"]) == {"metrics", "clouds"}
+    assert not {"gpcc_grid", "gpcc_rounding"} & set(without.outputs.figures)
 
 
 def test_one_g_pcc_alone_has_scales_but_nothing_to_compare() -> None:
-    figures = opened(codecs={"draco": {}, "gpcc": {}}).figures
+    figures = opened(codecs={"draco": {}, "gpcc": {}}).outputs.figures
     assert "gpcc_grid" in figures
     assert "gpcc_rounding" not in figures

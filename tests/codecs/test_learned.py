@@ -24,7 +24,6 @@ NAMES = list(RATES)
 HEADER = (
     '{"network": "pcgcv2", "shape": {}, "lmbdas": [1, 4], "card": {}, "sha256": "", "digest": null}'
 )
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
@@ -205,8 +204,8 @@ def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_pa
     codes = []
     for name in ("pcgcv1_plus", "pcgcv2_plus"):
         (tmp_path / "a.safetensors").write_bytes((together / f"{name}.safetensors").read_bytes())
-        plan = Workflow(config, SCHEMA)
-        codes.append([plan.codec_code("puckbench.cli.encode", c) for c in config["codecs"]])
+        plan = Workflow(config)
+        codes.append([plan.coding.encode(c, "r1").code for c in config["codecs"]])
     assert codes[0][0] != codes[1][0]
     assert codes[0][1] == codes[1][1]
 

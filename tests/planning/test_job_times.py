@@ -1,7 +1,8 @@
 """Times of a finished run's jobs, and what they say of another run."""
 
 import json
-from dataclasses import asdict
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -67,25 +68,25 @@ def test_a_rate_not_measured_takes_the_codecs_others_and_says_so() -> None:
     assert (gpcc.seconds, gpcc.hours) == (None, 0.0)
 
 
-def record(run: Path, name: str, rule: str, log: str, seconds: float) -> None:
-    folder = run / ".snakemake" / "metadata"
-    folder.mkdir(parents=True, exist_ok=True)
-    text = {"rule": rule, "log": [log], "starttime": 100.0, "endtime": 100.0 + seconds}
-    (folder / name).write_text(json.dumps(text))
+def ended(run: Path, job: str, log: str, seconds: float, wall_s: float = 0.0) -> None:
+    path = run / log
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cost = {"job": job, "processor_s": seconds, "wall_s": wall_s or seconds, "peak_mib": 90}
+    path.write_text(f"some words\n{json.dumps(cost)}\n")
 
 
-def test_snakemakes_records_become_one_time_for_each_job(tmp_path: Path) -> None:
+def test_logs_become_one_time_for_each_job_that_ended(tmp_path: Path) -> None:
     about = tmp_path / "results" / "small" / "clouds" / "objects" / "chair_01.json"
     about.parent.mkdir(parents=True)
     about.write_text('{"points": 2000}')
-    log = "results/small/logs/coded/objects/chair_01/draco/r8.log"
-    record(tmp_path, "a", "encode", log, 1.5)
-    record(tmp_path, "b", "encode", log, 1.5)  # the job's other output
-    record(tmp_path, "c", "fig_6_5", "results/small/logs/figures/fig_6_5.log", 4.0)
-    found = sorted(read_job_times(tmp_path), key=lambda time: time.rule)
+    ended(tmp_path, "encode", "results/small/logs/coded/objects/chair_01/draco/r8.log", 1.5)
+    ended(tmp_path, "figure", "results/small/logs/figures/fig_6_5.log", 4.0)
+    (tmp_path / "results/small/logs/failed.log").write_text("puckbench: no such file")
+    (tmp_path / "results/small/logs/empty.log").write_text("")
+    found = sorted(read_job_times(tmp_path), key=lambda time: time.job)
     assert found == [
-        JobTime("encode", "draco", "r8", 2000, 1.5),
-        JobTime("fig_6_5", "", "", 0, 4.0),
+        JobTime("encode", "draco", "r8", 2000, 1.5, peak_mib=90),
+        JobTime("figure", "", "", 0, 4.0, peak_mib=90),
     ]
 
 
@@ -93,18 +94,25 @@ def test_a_row_tells_of_the_timed_call_and_of_the_truth(tmp_path: Path) -> None:
     row = tmp_path / "results" / "metrics" / "rooms" / "office_1" / "gpcc" / "r1.json"
     row.parent.mkdir(parents=True)
     row.write_text('{"decode_s": 0.5, "repeats": 3, "truth_cd_point": 1.0}')
-    record(tmp_path, "a", "evaluate", "results/logs/metrics/rooms/office_1/gpcc/r1.log", 4.0)
+    log = "results/logs/metrics/rooms/office_1/gpcc/r1.log"
+    ended(tmp_path, "evaluate", log, 4.0, wall_s=8.0)
     (found,) = read_job_times(tmp_path)
-    assert (found.call_s, found.repeats, found.truth) == (0.5, 3, True)
+    assert (found.call_s, found.repeats, found.truth) == (0.25, 3, True)  # half of the processor
 
 
-def test_processor_times_come_from_a_file(tmp_path: Path) -> None:
-    (tmp_path / "costs.json").write_text(
-        json.dumps({"jobs": [asdict(JobTime("scan", "", "", 9, 2.0))]})
+def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
+    program = (
+        "import subprocess, sys; from puckbench.jobs.cost import cost_line;"
+        "subprocess.run([sys.executable, '-c', 'x = bytearray(200 << 20); sum(range(3_000_000))']);"
+        "print(cost_line('scan'))"
     )
-    assert read_job_times(tmp_path / "costs.json") == [JobTime("scan", "", "", 9, 2.0)]
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    cost = json.loads(done.stdout)
+    assert cost["job"] == "scan"
+    assert cost["peak_mib"] >= 200
+    assert 0.02 < cost["processor_s"] <= cost["wall_s"] * 1.5
 
 
 def test_a_folder_without_a_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no records of finished jobs there"):
+    with pytest.raises(InputError, match="no logs of finished jobs there"):
         read_job_times(tmp_path)

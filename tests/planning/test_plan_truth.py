@@ -10,7 +10,6 @@ import pytest
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 ROOMS = {"loader": "embedded_rooms", "select": ["office_1"]}
 SCAN = {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
 SAMPLE = {"scenes": "rooms", "make": "sample"}
@@ -22,22 +21,22 @@ def workflow(
 ) -> Workflow:
     codecs = codecs or {"primitives": {"rates": ["r4"]}, "draco": {"rates": ["r1"]}}
     scenes = {"rooms": ROOMS, **scenes}
-    return Workflow({"scenes": scenes, "datasets": datasets, "codecs": codecs}, SCHEMA)
+    return Workflow({"scenes": scenes, "datasets": datasets, "codecs": codecs})
 
 
 def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:
     bench = workflow({"scanned": SCAN, "sampled": SAMPLE})
-    assert set(bench.evaluated("scanned", "office_1")) == {"truth", "clean"}
-    assert set(bench.evaluated("sampled", "office_1")) == {"truth", "visible"}
-    assert bench.row_tables()["scan_errors"] == ["results/scan_errors/scanned/office_1.json"]
-    assert set(bench.figures) >= TRUTH_FIGURES
+    assert set(bench.coding.truth("scanned", "office_1")) == {"truth", "clean"}
+    assert set(bench.coding.truth("sampled", "office_1")) == {"truth", "visible"}
+    assert bench.coding.rows()["scan_errors"] == ["results/scan_errors/scanned/office_1.json"]
+    assert set(bench.outputs.figures) >= TRUTH_FIGURES
 
 
 @pytest.mark.parametrize("data", [SAMPLE, {**SCAN, "truth": False}], ids=["sample", "off"])
 def test_without_a_scan_from_a_known_surface_there_is_no_such_figure(data: dict[str, Any]) -> None:
     bench = workflow({"data": data})
-    assert "scan_errors" not in bench.row_tables()
-    assert set(bench.figures) & TRUTH_FIGURES == set()
+    assert "scan_errors" not in bench.coding.rows()
+    assert set(bench.outputs.figures) & TRUTH_FIGURES == set()
 
 
 def test_primitives_are_compared_where_scenes_and_codec_have_them() -> None:
@@ -46,7 +45,7 @@ def test_primitives_are_compared_where_scenes_and_codec_have_them() -> None:
         ("scanned", "office_1", "primitives", "r4"),
         ("sampled", "office_1", "primitives", "r4"),
     )
-    assert "recovery_rd" in bench.figures
+    assert "recovery_rd" in bench.outputs.figures
 
 
 @pytest.mark.parametrize(
@@ -65,8 +64,8 @@ def test_without_labels_or_surfaces_nothing_is_compared(
     meshes = {"loader": "mesh_folder", "options": {"path": str(tmp_path)}}
     bench = workflow({"scanned": data}, codecs, meshes=meshes)
     assert bench.plan.recovered == ()
-    assert "recovery" not in bench.row_tables()
-    assert "recovery_rd" not in bench.figures
+    assert "recovery" not in bench.coding.rows()
+    assert "recovery_rd" not in bench.outputs.figures
 
 
 def test_a_codec_of_ones_own_says_that_it_codes_surfaces() -> None:

@@ -9,13 +9,12 @@ import pytest
 import yaml
 
 from puckbench.core.errors import InputError
-from puckbench.planning.config import checked, read_schema
+from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
 from tests.support import stanford_lookalike as lookalike
 from tests.support.files import put
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 ROOM = ((0.0, 0.0, 0.0), (4.0, 5.0, 3.0))
 
 
@@ -42,12 +41,12 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("name", ["thesis.yaml", "capod.yaml"])
 def test_a_shipped_configuration_fits_the_schema(name: str) -> None:
-    config = checked(read(name), read_schema(SCHEMA))
-    assert config["datasets"]["capod"]["points"] == 500_000
+    config = checked(read(name))
+    assert config.datasets["capod"].points == 500_000
 
 
 def test_the_thesis_is_planned_in_full(data: Path) -> None:
-    plan = Workflow(read("thesis.yaml"), SCHEMA).plan
+    plan = Workflow(read("thesis.yaml")).plan
     counts = {name: len(entry.clouds) for name, entry in plan.datasets.items()}
     assert counts == {"capod": 1, "s3dis": 6, "scans_clean": 7, "scans_noisy": 7}
     assert plan.datasets["scans_noisy"].points == 480 * 150 * 16
@@ -59,7 +58,7 @@ def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None
     (weights / "a0.75b3.npz").write_bytes(b"")
     config = read("thesis.yaml")
     config["codecs"]["pcgcv1"] = {"options": {"weights": str(weights)}}
-    plan = Workflow(config, SCHEMA).plan
+    plan = Workflow(config).plan
     assert {"pcgcv1", "pcgcv1_plus", "pcgcv2_plus"} < set(plan.codecs)
     assert [path.name for path in plan.weights["pcgcv1"]] == ["a0.75b3.npz"]
     assert [path.name for path in plan.weights["pcgcv2_plus"]] == ["pcgcv2_objects.safetensors"]
@@ -67,7 +66,7 @@ def test_the_learned_codecs_take_the_authors_weights_by_path(data: Path) -> None
 
 def test_a_learned_codec_without_weights_is_named_before_anything_runs(data: Path) -> None:
     with pytest.raises(InputError, match=r"codecs.pcgcv1: no weights in data/pcgc_weights: fetch"):
-        Workflow({**read("thesis.yaml"), "codecs": {"pcgcv1": {}}}, SCHEMA)
+        Workflow({**read("thesis.yaml"), "codecs": {"pcgcv1": {}}})
 
 
 def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
@@ -77,18 +76,18 @@ def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
         "errors": "thesis_room",
         "crop": "noisy",
     }
-    plan = Workflow(config, SCHEMA).plan
+    plan = Workflow(config).plan
     assert plan.datasets["scans_noisy"].points == 95 * 868 * 16
 
 
 def test_a_missing_set_is_named_with_its_place(data: Path) -> None:
     (data / "2D-3D-S").rename(data / "elsewhere")
     with pytest.raises(InputError, match=r"^scenes.room_meshes: data/2D-3D-S: no such folder"):
-        Workflow(read("thesis.yaml"), SCHEMA)
+        Workflow(read("thesis.yaml"))
 
 
 def test_all_objects_of_capod_are_coded_at_all_rates(data: Path) -> None:
-    plan = Workflow(read("capod.yaml"), SCHEMA).plan
+    plan = Workflow(read("capod.yaml")).plan
     assert plan.clouds == (("capod", "m037"),)
     assert len(plan.cells) == sum(len(codec["rates"]) for codec in plan.codecs.values())
     assert set(plan.codecs) == {"draco", "gpcc", "gpcc_arena"}
@@ -110,7 +109,7 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     config = read("capod.yaml")
     config["scenes"]["objects"] |= more.pop("scenes")["objects"]
     config["codecs"] |= more.pop("codecs")
-    plan = Workflow({**config, **more}, SCHEMA).plan
+    plan = Workflow({**config, **more}).plan
     assert len(plan.clouds) == 15
     assert {name: len(codec["rates"]) for name, codec in plan.codecs.items()} == {
         "draco": 8, "gpcc": 8, "gpcc_arena": 8, "pcgcv1": 6, "pcgcv2": 7
@@ -121,14 +120,14 @@ def test_the_thesis_is_planned_at_full_size_without_its_data(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    bench = Workflow({**read("thesis.yaml"), "stand_in": True}, SCHEMA)
+    bench = Workflow({**read("thesis.yaml"), "stand_in": True})
     counts = {name: len(entry.clouds) for name, entry in bench.plan.datasets.items()}
     assert counts == {"capod": 180, "s3dis": 272, "scans_clean": 272, "scans_noisy": 272}
     points = {name: entry.points for name, entry in bench.plan.datasets.items()}
     assert points["capod"] == 500_000
     assert points["scans_clean"] == points["scans_noisy"] == 1_152_000
-    assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.figures)
+    assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.outputs.figures)
     assert not any(
         plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
     )
-    assert bench.results == "results/thesis_stand_in"
+    assert bench.config.results == "results/thesis_stand_in"

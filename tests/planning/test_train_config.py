@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @cache
 def planned(name: str) -> TrainingPlan:
     config = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
-    return Workflow(config, ROOT / "workflow/schemas/config.schema.yaml").training(name)
+    return Workflow(config).training.training(name)
 
 
 def header_of(name: str) -> catalogue.Header:

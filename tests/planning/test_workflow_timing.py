@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from puckbench.jobs.encode import Encode
+from puckbench.jobs.evaluate import Evaluate
 from puckbench.planning.workflow import Workflow
-
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 
 
 def workflow(timing: Any) -> Workflow:
@@ -19,7 +17,7 @@ def workflow(timing: Any) -> Workflow:
         "datasets": {"d": {"scenes": "a", "make": "sample", "truth": False}},
         "timing": timing,
     }
-    return Workflow(config, SCHEMA)
+    return Workflow(config)
 
 
 @pytest.mark.parametrize(
@@ -35,15 +33,15 @@ def workflow(timing: Any) -> Workflow:
 def test_a_timed_job_takes_all_cores_when_it_is_to_run_alone(
     timing: Any, cores: int | None, taken: int
 ) -> None:
-    assert workflow(timing).timed_cores(cores) == taken
+    assert workflow(timing).coding.cores(cores) == taken
 
 
-def test_the_arguments_say_how_it_is_timed() -> None:
-    alone = workflow({"exclusive": True, "repeats": 5})
-    words = shlex.split(alone.encode_arguments("draco", "r4"))
-    assert words[words.index("--repeats") + 1] == "5"
-    assert "--alone" in words
-    assert "--alone" not in workflow({}).encode_arguments("draco", "r4")
-    cell = shlex.split(alone.evaluate_arguments("d", "airplane_01", "draco", "r4"))
-    assert {"--alone", "--dataset", "--peak", "--views"} <= set(cell)
-    assert "OMP_NUM_THREADS=3" in workflow({"threads": 3}).timed
+def test_the_record_says_how_it_is_timed() -> None:
+    alone = workflow({"exclusive": True, "repeats": 5}).coding
+    coded = Encode.model_validate_json(alone.encode("draco", "r4").record)
+    assert (coded.repeats, coded.alone) == (5, True)
+    assert not Encode.model_validate_json(workflow({}).coding.encode("draco", "r4").record).alone
+    cell = Evaluate.model_validate_json(alone.evaluate("d", "draco", "r4").record)
+    assert (cell.repeats, cell.alone) == (5, True)
+    assert (cell.dataset, cell.peak, cell.views) == ("d", 1023, 0)
+    assert "OMP_NUM_THREADS=3" in workflow({"threads": 3}).coding.threads_environment

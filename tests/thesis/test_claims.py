@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from puckbench.planning.config import checked, read_schema
+from puckbench.planning.config import checked, read_config
 from puckbench.planning.plan import Plan
+from puckbench.planning.roles import verdict_options
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import (
     FAILS,
@@ -24,7 +25,6 @@ from puckbench.thesis.claims.parts import (
     verdict,
     wanted,
 )
-from puckbench.thesis.claims.roles import verdict_options
 from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.claims.table import claims, thesis_evidence
 
@@ -226,11 +226,11 @@ def test_changed_codecs_never_speak_for_the_thesis_s() -> None:
 
 
 def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> None:
-    config = read_schema(ROOT / "config" / "config.yaml")
+    config = read_config(ROOT / "config" / "config.yaml")
     rates = {"rates": {f"r{number}": {"lmbda": number} for number in range(1, 7)}}
     own = {"options": {"weights": "pcgcv2_objects"}, **rates}
     config["codecs"] = {"draco": {}, "gpcc": {}, "gpcc_arena": {}, "pcgcv1": own, "pcgcv2": own}
-    plan = Plan(checked(config, read_schema(ROOT / "workflow/schemas/config.schema.yaml")))
+    plan = Plan(checked(config))
     roles = verdict_options(plan)["claims"]
     columns = {name: falling(3) for name in ("cd_plane", "hausdorff_sq_plane")}
     columns |= {name: falling(0.8) for name in ("encode_s", "decode_s")}

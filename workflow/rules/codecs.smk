@@ -9,22 +9,22 @@ rule encode:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
     output:
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.bin.json",
+        about=f"{RESULTS}/coded/{CELL}.bin.json",
     params:
-        arguments=lambda wildcards: bench.encode_arguments(wildcards.codec, wildcards.rate),
-        timed=bench.timed,
-        code=lambda wildcards: bench.codec_code("puckbench.cli.encode", wildcards.codec),
-    threads: bench.timed_cores(workflow.cores)
+        record=lambda w: coding.encode(w.codec, w.rate).record,
+        code=lambda w: coding.encode(w.codec, w.rate).code,
+        timed=coding.threads_environment,
+    threads: coding.cores(workflow.cores)
     resources:
-        mem_mb=bench.cell_memory_mb,
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=30,
     log:
         f"{RESULTS}/logs/coded/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} python -m puckbench encode {input.cloud} {output.stream}"
-        " {params.arguments} > {log} 2>&1"
+        "{params.timed} {JOB} encode {params.record:q} cloud={input.cloud} stream={output.stream}"
+        " > {log} 2>&1"
 
 
 rule decode:
@@ -34,15 +34,14 @@ rule decode:
         cloud=f"{RESULTS}/decoded/{CELL}.ply",
         about=f"{RESULTS}/decoded/{CELL}.json",
     params:
-        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
-        code=lambda wildcards: bench.codec_code("puckbench.cli.decode", wildcards.codec),
+        record=lambda w: coding.decode(w.codec, w.rate).record,
+        code=lambda w: coding.decode(w.codec, w.rate).code,
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=30,
     log:
         f"{RESULTS}/logs/decoded/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench decode {input.stream} {output.cloud} --codec {wildcards.codec}"
-        " --entry {params.entry:q} > {log} 2>&1"
+        "{JOB} decode {params.record:q} stream={input.stream} cloud={output.cloud} > {log} 2>&1"

@@ -1,6 +1,5 @@
 # The checked configuration, the plan of what it asks for, and helpers of the rules.
 import gc
-import json
 import os
 import sys
 from pathlib import Path
@@ -12,10 +11,7 @@ SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
-from puckbench.planning.fingerprints import code_version
 from puckbench.core.errors import InputError
-from puckbench.figures.registry import figure_entry
-from puckbench.metrics.registry import table_entry
 from puckbench.planning.running import check_room, check_storage, failures, hold_results, now
 from puckbench.planning.workflow import Workflow, run_jobs_with
 
@@ -38,8 +34,17 @@ def one_of(names):
     return "|".join(names) or "(?!)"
 
 
-bench = or_stop(Workflow, config, Path(workflow.source_path("../schemas/config.schema.yaml")))
-RESULTS = str(bench.plan.results)
+def files_of(files):
+    """Words `key=FILE` of a job's optional inputs."""
+    return " ".join(f"{key}={file}" for key, file in files.items())
+
+
+bench = or_stop(Workflow, config)
+plan, clouds, coding = bench.plan, bench.clouds, bench.coding
+study, training, outputs = bench.study, bench.training, bench.outputs
+RESULTS = str(plan.results)
+# A job gets its settings as one record of the plan, and its files by key.
+JOB = "python -m puckbench.jobs"
 
 
 or_stop(check_storage, workflow.storage_settings.default_storage_provider)
@@ -50,7 +55,7 @@ BEGUN = now()
 
 
 onstart:
-    or_stop(hold_results, bench.plan.results)
+    or_stop(hold_results, plan.results)
     # To keep to so many submissions a second, Snakemake weighs the jobs that wait once a second for
     # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
     if workflow.local_exec:
@@ -58,24 +63,18 @@ onstart:
 
 
 onerror:
-    for line in failures(bench.plan.results / "logs", BEGUN):
+    for line in failures(plan.results / "logs", BEGUN):
         print(line, file=sys.stderr, flush=True)
 
 
 wildcard_constraints:
-    scenes=one_of(bench.plan.scenes),
-    dataset=one_of(bench.plan.datasets),
-    codec=one_of(bench.plan.codecs),
-    trained=one_of(bench.plan.trainings),
-    model=one_of(bench.plan.study.models if bench.plan.study else ()),
-    capture=one_of(bench.plan.study.captures if bench.plan.study else ()),
+    scenes=one_of(plan.scenes),
+    dataset=one_of(plan.datasets),
+    codec=one_of(plan.codecs),
+    trained=one_of(plan.trainings),
+    model=one_of(plan.study.models if plan.study else ()),
+    capture=one_of(plan.study.captures if plan.study else ()),
     cloud=r"[A-Za-z0-9_.-]+",
     scene=r"[A-Za-z0-9_.-]+",
     rate=r"[A-Za-z0-9_]+",
     figure=r"[a-z0-9_]+",
-
-
-def truth_arguments(input):
-    """Options of `puckbench evaluate` for data sets whose true surface is known."""
-    names = ("truth", "visible", "clean")
-    return " ".join(f"--{name} {input[name]}" for name in names if name in input.keys())

@@ -1,5 +1,6 @@
 # Figures: each a rule of its own, so that a change of one figure's style or code draws that one.
-for figure, inputs in bench.figures.items():
+for figure, inputs in outputs.figures.items():
+    category, title = outputs.figure_labels(figure)
 
     rule:
         name:
@@ -9,15 +10,11 @@ for figure, inputs in bench.figures.items():
         output:
             pdf=f"{RESULTS}/figures/{figure}.pdf",
             png=report(
-                f"{RESULTS}/figures/{figure}.png",
-                category=figure_entry(figure).category,
-                labels={"figure": figure_entry(figure).title},
+                f"{RESULTS}/figures/{figure}.png", category=category, labels={"figure": title}
             ),
         params:
-            figure=figure,
-            inputs=lambda wildcards, input: json.dumps(dict(input.items())),
-            style=bench.figure_style(figure),
-            code=bench.figure_code(figure),
+            record=outputs.figure(figure).record,
+            code=outputs.figure(figure).code,
         resources:
             mem_mb=1500,
             runtime=10,
@@ -26,11 +23,10 @@ for figure, inputs in bench.figures.items():
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench figure {params.figure} {output.pdf} {output.png}"
-            " --inputs {params.inputs:q} --style {params.style:q} > {log} 2>&1"
+            "{JOB} figure {params.record:q} out={output.pdf} {output.png} > {log} 2>&1"
 
 
-FIGURES = [
-    f"{RESULTS}/figures/{figure}.{suffix}" for figure in bench.figures for suffix in ("pdf", "png")
+FIGURES = [f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")]
+SENSOR_FIGURES = [
+    file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"
 ]
-SENSOR_FIGURES = [file for file in FIGURES if figure_entry(Path(file).stem).category == "Sensor"]

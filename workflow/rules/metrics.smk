@@ -1,74 +1,73 @@
 # Metrics: a result row for each cloud, codec and rate, from the stream's bytes alone.
 rule evaluate:
     input:
-        unpack(lambda wildcards: bench.evaluated(wildcards.dataset, wildcards.cloud)),
+        unpack(lambda w: coding.truth(w.dataset, w.cloud)),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         stream=f"{RESULTS}/coded/{CELL}.bin",
     output:
         f"{RESULTS}/metrics/{CELL}.json",
     params:
-        arguments=lambda wildcards: bench.evaluate_arguments(
-            wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.rate
-        ),
-        timed=bench.timed,
-        code=lambda wildcards: bench.codec_code("puckbench.cli.evaluate", wildcards.codec),
-    threads: bench.timed_cores(workflow.cores)
+        record=lambda w: coding.evaluate(w.dataset, w.codec, w.rate).record,
+        code=lambda w: coding.evaluate(w.dataset, w.codec, w.rate).code,
+        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
+        timed=coding.threads_environment,
+    threads: coding.cores(workflow.cores)
     resources:
-        mem_mb=bench.cell_memory_mb,
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=30,
     log:
         f"{RESULTS}/logs/metrics/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} python -m puckbench evaluate {input.cloud} {input.stream} --row {output}"
-        " {params.arguments} > {log} 2>&1"
+        "{params.timed} {JOB} evaluate {params.record:q} cloud={input.cloud}"
+        " decoded={input.stream} row={output} {params.truth} > {log} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.
 rule scan_error:
     input:
-        unpack(lambda wildcards: bench.evaluated(wildcards.dataset, wildcards.cloud)),
+        unpack(lambda w: coding.truth(w.dataset, w.cloud)),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:
         f"{RESULTS}/scan_errors/{{dataset}}/{{cloud}}.json",
     params:
-        truth=lambda wildcards, input: truth_arguments(input),
-        code=code_version("puckbench.cli.evaluate"),
+        record=lambda w: coding.scan_error(w.dataset).record,
+        code=lambda w: coding.scan_error(w.dataset).code,
+        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=30,
     log:
         f"{RESULTS}/logs/scan_errors/{{dataset}}/{{cloud}}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench evaluate {input.cloud} {input.cloud} {params.truth}"
-        " --dataset {wildcards.dataset} --row {output} > {log} 2>&1"
+        "{JOB} evaluate {params.record:q} cloud={input.cloud} decoded={input.cloud}"
+        " row={output} {params.truth} > {log} 2>&1"
 
 
 # Geometric primitives of a stream's surface against those that the scene is made of.
 rule recovery:
     input:
         stream=f"{RESULTS}/coded/{CELL}.bin",
-        record=f"{RESULTS}/coded/{CELL}.bin.json",
-        points=lambda wildcards: bench.true_points(wildcards.dataset, wildcards.cloud),
-        scene=lambda wildcards: bench.scene_file(wildcards.dataset, wildcards.cloud),
-        about=lambda wildcards: bench.scene_file(wildcards.dataset, wildcards.cloud, "json"),
+        coded=f"{RESULTS}/coded/{CELL}.bin.json",
+        points=lambda w: clouds.true_points(w.dataset, w.cloud),
+        scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
+        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
     output:
         f"{RESULTS}/recovery/{CELL}.json",
     params:
-        entry=lambda wildcards: bench.codec_entry(wildcards.codec, wildcards.rate),
-        code=lambda wildcards: bench.codec_code("puckbench.cli.recovery", wildcards.codec),
+        record=lambda w: coding.recovery(w.dataset, w.codec, w.rate).record,
+        code=lambda w: coding.recovery(w.dataset, w.codec, w.rate).code,
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=30,
     log:
         f"{RESULTS}/logs/recovery/{CELL}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench recovery {input.stream} {input.points} {input.scene}"
-        " --dataset {wildcards.dataset} --codec {wildcards.codec} --entry {params.entry:q}"
-        " --row {output} > {log} 2>&1"
+        "{JOB} recovery {params.record:q} stream={input.stream} points={input.points}"
+        " scene={input.scene} row={output} > {log} 2>&1"

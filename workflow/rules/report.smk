@@ -1,15 +1,12 @@
 # The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
-PAGE = bench.report()
-
-
 rule report_page:
     input:
-        PAGE.files(),
+        outputs.report_contents().files(),
     output:
         f"{RESULTS}/report.html",
     params:
-        contents=json.dumps(PAGE.as_json(), sort_keys=True),
-        code=bench.report_code(),
+        record=outputs.report().record,
+        code=outputs.report().code,
     resources:
         mem_mb=2000,
         runtime=20,
@@ -18,4 +15,4 @@ rule report_page:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench report {output} --contents {params.contents:q} > {log} 2>&1"
+        "{JOB} report {params.record:q} page={output} > {log} 2>&1"

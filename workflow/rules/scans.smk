@@ -1,20 +1,19 @@
 # Scans: the table of all returns of the virtual sensor, clean and noisy.
 rule scan:
     input:
-        scene=lambda wildcards: bench.scene_file(wildcards.dataset, wildcards.cloud),
-        about=lambda wildcards: bench.scene_file(wildcards.dataset, wildcards.cloud, "json"),
+        scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
+        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     params:
-        arguments=lambda wildcards: bench.scan_arguments(wildcards.dataset),
-        code=lambda wildcards: bench.scan_code(wildcards.dataset),
+        record=lambda w: clouds.scan(w.dataset).record,
+        code=lambda w: clouds.scan(w.dataset).code,
     resources:
-        mem_mb=lambda wildcards: bench.memory_mb(wildcards.dataset),
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     log:
         f"{RESULTS}/logs/scans/{{dataset}}/{{cloud}}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench scan {input.scene} {output}"
-        " {params.arguments} > {log} 2>&1"
+        "{JOB} scan {params.record:q} mesh={input.scene} table={output} > {log} 2>&1"

@@ -1,71 +1,30 @@
-# Tables: all results in one tidy table, what the clouds are, and medians per rate.
-rule metrics_table:
-    input:
-        [f"{RESULTS}/metrics/{'/'.join(cell)}.json" for cell in bench.plan.cells],
-    output:
-        csv=report(f"{RESULTS}/tables/metrics.csv", category="Tables"),
-        parquet=f"{RESULTS}/tables/metrics.parquet",
-        summary=report(f"{RESULTS}/tables/summary.csv", category="Tables"),
-    params:
-        code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
-    resources:
-        mem_mb=1000,
-        runtime=10,
-    log:
-        f"{RESULTS}/logs/tables/metrics.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    script:
-        "../scripts/metrics_table.py"
-
-
-rule clouds_table:
-    input:
-        [f"{RESULTS}/clouds/{dataset}/{cloud}.json" for dataset, cloud in bench.plan.clouds],
-    output:
-        csv=report(f"{RESULTS}/tables/clouds.csv", category="Tables"),
-        parquet=f"{RESULTS}/tables/clouds.parquet",
-    params:
-        datasets=[dataset for dataset, _ in bench.plan.clouds],
-        code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
-    resources:
-        mem_mb=500,
-        runtime=10,
-    log:
-        f"{RESULTS}/logs/tables/clouds.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    script:
-        "../scripts/clouds_table.py"
-
-
-# Where a scan's true surface is known, and where a codec's primitives have labels to be held against.
-for kind, files in bench.row_tables().items():
+# Tables: all results in one tidy table, what the clouds are, and what is made of these.
+for table, joined in outputs.joined_tables().items():
 
     rule:
         name:
-            f"{kind}_table"
+            f"{table}_table"
         input:
-            files,
+            rows=joined.files,
         output:
-            csv=report(f"{RESULTS}/tables/{kind}.csv", category="Tables"),
-            parquet=f"{RESULTS}/tables/{kind}.parquet",
+            **joined.outputs,
         params:
-            kind=kind,
-            code=code_version("puckbench.jobs.result_tables", "puckbench.io.tables"),
+            job=joined.job.name,
+            record=joined.job.record,
+            code=joined.job.code,
         resources:
-            mem_mb=500,
+            mem_mb=1000,
             runtime=10,
         log:
-            f"{RESULTS}/logs/tables/{kind}.log",
+            f"{RESULTS}/logs/tables/{table}.log",
         conda:
             "../../envs/puckbench.yaml"
         script:
-            "../scripts/rows_table.py"
+            "../scripts/job.py"
 
 
-# Each a rule of its own, as the tables of the sensor study.
-for table, inputs in bench.result_tables().items():
+# Each a rule of its own, so that a change of one table's code makes that one.
+for table, inputs in outputs.tables.items():
 
     rule:
         name:
@@ -73,17 +32,11 @@ for table, inputs in bench.result_tables().items():
         input:
             **inputs,
         output:
-            csv=report(
-                f"{RESULTS}/tables/{table}.csv",
-                category=table_entry(table).category,
-                labels={"table": table_entry(table).title},
-            ),
+            csv=report(f"{RESULTS}/tables/{table}.csv", category=outputs.table_category(table)),
             parquet=f"{RESULTS}/tables/{table}.parquet",
         params:
-            table=table,
-            inputs=lambda wildcards, input: json.dumps(dict(input.items())),
-            options=bench.table_options(table),
-            code=bench.table_code(table),
+            record=outputs.table(table).record,
+            code=outputs.table(table).code,
         resources:
             mem_mb=1500,
             runtime=10,
@@ -92,15 +45,15 @@ for table, inputs in bench.result_tables().items():
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench table {params.table} {output.csv} {output.parquet}"
-            " --inputs {params.inputs:q} --options {params.options:q} > {log} 2>&1"
+            "{JOB} table {params.record:q} out={output.csv} {output.parquet} > {log} 2>&1"
 
 
-TABLES = list(STUDY_TABLES)
-if bench.plan.datasets:
-    TABLES += [*rules.metrics_table.output, *rules.clouds_table.output]
-TABLES += [
+STUDY_TABLES = [
     f"{RESULTS}/tables/{table}.{suffix}"
-    for table in [*bench.row_tables(), *bench.result_tables()]
+    for table in outputs.study_tables
     for suffix in ("csv", "parquet")
+]
+TABLES = [file for joined in outputs.joined_tables().values() for file in joined.outputs.values()]
+TABLES += [
+    f"{RESULTS}/tables/{table}.{suffix}" for table in outputs.tables for suffix in ("csv", "parquet")
 ]

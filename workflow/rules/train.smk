@@ -2,33 +2,31 @@
 # checkpoint; one that other code, settings or clouds began is begun anew.
 rule weights:
     input:
-        clouds=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).clouds),
-        validate=lambda wildcards: bench.cloud_files(bench.training(wildcards.trained).validate),
-        start=lambda wildcards: bench.training(wildcards.trained).start or [],
+        clouds=lambda w: training.cloud_files(training.training(w.trained).clouds),
+        validate=lambda w: training.cloud_files(training.training(w.trained).validate),
+        start=lambda w: training.training(w.trained).start or [],
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
         card=f"{RESULTS}/weights/{{trained}}.json",
     params:
-        arguments=lambda wildcards: bench.training_arguments(wildcards.trained),
-        validate=lambda wildcards, input: f"--validate {input.validate}" if input.validate else "",
-        start=lambda wildcards, input: f"--start {input.start}" if input.start else "",
-        code=code_version("puckbench.cli.train"),
+        record=lambda w: training.train(w.trained).record,
+        code=lambda w: training.train(w.trained).code,
     threads: 64  # or all that there are: one training at a time
     resources:
-        mem_mb=lambda wildcards: bench.training_memory_mb(wildcards.trained),
+        mem_mb=lambda w: training.memory_mb(w.trained),
         runtime=24 * 60,
     log:
         f"{RESULTS}/logs/weights/{{trained}}.log",
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench train {input.clouds} --out {output.weights} {params.validate}"
-        " {params.start} {params.arguments} > {log} 2>&1"
+        "{JOB} train {params.record:q} clouds={input.clouds} weights={output.weights}"
+        " validate={input.validate} > {log} 2>&1"
 
 
 TRAINED = [
     f"{RESULTS}/weights/{name}.{suffix}"
-    for name in bench.plan.trainings
+    for name in plan.trainings
     for suffix in ("safetensors", "csv", "json")
 ]

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.jobs.calibrate import Calibrate
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -30,14 +32,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Estimate and write the model file; the estimates and intervals to print."""
-    from puckbench.lidar.calibration import calibrate, write_calibration
-    from puckbench.lidar.calibration.files import read_tables, settings_for
-
-    tables, model = read_tables(options.residuals, options.model)
-    settings = settings_for(model, options.cells, options.parameters, options.quantum_mm)
-    content = write_calibration(options.out, calibrate(tables, settings), options.residuals)
-    answer = {"model": model, **content["provenance"]["counts"]}
-    return {**answer, **content} if options.json else {**answer, **_lines(content)}
+    job = Calibrate(
+        model=options.model,
+        cells=options.cells,
+        parameters=tuple(options.parameters) if options.parameters else None,
+        quantum_mm=options.quantum_mm,
+    )
+    content = job.run(tuple(options.residuals), options.out)
+    if options.json:
+        return content
+    counts = content["provenance"]["counts"]
+    return {"model": content["model"], **counts, **_lines(content)}
 
 
 def _lines(content: dict[str, Any]) -> dict[str, Any]:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import open_codec
-from puckbench.core.errors import InputError
+from puckbench.jobs.codecs import with_options
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
@@ -27,19 +24,14 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
     )
 
 
-def chosen_codec(options: argparse.Namespace, name: str) -> Codec:
-    """The codec, loaded; InputError when it is unknown or cannot run here."""
-    entry = options.entry
+def codec_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `puckbench.jobs.codecs.CodecJob`."""
+    changes = options.entry
     if options.weights:
-        entry = with_options(entry, weights=options.weights)
-    codec = open_codec(name, entry)
-    ok, why = codec.available()
-    if not ok:
-        raise InputError(f"codec {name} cannot run here: {why}")
-    codec.load()
-    return codec
+        changes = with_options(changes, weights=options.weights)
+    return {"codec": options.codec, "changes": changes}
 
 
-def with_options(entry: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-    """The changes to a codec's entry with further options."""
-    return {**entry, "options": {**entry.get("options", {}), **more}}
+def timed_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `puckbench.jobs.codecs.TimedJob`."""
+    return {**codec_options(options), "repeats": options.repeats, "alone": options.alone}

@@ -6,11 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.codec_options import chosen_codec, codec_arguments, with_options
-from puckbench.codecs.measurement import measured
-from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.files import write_json, written_whole
-from puckbench.io.clouds import read_cloud
+from puckbench.cli.codec_options import codec_arguments, timed_options
+from puckbench.jobs.codecs import with_options
+from puckbench.jobs.encode import Encode
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,31 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the stream and its record."""
+    chosen = timed_options(options)
     if options.raw:
-        options.entry = with_options(options.entry, raw=True)
-    codec = chosen_codec(options, options.codec)
-    points = read_cloud(options.cloud).xyz
-    coded = measured(lambda: codec.encode(points, options.rate), options.repeats, codec.cost)
-    weights = codec.weights_of(options.rate)
-    record = {
-        "codec": options.codec,
-        "rate": options.rate,
-        "codec_version": codec.version,
-        **({"weights": weights} if weights else {}),
-        "points_in": len(points),
-        "bytes": len(coded.result),
-        "bpp": 8 * len(coded.result) / len(points),
-        "repeats": options.repeats,
-        **coded.costs("encode"),
-        **run_environment(options.alone),
-        "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
-    }
-    with written_whole(options.out) as temporary:
-        temporary.write_bytes(coded.result)
-        write_json(record_file(options.out), record)
-    return record
-
-
-def record_file(stream: Path) -> Path:
-    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
-    return stream.with_name(f"{stream.name}.json")
+        chosen["changes"] = with_options(chosen["changes"], raw=True)
+    return Encode(rate=options.rate, **chosen).run(options.cloud, options.out)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.figures.drawing import draw_files
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle
+from puckbench.jobs.figure import Figure
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +28,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Draw and write the figure."""
     layers = options.style if isinstance(options.style, list) else [options.style]
-    inputs = {name: Path(file) for name, file in options.inputs.items()}
-    draw_files(options.figure, inputs, options.out, FigureStyle.from_config(*layers))
-    return {"figure": options.figure, "files": [str(path) for path in options.out]}
+    job = Figure(figure=options.figure, inputs=options.inputs, style=tuple(layers))
+    return job.run(tuple(options.out))

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from puckbench.cli.types import whole
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
-from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.scaling import GRID
-from puckbench.io.clouds import read_cloud, write_cloud
-from puckbench.jobs.preparation import Returns, prepare
-from puckbench.jobs.surfaces import has_faces
+from puckbench.jobs.prepare import Box, Prepare
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,55 +44,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
-    returns = _returns(options.cloud, options.clean)
-    if options.crop:
-        returns = returns.cropped(_box(options.crop), options.crop_on)
-    if len(returns.cloud) == 0:
-        raise InputError(f"{options.cloud}: no point is left after cropping")
-    cloud = prepare(returns.cloud, options.scale, options.neighbours)
-    about = {**_kept(options.about), **cloud.about}
-    write_cloud(options.out, replace(cloud, about=about))
-    if options.truth:
-        write_cloud(options.truth, returns.truth_in_frame_of(cloud))
-    return {**about, "points": len(cloud)}
+    words = options.crop or []
+    file = Path(words[0]) if len(words) == 1 else None
+    job = Prepare(
+        crop=options.crop_on,
+        box=_box(words) if words and file is None else None,
+        size=options.scale,
+        neighbours=options.neighbours,
+        clean=options.clean,
+    )
+    return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
 
 
 def _size(text: str) -> int | str:
     return GRID if text == GRID else int(whole(0)(text))
 
 
-def _returns(path: Path, clean: bool) -> Returns:
-    if path.suffix != ".parquet":
-        if has_faces(path):
-            raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
-        cloud = read_cloud(path)
-        return Returns(cloud, clean=cloud)
-    from puckbench.lidar.scan_table import read_scan
-
-    table = read_scan(path)
-    about = {"source": path.name, **table.about}
-    true = PointCloud(table.xyz, table.normals, labels=table.primitive_id, about=about)
-    measured = true if clean else replace(true, xyz=table.xyz_noisy)
-    return Returns(measured, clean=true)
-
-
-def _box(words: list[str]) -> Floats:
-    if len(words) == 1:
-        box = read_json(Path(words[0])).get("box")
-        if box is None:
-            raise InputError(f"{words[0]}: has no 'box' to crop to")
-        return np.asarray(box, dtype=np.float64)
+def _box(words: list[str]) -> Box:
     try:
-        numbers = np.asarray([float(word) for word in words]).reshape(2, 3)
+        x0, y0, z0, x1, y1, z1 = map(float, words)
     except ValueError as error:
         raise InputError(f"--crop: six numbers or one JSON file expected, got {words}") from error
-    return np.sort(numbers, axis=0)
-
-
-def _kept(descriptions: list[Path]) -> dict[str, Any]:
-    """Name and group of the scene, from the descriptions given."""
-    kept: dict[str, Any] = {}
-    for path in descriptions:
-        about = read_json(path)
-        kept.update({key: about[key] for key in ("name", "group") if key in about})
-    return kept
+    return x0, y0, z0, x1, y1, z1

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object
-from puckbench.core.files import write_bytes
+from puckbench.jobs.report import Report
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,11 +23,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Build the page and write it."""
-    from puckbench.report.build import build_page
-    from puckbench.report.contents import Contents
-    from puckbench.report.facts import this_machine
-
-    text = build_page(Contents.from_json(options.contents), this_machine(), options.out.parent)
-    data = text.encode()
-    write_bytes(options.out, data)
-    return {"page": str(options.out), "bytes": len(data)}
+    return Report(contents=options.contents).run(options.out)

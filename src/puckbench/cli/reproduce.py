@@ -32,8 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate",
         type=Path,
         metavar="RUN",
-        help="core-hours of the whole configuration, from the jobs of the run made in this folder, "
-        "or from a file of benchmarks/performance/job_costs.py",
+        help="core-hours of the whole configuration, from the jobs of the run made in this folder",
     )
 
 
@@ -85,9 +84,7 @@ def _estimate(found: list[Estimate]) -> dict[str, Any]:
 
 def _group(one: Estimate) -> str:
     kind = one.kind
-    if kind.codec:
-        return f"{kind.rule} {kind.codec}"
-    return kind.rule if kind.points or kind.jobs > 1 else "tables and figures"
+    return f"{kind.job} {kind.codec}".rstrip()
 
 
 def _line(group: list[Estimate]) -> str:
@@ -111,7 +108,7 @@ def _line(group: list[Estimate]) -> str:
 
 def _measured(known: list[Estimate]) -> int:
     """Jobs that estimates of a codec rest on: those of a rate that was not measured are others'."""
-    kinds = [(one.kind.rule, one.kind.truth, one.kind.rate) for one in known]
+    kinds = [(one.kind.job, one.kind.truth, one.kind.rate) for one in known]
     own = {kind: one.measured for kind, one in zip(kinds, known, strict=True) if one.exact}
     pooled = {
         kind[:2]: one.measured for kind, one in zip(kinds, known, strict=True) if not one.exact

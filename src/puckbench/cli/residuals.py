@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
+from puckbench.jobs.capture_residuals import CaptureResiduals
+from puckbench.jobs.residuals import Residuals
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,40 +43,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the table; the numbers to print."""
-    return _scanned(options) if options.capture is None else _captured(options)
-
-
-def _scanned(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.lidar.residual_table import write_residuals
-    from puckbench.thesis.residuals.virtual import Procedure, residual_table
-
-    procedure = Procedure(
-        options.model, options.model_options, refit=options.refit, keep=options.keep
-    )
-    table = residual_table(procedure, options.distances, options.runs, options.seed)
-    write_residuals(options.out, table)
-    residuals = table["residual_m"].astype("float64")
-    return {
-        "model": options.model,
-        "rows": len(table),
-        "mean_m": float(residuals.mean()),
-        "std_m": float(residuals.std()),
-    }
-
-
-def _captured(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.lidar.residual_table import REAL, write_residuals
-    from puckbench.lidar.walls.residuals import (
-        recorded_planes,
-        recording_options,
-        recording_residuals,
-    )
-    from puckbench.lidar.walls.statistics import recording_summary
-
-    planes = recorded_planes(options.capture, recording_options(options.capture_options))
-    write_residuals(options.out, recording_residuals(planes))
-    summary = {"model": REAL, **recording_summary(planes)}
-    return summary if options.json else _lines(summary)
+    if options.capture is not None:
+        job = CaptureResiduals(options=options.capture_options)
+        summary = job.run(options.capture, options.out)
+        return summary if options.json else _lines(summary)
+    same = ("model", "model_options", "runs", "seed", "keep", "refit")
+    chosen = {name: getattr(options, name) for name in same}
+    return Residuals(distances=tuple(options.distances), **chosen).run(options.out)
 
 
 def _lines(summary: dict[str, Any]) -> dict[str, Any]:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import whole
-from puckbench.core.seeding import generator
-from puckbench.geometry.sampling import sample_surface
-from puckbench.io.clouds import write_cloud
-from puckbench.jobs.surfaces import read_surface
+from puckbench.jobs.sample import Sample
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,9 +22,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the sampled cloud."""
-    mesh = read_surface(options.mesh)
-    rng = generator(options.seed, "sample", options.mesh.stem)
-    cloud = sample_surface(mesh, options.points, rng)
-    about = {"source": options.mesh.name, "seed": options.seed, "kind": "sample"}
-    write_cloud(options.out, replace(cloud, about=about))
-    return {**about, "points": len(cloud)}
+    return Sample(points=options.points, seed=options.seed).run(options.mesh, options.out)

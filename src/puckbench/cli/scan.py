@@ -7,25 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
-from puckbench.core.files import read_json
-from puckbench.core.progress import Progress
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
-from puckbench.jobs.surfaces import read_surface
-from puckbench.lidar import (
-    ScanJob,
-    free_origin,
-    load_sensor,
-    open_error_model,
-    open_sweep,
-    write_scan,
-    write_scan_portions,
-)
-
-# A longer scan is written as it goes on: this many rows are some 600 MB.
-_RAYS_IN_MEMORY = 4_000_000
+from puckbench.jobs.scan import Scan
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,41 +37,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the table."""
-    sensor, sweep = load_sensor(options.sensor), open_sweep(options.sweep)
-    model = open_error_model(options.errors, options.error_options)
-    mesh = read_surface(options.mesh)
-    origin, vouched = _origin(options, mesh)
-    job = ScanJob(mesh, sensor, sweep, model, origin, options.anywhere or vouched)
-    rng, progress = generator(options.seed, "scan", options.mesh.stem), Progress("frame")
-    if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
-        rows = write_scan_portions(options.out, job.portions(rng, progress))
-    else:
-        table = job.table(rng, progress)
-        write_scan(options.out, table)
-        rows = len(table)
-    return {"returns": rows, "origin": [float(x) for x in origin], "errors": options.errors}
+    same = ("sensor", "errors", "error_options", "sweep", "anywhere", "seed")
+    job = Scan(
+        **{name: getattr(options, name) for name in same},
+        height_m=options.height,
+        origin=tuple(options.origin) if options.origin else None,
+    )
+    return job.run(options.mesh, options.out)
 
 
 def _sweep(text: str) -> str | dict[str, Any]:
     return json_object(text) if text.startswith("{") else text
-
-
-def _origin(options: argparse.Namespace, mesh: Mesh) -> tuple[Floats | list[float], bool]:
-    """As given, as the scene's description says, or the nearest free spot to the middle.
-
-    And whether the place is vouched for: a scene's describer knows what stands where.
-    """
-    if options.origin:
-        return list(options.origin), False
-    described = _described(options.mesh)
-    if described is not None:
-        return described, True
-    return free_origin(mesh, options.height, **({"inside": 0.0} if options.anywhere else {})), False
-
-
-def _described(mesh: Path) -> list[float] | None:
-    """The origin in the description beside a mesh, if there is one."""
-    beside = sidecar(mesh)
-    about = read_json(beside) if beside != mesh and beside.exists() else None
-    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
-    return origin

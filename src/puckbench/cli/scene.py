@@ -7,11 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
-from puckbench.io.meshes import write_mesh
+from puckbench.jobs.scene import WriteScene
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,27 +21,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the scene and its description."""
-    scene = open_scene_set(options.loader, options.options, options.seed).load(options.name)
-    about = description(scene)
-    if scene.mesh is not None:
-        write_mesh(options.out, scene.mesh, about)
-        return {**about, "triangles": len(scene.mesh.triangles)}
-    cloud = scene.cloud
-    if cloud is None:
-        raise ValueError(f"scene {scene.name} has neither a mesh nor a cloud")
-    write_cloud(
-        options.out, PointCloud(cloud.xyz, cloud.normals, cloud.colours, cloud.labels, about)
-    )
-    return {**about, "points": len(cloud)}
-
-
-def description(scene: Scene) -> dict[str, Any]:
-    """What stands beside the scene's file: name, group, sensor position, room's box, credits."""
-    box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
-    return {
-        **scene.about,
-        "name": scene.name,
-        "group": scene.group,
-        "origin": None if scene.origin is None else list(scene.origin),
-        "box": None if box is None else box.tolist(),
-    }
+    chosen = {name: getattr(options, name) for name in ("loader", "name", "options", "seed")}
+    return WriteScene(**chosen).run(options.out)

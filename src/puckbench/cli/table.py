@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object
+from puckbench.jobs.table import Table
 from puckbench.metrics.registry import TABLES
 
 
@@ -25,7 +26,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Read the inputs, make the table and write it."""
-    from puckbench.jobs.table import make_table
-
-    rows = make_table(options.table, options.inputs, options.options, options.out)
-    return {"table": options.table, "rows": rows, "files": [str(path) for path in options.out]}
+    job = Table(table=options.table, inputs=options.inputs, options=options.options)
+    return job.run(tuple(options.out))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
+from puckbench.jobs.wall_points import WallPoints
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,11 +31,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
-    from puckbench.io.tables import write_table
-    from puckbench.thesis.residuals.virtual import Procedure
-    from puckbench.thesis.residuals.wall_points import wall_points
-
-    procedure = Procedure(options.model, options.model_options, keep=options.keep)
-    table = wall_points(procedure, options.distances, options.seed)
-    write_table(table, options.out)
-    return {"model": options.model, "points": len(table)}
+    same = ("model", "model_options", "seed", "keep")
+    chosen = {name: getattr(options, name) for name in same}
+    return WallPoints(distances=tuple(options.distances), **chosen).run(options.out)

@@ -112,6 +112,10 @@ class Registry(Generic[T]):
             return self._loaded[name]
         return self._from_place(name, self._place(name))
 
+    def name_of(self, plugin: T) -> str:
+        """The name that a loaded plug-in was registered under."""
+        return next(name for name, one in self._loaded.items() if one is plugin)
+
     def __contains__(self, name: str) -> bool:
         return name in self._ours or name in self._installed
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from puckbench.cli.evaluate import measures, peak_of
 from puckbench.codecs.base import Codec
 from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
+from puckbench.metrics.measures import measures, peak_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,8 +17,9 @@ from typing import Any
 from puckbench.core.errors import InputError
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.metrics.registry import table_entries
-from puckbench.planning.config import Config, checked, read_schema
+from puckbench.planning.config import Config, checked, read_config
 from puckbench.planning.job_times import JobKind
+from puckbench.planning.outputs import Inputs
 from puckbench.planning.plan import DataSetPlan, open_scenes
 from puckbench.planning.workflow import Workflow
 
@@ -95,19 +96,18 @@ class Reproduction:
     @cached_property
     def config(self) -> Config:
         """The checked configuration; InputError when it cannot be read or is not valid."""
-        schema = self.snakefile.parent / "schemas" / "config.schema.yaml"
-        for path in (self.path, schema):
+        for path in (self.path, self.snakefile):
             if not path.is_file():
                 raise InputError(f"{path}: no such file (run this in puckbench's folder)")
-        return checked({**read_schema(self.path), **self.changes}, read_schema(schema))
+        return checked({**read_config(self.path), **self.changes})
 
     @cached_property
     def absent(self) -> dict[str, str]:
         """Scene sets whose data are not there, and what should lie where."""
         faults = {}
-        for name, value in self.config["scenes"].items():
+        for name, value in self.config.scenes.items():
             try:
-                open_scenes(name, value, self.config)
+                open_scenes(name, value, self.config.seed)
             except InputError as error:
                 faults[name] = str(error).removeprefix(f"scenes.{name}: ")
         return faults
@@ -115,13 +115,12 @@ class Reproduction:
     @cached_property
     def bench(self) -> Workflow:
         """The plan; InputError names what does not exist."""
-        schema = self.snakefile.parent / "schemas" / "config.schema.yaml"
-        return Workflow({**read_schema(self.path), **self.changes}, schema)
+        return Workflow({**read_config(self.path), **self.changes})
 
     @property
     def results(self) -> Path:
         """Folder of everything that is made."""
-        return Path(self.config["results"])
+        return Path(self.config.results)
 
     def command(self, *targets: str) -> list[str]:
         """The words of the Snakemake command that makes some targets.
@@ -144,7 +143,7 @@ class Reproduction:
     def _item(self, title: str, name: str, left: Mapping[str, int] | None) -> Item:
         if self.absent:
             return self._item_without_data(title, name)
-        if name not in self.bench.figures and name not in self.bench.study_tables():
+        if name not in self._inputs:
             return Item(title, name, "unplanned", "this configuration does not ask for it")
         file = self._file(name, self.results)
         state = self._state(name, file, left)
@@ -172,22 +171,27 @@ class Reproduction:
     def _scenes_of(self, name: str) -> list[str]:
         """Scene sets that a figure is made from; none of the tables of chapter 5."""
         inputs = figure_entry(name).inputs if name in FIGURES else ()
-        datasets = self.config["datasets"]
-        chosen = self.config["figures"]["examples"]
+        datasets = self.config.datasets
+        chosen = self.config.figures.examples.given()
         kinds = [one.removeprefix("example_") for one in inputs]
         names = [chosen[kind].split("/")[0] for kind in kinds if kind in chosen]
         if {"metrics", "clouds"} & set(inputs):
             names = list(datasets)
-        return list(dict.fromkeys(datasets[one]["scenes"] for one in names if one in datasets))
+        return list(dict.fromkeys(datasets[one].scenes for one in names if one in datasets))
 
     def _state(self, name: str, file: Path, left: Mapping[str, int] | None) -> str:
         if not file.exists():
             return "missing"
         if left is not None:
             return "stale" if name in left else "done"
-        inputs = {**self.bench.study_tables(), **self.bench.figures}[name]
-        fresh = all(self._fresh(Path(source), file.stat().st_mtime) for source in inputs.values())
+        inputs = self._inputs[name].values()
+        fresh = all(self._fresh(Path(source), file.stat().st_mtime) for source in inputs)
         return "done" if fresh else "stale"
+
+    @property
+    def _inputs(self) -> dict[str, Inputs]:
+        """Figures, and tables of the sensor study, with the files that they are made from."""
+        return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _fresh(self, source: Path, made: float) -> bool:
         """Whether an input is there, older than what was made of it, and itself fresh."""
@@ -215,16 +219,13 @@ class Reproduction:
             "about": Stage(root / "clouds", ".json", clouds),
             "coded": Stage(root / "coded", ".bin", cells),
             "metrics": Stage(root / "metrics", ".json", cells),
-            "figures": Stage(root / "figures", ".pdf", frozenset(self.bench.figures)),
-            "tables": Stage(root / "tables", ".csv", frozenset(self._tables())),
+            "figures": Stage(root / "figures", ".pdf", frozenset(self.bench.outputs.figures)),
+            "tables": Stage(root / "tables", ".csv", frozenset(self.bench.outputs.tables)),
         }
 
     def _made(self, how: str) -> frozenset[str]:
-        sets = [d for d in self.bench.plan.datasets.values() if d.settings["make"] == how]
+        sets = [d for d in self.bench.plan.datasets.values() if d.settings.make == how]
         return frozenset(f"{data.name}/{cloud}" for data in sets for cloud in data.clouds)
-
-    def _tables(self) -> list[str]:
-        return [*self.bench.study_tables(), *self.bench.result_tables()]
 
     def progress(self) -> dict[str, tuple[int, int]]:
         """Files that are there and files that are planned, by stage."""
@@ -232,24 +233,26 @@ class Reproduction:
         return {name: (len(stage.there), len(stage.planned)) for name, stage in shown.items()}
 
     def job_kinds(self) -> list[JobKind]:
-        """The jobs of the whole configuration, alike ones together; stages' and each figure's."""
+        """The jobs of the whole configuration, alike ones together."""
         kinds = [JobKind("scene", len(self.stages["scenes"].planned))]
         for data in self.bench.plan.datasets.values():
             kinds += self._kinds_of(data)
-        study = self.bench.plan.study
+        outputs, study = self.bench.outputs, self.bench.plan.study
+        joined = dict(outputs.joined_tables())
         if study is not None:
-            kinds += [JobKind(rule, len(study.models)) for rule in ("residuals", "wall_points")]
-            kinds += [JobKind(rule, 1) for rule in ("residuals_table", "scans_table")]
-        singles = ["metrics_table", "clouds_table"] if self.bench.plan.datasets else []
-        singles += [*self._tables(), *self.bench.figures]
-        return kinds + [JobKind(name, 1) for name in singles]
+            kinds += [JobKind(job, len(study.models)) for job in ("residuals", "wall_points")]
+            joined |= self.bench.study.joined_tables()
+        kinds += [JobKind(table.job.name, 1) for table in joined.values()]
+        kinds += [JobKind("table", len(outputs.tables)), JobKind("figure", len(outputs.figures))]
+        return [kind for kind in kinds if kind.jobs]
 
     def _kinds_of(self, data: DataSetPlan) -> list[JobKind]:
         count, points = len(data.clouds), data.points
-        made = {"sample": ["sample"], "scan": ["scan"], "cloud": []}[data.settings["make"]]
-        repeats = int(self.config["timing"]["repeats"])
-        further = ["scan_error"] if data.is_scanned_from_truth else []
-        kinds = [JobKind(rule, count, points) for rule in (*made, "prepare", *further)]
+        made = {"sample": ["sample"], "scan": ["scan"], "cloud": []}[data.settings.make]
+        repeats = self.config.timing.repeats
+        kinds = [JobKind(job, count, points) for job in (*made, "prepare")]
+        if data.is_scanned_from_truth:
+            kinds.append(JobKind("evaluate", count, points, truth=True))
         for codec, entry in self.bench.plan.codecs.items():
             for rate in entry["rates"]:
                 cell = (count, points, codec, rate, repeats)

@@ -1,42 +1,426 @@
-"""The configuration: checked against its schema, defaults filled in, every error one line."""
+"""The configuration of a run: its keys, their defaults and what they mean.
+
+These models are the only definition: the schema that editors check a configuration with and the
+tables of `config/README.md` are generated from them (`puckbench.planning.config_reference`).
+"""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, checked_model
 
-Config = dict[str, Any]
+Options = dict[str, Any]
 
 
-def checked(config: Mapping[str, Any], schema: Mapping[str, Any]) -> Config:
-    """The configuration with the schema's defaults; InputError names the key and what is allowed.
+def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(set(values)) < len(values):
+        raise ValueError("an entry is named twice")
+    return values
 
-    Where it asks for stand-ins, they have taken their places. Only the schema is checked here;
-    names of loaders, codecs and rates are checked by `plan`.
+
+def _keys_of(*names: str) -> AfterValidator:
+    """A check that a mapping has only keys of these names."""
+
+    def check(values: Options) -> Options:
+        if unknown := [name for name in values if name not in names]:
+            raise ValueError(f"unknown key '{unknown[0]}' (known: {', '.join(names)})")
+        return values
+
+    return AfterValidator(check)
+
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+"""Of a data set, a codec and so on: a part of file names."""
+RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
+CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
+"""``dataset/cloud``."""
+Seed = Annotated[int, Field(ge=0)]
+
+
+class SceneSetConfig(Model):
+    """Scenes: where the geometry comes from."""
+
+    loader: str = Field(
+        description="Name of a loader (`puckbench datasets` lists them with their options), or a "
+        "class of your own: `module:Class` or `path/to/file.py:Class`."
+    )
+    options: Options = Field({}, description="Options of the loader.")
+    seed: Seed | None = Field(None, description="Seed of generated scenes; the run's if not given.")
+    select: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
+        Field(None, description="Names of the scenes to use; all if not given.")
+    )
+    limit: int | None = Field(
+        None, ge=1, description="Use at most this many scenes, the first by name."
+    )
+    stand_in: SceneSetConfig | None = Field(
+        None, description="The scene set used in place of this one with `stand_in: true`."
+    )
+
+
+_DATASET_KEYS = (
+    *("title", "scenes", "make", "seed", "points", "sensor", "sweep", "errors", "error_options"),
+    *("height_m", "anywhere", "crop", "size", "truth", "recovery", "views", "neighbours"),
+)
+
+
+class DataSetConfig(Model):
+    """Clouds made from the scenes of a scene set."""
+
+    title: str | None = Field(None, description="Name in figures; the data set's own if not given.")
+    scenes: str = Field(description="Name of a scene set.")
+    make: Literal["sample", "scan", "cloud"] = Field(
+        description="How a scene becomes a cloud. `sample`: points at random on the surface; "
+        "`scan`: a sweep of the virtual sensor; `cloud`: the captured points themselves."
+    )
+    seed: Seed | None = Field(
+        None, description="Seed of the sampling and of the sensor's errors; the run's if not given."
+    )
+    points: int = Field(500_000, ge=1, description="Points sampled (`make: sample`).")
+    sensor: str = Field(
+        "vlp16", description="Name of a sensor, or a YAML file with one (`make: scan`)."
+    )
+    sweep: Options | str = Field(
+        {},
+        description="Name of a preset (`thesis`, `thesis_room`, `spin`) or changes to the thesis's "
+        "sweep (`make: scan`).",
+    )
+    errors: str = Field("none", description="Error model (`make: scan`).")
+    error_options: Options = Field({}, description="Changes to the error model's parameters.")
+    height_m: float = Field(
+        1.3,
+        gt=0,
+        description="Height of the sensor above the floor where the scene names no position, in m.",
+    )
+    crop: Literal["clean", "noisy", "none"] = Field(
+        "clean",
+        description="Crop a scan to the room's box by its `clean` coordinates, by its `noisy` ones "
+        "(as the thesis ran), or not at all.",
+    )
+    size: Annotated[int, Field(ge=2)] | Literal["grid"] = Field(
+        1024,
+        description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels are coded as they "
+        "came, on their own grid (`make: cloud`).",
+    )
+    anywhere: bool = Field(
+        False,
+        description="Scan even where the sensor would stand outside the scene or inside an object, "
+        "or pass through walls.",
+    )
+    truth: bool = Field(
+        True,
+        description="Measure decoded clouds also against the true surface (`truth_...`) and, for "
+        "scans, against the clean scan of the same rays (`clean_...`). Not with `make: cloud`.",
+    )
+    recovery: bool = Field(
+        True,
+        description="Compare the geometric primitives of codecs that code surfaces with the labels "
+        "of the scenes, where scenes have them.",
+    )
+    views: int = Field(
+        0,
+        ge=0,
+        description="Width in pixels of the six pictures that are compared (PCC Arena: 1920; at "
+        "least 11); 0: none.",
+    )
+    neighbours: int = Field(
+        30, ge=3, description="Neighbouring points from which a normal is estimated."
+    )
+    stand_in: Annotated[Options, _keys_of(*_DATASET_KEYS)] = Field(
+        {}, description="Keys of this data set that are others with `stand_in: true`."
+    )
+
+    @field_validator("views")
+    @classmethod
+    def _at_least_a_window(cls, views: int) -> int:
+        if 0 < views < 11:
+            raise ValueError(f"{views} pixels are too few: 0 for none, or at least 11")
+        return views
+
+    @property
+    def is_scan(self) -> bool:
+        """Whether the virtual sensor makes the clouds."""
+        return self.make == "scan"
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether decoded clouds are measured against the true surface as well."""
+        return self.truth and self.make != "cloud"
+
+
+class CodecConfig(Model):
+    """Changes to a codec of that name, or a codec of one's own."""
+
+    class_: str | None = Field(
+        None,
+        alias="class",
+        description="Class of a codec of your own: `module:Class` or `path/to/file.py:Class`.",
+    )
+    training: str | None = Field(
+        None, description="Class of the settings of its training, if it has a network."
+    )
+    options: Options = Field({}, description="Changes to the codec's options.")
+    surfaces: bool | None = Field(
+        None,
+        description="Whether `decode_mesh` of a codec of your own gives labelled primitives.",
+    )
+    rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
+        None,
+        description="Names of the rates to run, or a table of new ones (name to parameters); all "
+        "of the codec's if not given.",
+    )
+
+    def changes(self) -> Options:
+        """What is said of the codec, as `puckbench.codecs.registry.entry` takes it."""
+        return self.model_dump(by_alias=True, exclude_unset=True)
+
+
+class TrainingConfig(Model):
+    """Weights of a learned codec to train (`snakemake train`)."""
+
+    codec: str = Field(description="Whose weights.")
+    datasets: tuple[str, ...] = Field(min_length=1, description="Data sets to learn from.")
+    start: str | None = Field(
+        None,
+        description="Weights to start from: those of a training above it, a shipped set's name, "
+        "or a file; random if not given.",
+    )
+    validate_: tuple[str, ...] = Field(
+        (),
+        alias="validate",
+        description="Data sets on whose clouds the weights are measured, for the model card.",
+    )
+    validate_every: int = Field(
+        0, ge=0, description="Measure after every so many steps too; 0: at the end alone."
+    )
+    steps: int | None = Field(None, ge=1, description="Steps; the codec's if not given.")
+    seed: Seed | None = Field(
+        None, description="Seed of weights, cubes and noise; the run's if not given."
+    )
+    options: Options = Field({}, description="Further settings of the codec's training.")
+
+
+class ErrorModelConfig(Model):
+    """An error model of the sensor study."""
+
+    errors: str | None = Field(None, description="Error model; the name itself if not given.")
+    error_options: Options = Field({}, description="Changes to the error model's parameters.")
+
+
+class CaptureConfig(Model):
+    """A recording of a real sensor."""
+
+    path: str = Field(description="File of the recording.")
+    options: Options = Field({}, description="Options of its residuals.")
+
+
+_MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
+
+
+class StudyConfig(Model):
+    """The sensor's errors measured on a wall and a floor (thesis chapter 5, Procedure 1)."""
+
+    seed: Seed | None = Field(
+        None, description="Seed of the sensor's errors; the run's if not given."
+    )
+    models: dict[Name, ErrorModelConfig | None] = Field(
+        {name: ErrorModelConfig() for name in _MODELS},
+        min_length=1,
+        description="Error models to measure, by the name that tables and figures give them.",
+    )
+    captures: dict[Name, CaptureConfig] = Field(
+        {},
+        description="Recordings of a real sensor to measure beside them, by name; in figures and "
+        "tables all of them are the model `real`.",
+    )
+    distances_m: Annotated[
+        tuple[Annotated[float, Field(lt=30)], ...], AfterValidator(_different)
+    ] = Field(
+        (1.0, 2.0, 3.0, 4.0, 5.0),
+        min_length=1,
+        description="Distances of the sensor from the wall, in m; scans are drawn from 1 and 5.",
+    )
+    far_m: Annotated[float, Field(ge=30)] | None = Field(
+        30.0, description="One more distance, for the effect of beam divergence (Figure 5.19)."
+    )
+    runs: int = Field(3, ge=1, description="Scans from each distance.")
+    rows: int = Field(
+        10_000, ge=1, description="Residuals of each scan that are kept, chosen at random."
+    )
+    refit: bool = Field(
+        False, description="Least-squares planes instead of RANSAC's own, which the thesis used."
+    )
+
+    @field_validator("models")
+    @classmethod
+    def _real_is_taken(cls, models: dict[str, Any]) -> dict[str, Any]:
+        if "real" in models:
+            raise ValueError("'real' is the name of the recordings")
+        return models
+
+
+class TimingConfig(Model):
+    """How times are taken; `timing: exclusive` is short for `timing: {exclusive: true}`."""
+
+    repeats: int = Field(
+        3, ge=1, description="Repetitions of each encoding and decoding; the median time counts."
+    )
+    exclusive: bool = Field(
+        False, description="Whether nothing else runs while a job with timed calls does."
+    )
+    threads: int = Field(1, ge=1, description="Threads that a timed call may use.")
+
+
+class RateDeltaConfig(Model):
+    """The Bjontegaard deltas of every codec against one of them."""
+
+    anchor: str | None = Field(
+        None, description="Codec that the others are compared with; the first one if not given."
+    )
+    metrics: tuple[str, ...] = Field(
+        ("d1_psnr", "d2_psnr"),
+        min_length=1,
+        description="Columns of the table of metrics that measure quality: PSNRs, or squared "
+        "distortions, taken as -10 log10.",
+    )
+    resamples: int = Field(2000, ge=100, description="Draws of the bootstrap over clouds.")
+
+
+class ReportConfig(Model):
+    """What the report page shows of the example clouds."""
+
+    title: str = Field(
+        "Point-cloud compression on virtual LiDAR scans",
+        min_length=1,
+        description="Heading of the page.",
+    )
+    rates: int = Field(
+        3, ge=1, description="Rates of each codec whose decoded clouds are shown, evenly spread."
+    )
+    points: int = Field(20_000, ge=100, description="Points of a cloud in the viewer, at most.")
+    most_mb: float = Field(
+        8.0,
+        gt=0,
+        description="Megabytes that all clouds take in the page, at most; where they are many, "
+        "they have fewer points.",
+    )
+
+
+class ExamplesConfig(Model):
+    """Example clouds of Figures 6.1 to 6.3, each `dataset/cloud`."""
+
+    object: CloudName | None = Field(None, description="An object.")
+    raw: CloudName | None = Field(None, description="A room.")
+    clean: CloudName | None = Field(None, description="The room scanned without noise.")
+    noisy: CloudName | None = Field(None, description="The room scanned with noise.")
+
+    def given(self) -> dict[str, str]:
+        """Kind -> cloud, of those that are named."""
+        chosen: dict[str, str] = self.model_dump(exclude_none=True)
+        return chosen
+
+
+class FiguresConfig(Model):
+    """How figures look, and which clouds they show."""
+
+    style: Options = Field({}, description="Changes to the look of all figures.")
+    options: dict[str, Options] = Field(
+        {}, description="Changes to the look of one figure, by its name."
+    )
+    examples: ExamplesConfig = Field(
+        ExamplesConfig(),
+        description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
+        "`clean`, `noisy`; a figure is drawn when all that it shows are named.",
+    )
+    stand_in: Annotated[Options, _keys_of("style", "options", "examples")] = Field(
+        {}, description="Keys of `figures` that are others with `stand_in: true`."
+    )
+
+
+class Config(Model):
+    """A checked configuration of a run."""
+
+    results: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_./-]+$")] = Field(
+        "results", description="Folder of everything that is made."
+    )
+    seed: Seed = Field(
+        2022, description="Seed of all randomness; a data set or scene set may have its own."
+    )
+    stand_in: bool = Field(
+        False,
+        description="Use the generated data that stand in for those on disk, wherever any are "
+        "named.",
+    )
+    scenes: dict[Name, SceneSetConfig] = Field(
+        description="Scene sets by name: where the geometry comes from."
+    )
+    datasets: dict[Name, DataSetConfig] = Field(
+        description="Data sets by name: clouds made from a scene set; figures keep this order."
+    )
+    codecs: dict[Name, CodecConfig | None] = Field(
+        {"draco": CodecConfig()}, min_length=1, description="Codecs by name."
+    )
+    train: dict[Name, TrainingConfig] = Field(
+        {}, description="Weights of learned codecs to train, by name: `snakemake train`."
+    )
+    sensor_study: StudyConfig | Literal[False] | None = Field(
+        None,
+        description="The sensor's errors measured on a wall and a floor: figures 5.1-5.21 and "
+        "their tables; `{}` takes all defaults.",
+    )
+    timing: TimingConfig = Field(TimingConfig(), description="How times are taken.")
+    bd_rate: RateDeltaConfig = Field(
+        RateDeltaConfig(),
+        description="Against which codec, and in what, the others are compared.",
+    )
+    figures: FiguresConfig = Field(FiguresConfig(), description="How figures look.")
+    report: ReportConfig = Field(
+        ReportConfig(), description="What the report page shows of the example clouds."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_timing(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("timing") == "exclusive":
+            return {**values, "timing": {"exclusive": True}}
+        return values
+
+    def codec(self, name: str) -> Options:
+        """What the configuration says of a codec."""
+        return (self.codecs[name] or CodecConfig()).changes()
+
+    def as_json(self) -> Options:
+        """The whole configuration, defaults included, as the report shows it."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def checked(config: Mapping[str, Any]) -> Config:
+    """Check a configuration as it was read, stand-ins in their places where it asks for them.
+
+    Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`.
+
+    Raises
+    ------
+    InputError
+        One line that names the key, its value and what is allowed.
     """
-    from jsonschema import Draft202012Validator
-
-    filled: Config = with_stand_ins(config)
-    if filled.get("timing") == "exclusive":
-        filled["timing"] = {"exclusive": True}
-    _fill_defaults(filled, schema, schema)
-    errors = sorted(Draft202012Validator(schema).iter_errors(filled), key=lambda e: len(e.path))
-    if errors:
-        raise InputError(_one_line(errors[0]))
-    return filled
+    return checked_model(Config, with_stand_ins(config))
 
 
-def with_stand_ins(config: Mapping[str, Any]) -> Config:
-    """A copy in which generated data stand in for those on disk, where `stand_in` is true.
+def with_stand_ins(config: Mapping[str, Any]) -> Options:
+    """Let generated data stand in for those on disk, where `stand_in` is true.
 
     A scene set's `stand_in` is used in its place; a data set's, and that of the figures, changes
-    the keys that it names. Results go to a folder of their own.
+    the keys that it names. Results go to a folder of their own. The configuration given is not
+    changed.
     """
-    changed: Config = copy.deepcopy(dict(config))
+    changed: Options = copy.deepcopy(dict(config))
     wanted = changed.get("stand_in")
     if wanted in ("true", "false"):  # as Snakemake's --config hands it over
         wanted = changed["stand_in"] = wanted == "true"
@@ -55,52 +439,28 @@ def with_stand_ins(config: Mapping[str, Any]) -> Config:
     return changed
 
 
-def _mappings(values: Any) -> list[Config]:
+def _mappings(values: Any) -> list[Options]:
     """Those of the values (of a mapping, or of a list) that are mappings themselves."""
     found = values.values() if isinstance(values, dict) else values or ()
     return [value for value in found if isinstance(value, dict)]
 
 
-def read_schema(path: Path) -> Config:
-    """The schema, a YAML file."""
+def read_config(path: Path) -> Options:
+    """Read a configuration file, unchecked.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or is no YAML mapping.
+    """
     import yaml
 
-    schema: Config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return schema
-
-
-def _fill_defaults(value: Any, schema: Mapping[str, Any], root: Mapping[str, Any]) -> None:
-    """Set the defaults of absent properties, at every depth that the schema describes."""
-    schema = _resolved(schema, root)
-    if not isinstance(value, dict):
-        return
-    for key, child in schema.get("properties", {}).items():
-        default = _resolved(child, root).get("default")
-        if key not in value and default is not None:
-            value[key] = copy.deepcopy(default)
-        if key in value:
-            _fill_defaults(value[key], child, root)
-    others = schema.get("additionalProperties")
-    if isinstance(others, Mapping):
-        for key in value.keys() - schema.get("properties", {}).keys():
-            _fill_defaults(value[key], others, root)
-
-
-def _resolved(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
-    reference = schema.get("$ref")
-    if reference is None:
-        return schema
-    target: Mapping[str, Any] = root["$defs"][reference.rsplit("/", 1)[1]]
-    return target
-
-
-def _one_line(error: Any) -> str:
-    where = ".".join(str(part) for part in error.absolute_path) or "the configuration"
-    if error.validator == "additionalProperties":
-        known = sorted(error.schema.get("properties", {}))
-        unknown = sorted(set(error.instance) - set(known))
-        return f"{where}: unknown key '{unknown[0]}' (known: {', '.join(known)})"
-    if error.validator == "enum":
-        allowed = ", ".join(str(value) for value in error.validator_value)
-        return f"{where}: '{error.instance}' is not allowed (allowed: {allowed})"
-    return f"{where}: {' '.join(error.message.split())[:200]}"
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: not a mapping of keys to values")
+    return values

@@ -1,15 +1,12 @@
-"""How long the jobs of a finished run took, and how long those of another would take.
+"""What the jobs of a finished run cost, and what those of another would.
 
-Snakemake keeps a record of each file that it made, with when its job began and ended: the life of
-whole processes, imports included, on the machine of that run.
-`benchmarks/performance/job_costs.py --out` writes their processor time instead, which other work on
-the machine does not lengthen.
+Every job ends its log with what it cost (`puckbench.jobs.cost`): the processor time of the whole
+process, imports included, which other work on the machine does not lengthen.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,10 +17,11 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
+from puckbench.jobs.cost import read_cost
 
-_OF_CELLS = ("encode", "evaluate", "decode")
-_OF_CLOUDS = ("sample", "scan", "prepare", "scan_error", *_OF_CELLS)
-"""Rules whose work grows with the points of a cloud."""
+_OF_CELLS = ("encode", "evaluate", "decode", "recovery")
+_OF_CLOUDS = ("sample", "scan", "prepare", *_OF_CELLS)
+"""Jobs whose work grows with the points of a cloud."""
 _ONE_SIZE = 0.1
 """Clouds whose numbers of points differ by less, of their median, count as of one size."""
 _MOST = 1000
@@ -32,13 +30,27 @@ _MOST = 1000
 
 @dataclass(frozen=True)
 class JobTime:
-    """One finished job. codec, rate: empty where it has none. points: of its cloud, 0 if none.
+    """One finished job.
 
-    call_s, repeats: of the timed call within it, and how often it was made. truth: whether a
-    decoded cloud was measured against the true surface as well.
+    Parameters
+    ----------
+    job
+        Its name in `puckbench.jobs.registry.JOBS`.
+    codec, rate
+        Empty where it has none.
+    points
+        Of its cloud; 0 if it has none.
+    seconds
+        Processor time of the process.
+    call_s, repeats
+        Seconds of the timed call within it, and how often that was made.
+    truth
+        Whether a decoded cloud was measured against the true surface as well.
+    peak_mib
+        Most memory that the process had.
     """
 
-    rule: str
+    job: str
     codec: str
     rate: str
     points: int
@@ -46,6 +58,7 @@ class JobTime:
     call_s: float = 0.0
     repeats: int = 0
     truth: bool = False
+    peak_mib: int = 0
 
     def with_repeats(self, repeats: int) -> float:
         """Seconds that it would have taken with so many timed calls."""
@@ -54,9 +67,9 @@ class JobTime:
 
 @dataclass(frozen=True)
 class JobKind:
-    """Jobs of a plan that are alike: so many, with about so many points each; see JobTime."""
+    """Jobs of a plan that are alike: how many, with about how many points each; see `JobTime`."""
 
-    rule: str
+    job: str
     jobs: int
     points: int = 0
     codec: str = ""
@@ -125,40 +138,40 @@ class Measurements:
 
 
 def read_job_times(run: Path) -> list[JobTime]:
-    """The jobs of the runs made in a folder, or those of a file that `job_costs.py` wrote.
+    """The jobs of the runs whose results folders lie in a folder, from their logs.
 
-    InputError when Snakemake kept no records in the folder.
+    Raises
+    ------
+    InputError
+        No job has ended there.
     """
-    if run.is_file():
-        return [JobTime(**job) for job in read_json(run)["jobs"]]
-    folder = run / ".snakemake" / "metadata"
-    records = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            record = json.loads(path.read_text(encoding="utf-8"))
-            if record.get("rule") and record.get("log") and record.get("endtime"):
-                records[record["rule"], record["log"][0]] = record
-    if not records:
-        raise InputError(f"{run}: no records of finished jobs there (.snakemake/metadata)")
-    return [_job_time(run, record) for record in records.values()]
+    logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
+    found = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
+    if not found:
+        raise InputError(f"{run}: no logs of finished jobs there (results/logs)")
+    return found
 
 
-def _job_time(run: Path, record: Mapping[str, Any]) -> JobTime:
-    rule, log = record["rule"], Path(record["log"][0])
-    return job_time(run, rule, log, float(record["endtime"]) - float(record["starttime"]))
+def _log_folders(run: Path) -> list[Path]:
+    """Folders of logs: of the folder itself and of the results folders up to two levels below."""
+    patterns = ("logs", "*/logs", "*/*/logs")
+    return [folder for pattern in patterns for folder in sorted(run.glob(pattern))]
 
 
-def job_time(run: Path, rule: str, log: Path, seconds: float) -> JobTime:
-    """One job of a run, told by its rule and its log; what else is known lies in its results."""
-    if rule not in _OF_CLOUDS:
-        return JobTime(rule, "", "", 0, seconds)
-    results, _, names = str(log.with_suffix("")).partition("/logs/")
+def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
+    """One job, told by its log; what else is known of it lies in its results."""
+    job, seconds, peak = cost["job"], cost["processor_s"], cost["peak_mib"]
+    if job not in _OF_CLOUDS:
+        return JobTime(job, "", "", 0, seconds, peak_mib=peak)
+    results, _, names = str(log.with_suffix("")).rpartition("/logs/")
     cell = names.partition("/")[2]
     dataset, cloud, *coded = cell.split("/")
-    codec, rate = coded if rule in _OF_CELLS else ("", "")
-    points = _points(run / results, dataset, cloud)
-    call_s, repeats, truth = _timed(run / results, rule, cell)
-    return JobTime(rule, codec, rate, points, seconds, call_s, repeats, truth)
+    codec, rate = coded or ("", "")
+    points = _points(Path(results), dataset, cloud)
+    call_s, repeats, truth = _timed(Path(results), job, cell)
+    # The timed call has the same share of the processor as the whole.
+    share = min(1.0, seconds / cost["wall_s"]) if cost["wall_s"] else 1.0
+    return JobTime(job, codec, rate, points, seconds, call_s * share, repeats, truth, peak)
 
 
 def _points(results: Path, dataset: str, cloud: str) -> int:
@@ -166,13 +179,13 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
     return int(read_json(about)["points"]) if about.exists() else 0
 
 
-def _timed(results: Path, rule: str, cell: str) -> tuple[float, int, bool]:
+def _timed(results: Path, job: str, cell: str) -> tuple[float, int, bool]:
     """Seconds of a job's timed call, how often it was made, and whether truth was measured."""
     kept = {
         "encode": ("encode_s", f"coded/{cell}.bin.json"),
         "evaluate": ("decode_s", f"metrics/{cell}.json"),
     }
-    column, file = kept.get(rule, ("", ""))
+    column, file = kept.get(job, ("", ""))
     if not file or not (results / file).exists():
         return 0.0, 0, False
     row = read_json(results / file)
@@ -182,7 +195,7 @@ def _timed(results: Path, rule: str, cell: str) -> tuple[float, int, bool]:
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
     """What every kind of job would take, from the times of a run."""
-    known = [time for time in times if time.points or time.rule not in _OF_CLOUDS]
+    known = [time for time in times if time.points or time.job not in _OF_CLOUDS]
     return [_estimate(kind, known) for kind in kinds]
 
 
@@ -190,7 +203,7 @@ def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
     """From jobs of its codec and rate, else of its codec; from those with truth or without it
     as the kind's are, where there are any.
     """
-    codecs = [time for time in known if (time.rule, time.codec) == (kind.rule, kind.codec)]
+    codecs = [time for time in known if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rate == kind.rate] or codecs
     if not times:
         return Estimate(kind, None)

@@ -19,7 +19,15 @@ from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet, has_primitives
 from puckbench.geometry.scaling import GRID
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
-from puckbench.planning.config import Config
+from puckbench.planning.config import (
+    CaptureConfig,
+    Config,
+    DataSetConfig,
+    ErrorModelConfig,
+    SceneSetConfig,
+    StudyConfig,
+    TrainingConfig,
+)
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -51,17 +59,17 @@ class DataSetPlan:
     seed: int
     clouds: tuple[str, ...]
     points: int
-    settings: dict[str, Any]
+    settings: DataSetConfig
 
     @property
     def has_truth(self) -> bool:
         """Whether decoded clouds are measured against the true surface as well."""
-        return bool(self.settings["truth"] and self.settings["make"] != "cloud")
+        return self.settings.has_truth
 
     @property
     def is_scanned_from_truth(self) -> bool:
         """Whether it is a scan of a surface that decoded clouds are measured against."""
-        return self.has_truth and self.settings["make"] == "scan"
+        return self.has_truth and self.settings.is_scan
 
 
 @dataclass(frozen=True)
@@ -115,24 +123,24 @@ class Plan:
     def __init__(self, config: Config) -> None:
         self.config = config
         self.scenes = {
-            name: open_scenes(name, value, config) for name, value in _items(config, "scenes")
+            name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
         self.datasets = {
-            name: self._dataset(name, value) for name, value in _items(config, "datasets")
+            name: self._dataset(name, value) for name, value in config.datasets.items()
         }
-        self.codecs = {name: codecs.entry(name, value) for name, value in _items(config, "codecs")}
-        self.weights = {name: _weights(name, value) for name, value in _items(config, "codecs")}
+        self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
+        self.weights = {name: _weights(name, config.codec(name)) for name in config.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
-        for name, value in _items(config, "train"):
+        for name, value in config.train.items():
             self.trainings[name] = self._training(name, value)
-        self.study = _study(config)
+        self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")
 
     @property
     def results(self) -> Path:
         """Folder of everything that is made."""
-        return Path(self.config["results"])
+        return Path(self.config.results)
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:
@@ -148,13 +156,14 @@ class Plan:
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
         """Those cells whose primitives are compared with the labels of their scenes."""
-        chosen = self.config["codecs"]
-        coding = {name for name in self.codecs if codecs.codes_surfaces(name, chosen[name])}
+        coding = {
+            name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
+        }
         labelled = {
             data.name
             for data in self.datasets.values()
-            if data.settings["recovery"]
-            and data.settings["make"] != "cloud"
+            if data.settings.recovery
+            and data.settings.make != "cloud"
             and has_primitives(self.scenes[data.scenes].scenes)
         }
         return tuple(cell for cell in self.cells if cell[0] in labelled and cell[2] in coding)
@@ -169,22 +178,23 @@ class Plan:
             for rate in entry["rates"]
         )
 
-    def _training(self, name: str, value: Mapping[str, Any]) -> TrainingPlan:
+    def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
-        settings = {**value["options"], "seed": value.get("seed", self.config["seed"])}
-        settings |= {"steps": value["steps"]} if "steps" in value else {}
-        entry = self.config["codecs"].get(value["codec"]) or {}
+        seed = self.config.seed if value.seed is None else value.seed
+        steps = {} if value.steps is None else {"steps": value.steps}
+        settings = {**value.options, "seed": seed, **steps}
+        entry = self.config.codec(value.codec) if value.codec in self.config.codecs else {}
         try:
-            open_training(value["codec"], entry, settings)
-            start = self._start(value.get("start"))
+            open_training(value.codec, entry, settings)
+            start = self._start(value.start)
         except InputError as error:
             raise InputError(f"{where}: {error}") from error
         clouds, validate = (
-            tuple(cloud for data in value[key] for cloud in self._clouds(f"{where}.{key}", data))
-            for key in ("datasets", "validate")
+            tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
+            for key, names in (("datasets", value.datasets), ("validate", value.validate_))
         )
         return TrainingPlan(
-            value["codec"], entry, clouds, validate, value["validate_every"], start, settings
+            value.codec, entry, clouds, validate, value.validate_every, start, settings
         )
 
     def _start(self, start: str | None) -> str | None:
@@ -198,39 +208,38 @@ class Plan:
             raise InputError(f"{where}: no data set '{name}' (known: {', '.join(self.datasets)})")
         return [(name, cloud) for cloud in self.datasets[name].clouds]
 
-    def _dataset(self, name: str, value: Mapping[str, Any]) -> DataSetPlan:
-        scenes = self.scenes.get(value["scenes"])
+    def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
+        scenes = self.scenes.get(value.scenes)
         if scenes is None:
             known = ", ".join(self.scenes)
             raise InputError(
-                f"datasets.{name}.scenes: no scene set '{value['scenes']}' (known: {known})"
+                f"datasets.{name}.scenes: no scene set '{value.scenes}' (known: {known})"
             )
-        if value["size"] == GRID and value["make"] != "cloud":
+        if value.size == GRID and value.make != "cloud":
             raise InputError(
                 f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
             )
-        seed = value.get("seed", self.config["seed"])
+        seed = self.config.seed if value.seed is None else value.seed
         points = _points(f"datasets.{name}", value)
-        return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, dict(value))
+        return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, value)
 
 
-def _items(config: Config, key: str) -> list[tuple[str, Any]]:
-    return list(config[key].items())
+def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
+    """A scene set of the configuration, opened; InputError says what is missing and where.
 
-
-def open_scenes(name: str, value: Mapping[str, Any], config: Config) -> ScenePlan:
-    """A scene set of the configuration, opened; InputError says what is missing and where."""
-    options = {**value["options"]}
-    seed = value.get("seed", config["seed"])
+    seed: of the run, for a scene set without one of its own.
+    """
+    own_seed = seed if value.seed is None else value.seed
     try:
-        scenes = open_scene_set(value["loader"], options, seed)
+        scenes = open_scene_set(value.loader, value.options, own_seed)
         known = scenes.names()
     except InputError as error:
         raise InputError(f"scenes.{name}: {error}") from error
-    return ScenePlan(name, value["loader"], seed, options, scenes, _chosen(name, value, known))
+    chosen = _chosen(name, value, known)
+    return ScenePlan(name, value.loader, own_seed, value.options, scenes, chosen)
 
 
-def _weights(name: str, changes: Mapping[str, Any] | None) -> list[Path]:
+def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
     """Files of a codec's weights; none for a codec without. InputError names those missing."""
     try:
         return codecs.weights_files(name, changes)
@@ -242,54 +251,58 @@ _CAPTURED_POINTS = 1_500_000
 """Expected of clouds that others captured: most rooms of S3DIS have fewer."""
 
 
-def _points(where: str, settings: Mapping[str, Any]) -> int:
+def _points(where: str, settings: DataSetConfig) -> int:
     """Expected points of a cloud; InputError when the sensor, sweep or errors do not exist."""
-    if settings["make"] != "scan":
-        return int(settings["points"]) if settings["make"] == "sample" else _CAPTURED_POINTS
+    if not settings.is_scan:
+        return settings.points if settings.make == "sample" else _CAPTURED_POINTS
     try:
-        open_error_model(settings["errors"], settings["error_options"])
-        sensor, sweep = load_sensor(settings["sensor"]), open_sweep(settings["sweep"])
+        open_error_model(settings.errors, settings.error_options)
+        sensor, sweep = load_sensor(settings.sensor), open_sweep(settings.sweep)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
     return sweep.frames * sweep.steps(sensor) * sensor.lasers
 
 
-def _chosen(name: str, value: Mapping[str, Any], known: list[str]) -> tuple[str, ...]:
-    wanted = value.get("select", known)
+def _chosen(name: str, value: SceneSetConfig, known: list[str]) -> tuple[str, ...]:
+    wanted = known if value.select is None else value.select
     missing = [scene for scene in wanted if scene not in known]
     if missing:
         raise InputError(f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}")
-    return tuple(wanted[: value.get("limit")])
+    return tuple(wanted[: value.limit])
 
 
-def _study(config: Config) -> StudyPlan | None:
-    """The sensor study, or None where the configuration has none; InputError names its fault."""
-    value = config.get("sensor_study")
-    if not isinstance(value, Mapping):
-        return None
-    models = {name: _model(name, item or {}) for name, item in value["models"].items()}
-    captures = {name: _capture(name, item) for name, item in value["captures"].items()}
-    distances, far = tuple(map(float, value["distances_m"])), value["far_m"]
-    for distance in (*distances, *([] if far is None else [far])):
+def _study(value: StudyConfig, seed: int) -> StudyPlan:
+    """The sensor study; InputError names its fault."""
+    models = {name: _model(name, item or ErrorModelConfig()) for name, item in value.models.items()}
+    captures = {name: _capture(name, item) for name, item in value.captures.items()}
+    far = () if value.far_m is None else (value.far_m,)
+    for distance in (*value.distances_m, *far):
         _check_distance(distance)
-    seed = value.get("seed", config["seed"])
-    numbers = {name: value[name] for name in ("runs", "rows", "refit")}
-    return StudyPlan(models, captures, distances, far, seed=seed, **numbers)
+    return StudyPlan(
+        models,
+        captures,
+        value.distances_m,
+        value.far_m,
+        runs=value.runs,
+        rows=value.rows,
+        refit=value.refit,
+        seed=seed if value.seed is None else value.seed,
+    )
 
 
-def _model(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    errors, options = item.get("errors", name), item.get("error_options", {})
+def _model(name: str, item: ErrorModelConfig) -> tuple[str, dict[str, Any]]:
+    errors = item.errors or name
     try:
-        open_error_model(errors, options)
+        open_error_model(errors, item.error_options)
     except InputError as error:
         raise InputError(f"sensor_study.models.{name}: {error}") from error
-    return errors, dict(options)
+    return errors, item.error_options
 
 
-def _capture(name: str, item: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    if not Path(item["path"]).exists():
-        raise InputError(f"sensor_study.captures.{name}: {item['path']}: no such file")
-    return item["path"], dict(item["options"])
+def _capture(name: str, item: CaptureConfig) -> tuple[str, dict[str, Any]]:
+    if not Path(item.path).exists():
+        raise InputError(f"sensor_study.captures.{name}: {item.path}: no such file")
+    return item.path, item.options
 
 
 def _check_distance(distance: float) -> None:

@@ -19,25 +19,25 @@ def planned_contents(
     style: Sequence[Mapping[str, Any]],
 ) -> Contents:
     """The contents of the report of a plan with these figures and tables."""
-    chosen = plan.config["report"]
+    chosen = plan.config.report
     folder = plan.results / "tables"
     of_datasets = FIRST_TABLES if plan.datasets else ()
     return Contents(
-        title=chosen["title"],
+        title=chosen.title,
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
         tables={name: str(folder / f"{name}.csv") for name in (*of_datasets, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
-        examples=tuple(_examples(plan, chosen["rates"])),
-        configuration=plan.config,
+        examples=tuple(_examples(plan, chosen.rates)),
+        configuration=plan.config.as_json(),
         style=tuple(style),
-        points=chosen["points"],
-        most_mb=chosen["most_mb"],
+        points=chosen.points,
+        most_mb=chosen.most_mb,
     )
 
 
 def _examples(plan: Plan, rates: int) -> Iterable[Example]:
     """The configuration's example clouds, with some rates of every codec."""
-    for kind, name in plan.config["figures"]["examples"].items():
+    for kind, name in plan.config.figures.examples.given().items():
         dataset, cloud = name.split("/")
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud

@@ -1,16 +1,7 @@
-"""Which data set and which codec of a run stands for which of the thesis's.
-
-Imports nothing heavy: the workflow plans with it.
-"""
+"""The parts that data sets and codecs of a run can play: those of the thesis's."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import open_codec
-from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
 
 SAMPLED = "sampled rooms"
@@ -25,84 +16,3 @@ DATASETS = (OBJECTS, ROOMS, SAMPLED, CLEAN, NOISY)
 
 RATES = frozenset(f"r{number}" for number in range(1, 9))
 """Names of the thesis's rates."""
-
-
-def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Data set -> one of `DATASETS`.
-
-    A scan is clean where its error model is ``none``. Clouds that were captured are rooms, and so
-    are samples of scenes that come from where those come from that another data set scans; other
-    samples are objects.
-    """
-    sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
-    scans = [name for name, data in plan.datasets.items() if data.settings["make"] == "scan"]
-    scanned = [sources[name] for name in scans]
-    return {
-        name: _dataset_role(data.settings, sources[name] in scanned)
-        for name, data in plan.datasets.items()
-    }
-
-
-def _source(scenes: ScenePlan) -> tuple[str, int, dict[str, Any]]:
-    return scenes.loader, scenes.seed, scenes.options
-
-
-def _dataset_role(settings: Mapping[str, Any], scanned: bool) -> str:
-    if settings["make"] == "scan":
-        return CLEAN if settings["errors"] == "none" else NOISY
-    if settings["make"] == "cloud":
-        return ROOMS
-    return SAMPLED if scanned else OBJECTS
-
-
-def codec_roles(plan: Plan) -> dict[str, str]:
-    """Role -> the first codec that says that it plays it (`Codec.thesis_role`).
-
-    G-PCC with truncated coordinates is `GPCC_AS_RUN`, as the thesis ran it; rounded once, `GPCC`.
-    """
-    return _first({name: codec.thesis_role for name, codec in _opened(plan).items()})
-
-
-def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Role -> the first codec that changes the codec of this role (`Codec.based_on`)."""
-    bases = {name: codec.based_on for name, codec in _opened(plan).items()}
-    return _first({name: open_codec(base).thesis_role for name, base in bases.items() if base})
-
-
-def _opened(plan: Plan) -> dict[str, Codec]:
-    return {name: open_codec(name, entry) for name, entry in plan.codecs.items()}
-
-
-def _first(roles: Mapping[str, str]) -> dict[str, str]:
-    """Role -> the first name that has it; some have none."""
-    found: dict[str, str] = {}
-    for name, role in roles.items():
-        if role:
-            found.setdefault(role, name)
-    return found
-
-
-def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
-    """The tables of `puckbench.metrics.registry.TABLES` that a plan allows, with their options.
-
-    The thesis's medians need a data set and a codec like the thesis's, with a rate of its name.
-    """
-    datasets, codecs, scales = dataset_roles(plan), codec_roles(plan), grid_scales(plan)
-    played = {"datasets": datasets, "codecs": codecs}
-    options: dict[str, dict[str, Any]] = {"claims": {**played, "stand_ins": stand_in_roles(plan)}}
-    if datasets and scales:
-        chosen = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
-        options["gpcc_scales"] = {"codecs": chosen, "scales": scales}
-    if datasets and any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
-        options["thesis_medians"] = played
-    return options
-
-
-def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Codec -> rate -> scale, of the G-PCC codecs."""
-    return {
-        name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
-        for name, codec in _opened(plan).items()
-        if codec.thesis_role in (GPCC, GPCC_AS_RUN)
-        and all("scale" in values for values in codec.rates.values())
-    }

@@ -1,0 +1,60 @@
+"""``python -m puckbench.jobs NAME RECORD key=FILE ...``: one job, as the workflow's rules run it.
+
+The last line of standard output tells what the job cost: see `puckbench.jobs.cost`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import parsed
+from puckbench.jobs.cost import cost_line
+from puckbench.jobs.registry import JOBS
+
+
+def main(words: Sequence[str]) -> int:
+    """Run a job; 0, or 2 after one line on standard error when its input cannot be used."""
+    name, record, *files = words
+    try:
+        run_job(name, json.loads(record), _files(name, files))
+    except InputError as error:
+        print(f"puckbench: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
+    """Run a job with its record and its files by key, and print what it cost."""
+    job = parsed(JOBS.get(name), record, f"job {name}")
+    known = signature(job.run).parameters
+    job.run(
+        **{
+            key: tuple(paths) if "tuple" in str(known[key].annotation) else paths[0]
+            for key, paths in files.items()
+            if paths
+        }
+    )
+    print(cost_line(name))  # noqa: T201
+
+
+def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
+    """Files by key: a word ``key=FILE`` begins a key, further files follow it as they are."""
+    known = signature(JOBS.get(name).run).parameters
+    found: dict[str, list[Path]] = {}
+    for word in words:
+        key, _, path = word.partition("=")
+        if key in known:
+            found[key] = [Path(path)] if path else []
+        else:
+            found[next(reversed(found))].append(Path(word))
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,31 @@
+"""Plane residuals of a recording of a real sensor, on the walls found in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("capture_residuals")
+class CaptureResiduals(Job):
+    """Find walls, floor and ceiling in a recording, and measure the noise on them."""
+
+    options: dict[str, Any] = Field({})
+
+    def run(self, capture: Path, table: Path) -> dict[str, Any]:
+        """Write the residual table (Parquet); the statistics of each plane."""
+        from puckbench.lidar.residual_table import REAL, write_residuals
+        from puckbench.lidar.walls.residuals import (
+            recorded_planes,
+            recording_options,
+            recording_residuals,
+        )
+        from puckbench.lidar.walls.statistics import recording_summary
+
+        planes = recorded_planes(capture, recording_options(self.options))
+        write_residuals(table, recording_residuals(planes))
+        return {"model": REAL, **recording_summary(planes)}

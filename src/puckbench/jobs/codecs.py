@@ -1,0 +1,65 @@
+"""Codecs as jobs use them: opened from a configuration's entry, and checked to run here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import codec_of, open_codec
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.jobs.registry import Job
+
+
+class CodecJob(Job):
+    """What jobs with a codec have in common.
+
+    codec: its name. changes: what a configuration says of it (class, options, rates).
+    """
+
+    codec: str | None = None
+    changes: dict[str, Any] = Field({})
+
+    def loaded(self, name: str) -> Codec:
+        """The codec, with weights and compiled loops loaded.
+
+        Raises
+        ------
+        InputError
+            It is unknown, or cannot run here.
+        """
+        codec = open_codec(name, self.changes)
+        ok, why = codec.available()
+        if not ok:
+            raise InputError(f"codec {name} cannot run here: {why}")
+        codec.load()
+        return codec
+
+    def read_stream(self, path: Path) -> tuple[str, bytes]:
+        """The name of the codec that decodes a stream file, and the stream."""
+        stream = read_bytes(path)
+        try:
+            return self.codec or codec_of(stream), stream
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+class TimedJob(CodecJob):
+    """A job with timed calls: how many, and whether nothing else runs meanwhile."""
+
+    repeats: int = 1
+    alone: bool = False
+
+
+def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    """The changes to a codec's entry with further options."""
+    return {**changes, "options": {**changes.get("options", {}), **more}}
+
+
+def record_file(stream: Path) -> Path:
+    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
+    return stream.with_name(f"{stream.name}.json")

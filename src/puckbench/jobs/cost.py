@@ -1,0 +1,52 @@
+"""What a job cost: the last line of its log, from which the costs of other runs are estimated."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+_BEGIN = '{"job": '
+_TAIL_BYTES = 2048
+
+
+def cost_line(name: str) -> str:
+    """One JSON object: the job, its seconds of processor time and of life, its peak memory.
+
+    Counted are this process and those that it waited for, imports included.
+    """
+    import resource
+
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cost = {
+        "job": name,
+        "processor_s": round(sum(use.ru_utime + use.ru_stime for use in usages), 3),
+        "wall_s": round(_age_s(), 3),
+        "peak_mib": max(use.ru_maxrss for use in usages) // 1024,
+    }
+    return json.dumps(cost)
+
+
+def _age_s() -> float:
+    """Seconds since this process began; of processor time where the system does not tell."""
+    try:
+        fields = Path("/proc/self/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        uptime = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
+    except OSError:
+        return time.process_time()
+    import os
+
+    return uptime - int(fields[19]) / os.sysconf("SC_CLK_TCK")
+
+
+def read_cost(log: Path) -> dict[str, Any] | None:
+    """The cost that a log ends with; None for a log of a job that failed or has not ended."""
+    with log.open("rb") as stream:
+        stream.seek(0, 2)
+        stream.seek(max(0, stream.tell() - _TAIL_BYTES))
+        last = stream.read().decode(errors="replace").rstrip().rpartition("\n")[2]
+    if not last.startswith(_BEGIN):
+        return None
+    found: dict[str, Any] = json.loads(last)
+    return found

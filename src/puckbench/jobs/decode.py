@@ -1,0 +1,74 @@
+"""Decoding a stream: points, or the surface that a codec of surfaces has coded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from puckbench.codecs.measurement import measured
+from puckbench.core.environment import run_environment
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.meshes.writing import write_mesh
+from puckbench.jobs.codecs import TimedJob
+from puckbench.jobs.registry import JOBS
+
+
+class Decoded(NamedTuple):
+    """Decoded points (m, 3) and what decoding cost."""
+
+    points: Floats
+    record: dict[str, Any]
+
+
+class Decoding(TimedJob):
+    """A job that decodes a stream; the codec is found from the stream where none is named."""
+
+    def decoded(self, path: Path) -> Decoded:
+        """Decode a stream file, timed; InputError names the file when it is damaged or foreign."""
+        name, stream = self.read_stream(path)
+        try:
+            codec = self.loaded(name)
+            timed = measured(lambda: codec.decode(stream), self.repeats, codec.cost)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        record = {
+            "codec": name,
+            "bytes": len(stream),
+            "points_out": len(timed.result),
+            **timed.costs("decode"),
+            **run_environment(self.alone),
+        }
+        return Decoded(timed.result, record)
+
+
+@JOBS.register("decode")
+class Decode(Decoding):
+    """Decode a stream to a cloud, or to the mesh of its surface."""
+
+    as_mesh: bool = False
+
+    def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
+        """Write the decoded cloud or mesh as PLY."""
+        if self.as_mesh:
+            return self._mesh(stream, cloud)
+        points, record = self.decoded(stream)
+        about = {"source": stream.name, "codec": record["codec"]}
+        write_cloud(cloud, PointCloud(points, about=about))
+        return record
+
+    def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
+        name, stream = self.read_stream(path)
+        try:
+            mesh = self.loaded(name).decode_mesh(stream)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        write_mesh(out, mesh, {"source": path.name, "codec": name})
+        return {
+            "codec": name,
+            "bytes": len(stream),
+            "vertices": len(mesh.vertices),
+            "triangles": len(mesh.triangles),
+            "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
+        }

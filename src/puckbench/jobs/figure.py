@@ -1,0 +1,28 @@
+"""A figure drawn from tables and clouds, by its name in the registry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("figure")
+class Figure(Job):
+    """Draw a figure: its name, the files of its inputs, and the layers of its style."""
+
+    figure: str
+    inputs: dict[str, str] = Field({})
+    style: tuple[dict[str, Any], ...] = ()
+
+    def run(self, out: tuple[Path, ...]) -> dict[str, Any]:
+        """Draw and write the figure (PDF, PNG)."""
+        from puckbench.figures.drawing import draw_files
+        from puckbench.figures.style import FigureStyle
+
+        inputs = {name: Path(file) for name, file in self.inputs.items()}
+        draw_files(self.figure, inputs, list(out), FigureStyle.from_config(*self.style))
+        return {"figure": self.figure, "files": [str(path) for path in out]}

@@ -1,0 +1,103 @@
+"""From samples, clouds or scan tables to clouds ready for the codecs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import read_cloud, write_cloud
+from puckbench.jobs.preparation import Returns, prepare
+from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.surfaces import has_faces
+
+Box = tuple[float, float, float, float, float, float]
+
+
+@JOBS.register("prepare")
+class Prepare(Job):
+    """Crop, estimate normals and scale, as in thesis section 6.1.
+
+    crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
+    size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
+    coordinates.
+    """
+
+    crop: Literal["clean", "noisy", "none"] = "clean"
+    box: Box | None = None
+    size: int | Literal["grid"] = 1024
+    neighbours: int = Field(30, ge=3)
+    clean: bool = False
+
+    def run(
+        self,
+        source: Path,
+        cloud: Path,
+        truth: Path | None = None,
+        box: Path | None = None,
+        about: tuple[Path, ...] = (),
+    ) -> dict[str, Any]:
+        """Write the prepared cloud and, if asked for, the true points in the same frame.
+
+        Parameters
+        ----------
+        source
+            A cloud (.ply) or a scan table (.parquet).
+        box
+            JSON file that has the ``box`` to crop to, in m.
+        about
+            Descriptions whose name and group are kept.
+        """
+        returns = _returns(source, self.clean)
+        corners = self._corners(box)
+        if corners is not None and self.crop != "none":
+            returns = returns.cropped(corners, self.crop)
+        if len(returns.cloud) == 0:
+            raise InputError(f"{source}: no point is left after cropping")
+        prepared = prepare(returns.cloud, self.size, self.neighbours)
+        described = {**_kept(about), **prepared.about}
+        write_cloud(cloud, replace(prepared, about=described))
+        if truth:
+            write_cloud(truth, returns.truth_in_frame_of(prepared))
+        return {**described, "points": len(prepared)}
+
+    def _corners(self, path: Path | None) -> Floats | None:
+        """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""
+        if self.box is not None:
+            return np.sort(np.asarray(self.box, dtype=np.float64).reshape(2, 3), axis=0)
+        if path is None:
+            return None
+        box = read_json(path).get("box")
+        if box is None:
+            raise InputError(f"{path}: has no 'box' to crop to")
+        return np.asarray(box, dtype=np.float64)
+
+
+def _returns(path: Path, clean: bool) -> Returns:
+    if path.suffix != ".parquet":
+        if has_faces(path):
+            raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
+        cloud = read_cloud(path)
+        return Returns(cloud, clean=cloud)
+    from puckbench.lidar.scan_table import read_scan
+
+    table = read_scan(path)
+    about = {"source": path.name, **table.about}
+    true = PointCloud(table.xyz, table.normals, labels=table.primitive_id, about=about)
+    measured = true if clean else replace(true, xyz=table.xyz_noisy)
+    return Returns(measured, clean=true)
+
+
+def _kept(descriptions: tuple[Path, ...]) -> dict[str, Any]:
+    """Name and group of the scene, from the descriptions given."""
+    kept: dict[str, Any] = Field({})
+    for path in descriptions:
+        about = read_json(path)
+        kept.update({key: about[key] for key in ("name", "group") if key in about})
+    return kept

@@ -1,0 +1,24 @@
+"""The jobs that rules and the command line run, each a record of settings with one method.
+
+A job is what Snakemake runs as one process: its settings come from the plan as one record, its
+files from the rule. ``python -m puckbench.jobs NAME RECORD key=FILE ...`` runs one.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+from puckbench.core.models import Model
+from puckbench.core.registry import Registry
+
+
+class Job(Model):
+    """The settings of one unit of work, which `run` does from files to files."""
+
+    @abstractmethod
+    def run(self, *args: Any, **files: Any) -> dict[str, Any]:
+        """Read the inputs, write the outputs whole or not at all, and tell what was made."""
+
+
+JOBS: Registry[type[Job]] = Registry("job", "jobs")

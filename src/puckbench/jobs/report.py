@@ -1,0 +1,26 @@
+"""The report page of a run: figures, tables, curves and clouds in one HTML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from puckbench.core.files import write_bytes
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("report")
+class Report(Job):
+    """Build the page; contents: see `puckbench.report.contents.Contents`."""
+
+    contents: dict[str, Any]
+
+    def run(self, page: Path) -> dict[str, Any]:
+        """Write the page."""
+        from puckbench.report.build import build_page
+        from puckbench.report.contents import Contents
+        from puckbench.report.facts import this_machine
+
+        data = build_page(Contents.from_json(self.contents), this_machine(), page.parent).encode()
+        write_bytes(page, data)
+        return {"page": str(page), "bytes": len(data)}

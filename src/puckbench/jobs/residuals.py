@@ -1,0 +1,51 @@
+"""Plane residuals of virtual scans of a wall and a floor (thesis section 5.1.2, Procedure 1)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.jobs.registry import JOBS, Job
+
+
+class StudyJob(Job):
+    """Scans of a wall and a floor with an error model.
+
+    distances: of the sensor from the wall, in m. keep: rows of each scan, chosen at random; all if
+    not given.
+    """
+
+    model: str = "vlp16"
+    model_options: dict[str, Any] = Field({})
+    distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0)
+    seed: int = Field(0, ge=0)
+    keep: int | None = Field(None, ge=1)
+
+
+@JOBS.register("residuals")
+class Residuals(StudyJob):
+    """Scan, fit planes, and measure the distances of the points to them.
+
+    runs: scans from each distance. refit: least-squares planes instead of RANSAC's own.
+    """
+
+    runs: int = Field(3, ge=1)
+    refit: bool = False
+
+    def run(self, table: Path) -> dict[str, Any]:
+        """Write the residual table (Parquet)."""
+        from puckbench.lidar.residual_table import write_residuals
+        from puckbench.thesis.residuals.virtual import Procedure, residual_table
+
+        procedure = Procedure(self.model, self.model_options, refit=self.refit, keep=self.keep)
+        rows = residual_table(procedure, list(self.distances), self.runs, self.seed)
+        write_residuals(table, rows)
+        residuals = rows["residual_m"].astype("float64")
+        return {
+            "model": self.model,
+            "rows": len(rows),
+            "mean_m": float(residuals.mean()),
+            "std_m": float(residuals.std()),
+        }

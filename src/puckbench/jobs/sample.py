@@ -1,0 +1,31 @@
+"""Points at random on the surface of a mesh, with their true normals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.core.seeding import generator
+from puckbench.geometry.sampling import sample_surface
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.surfaces import read_surface
+
+
+@JOBS.register("sample")
+class Sample(Job):
+    """Draw points on a mesh, uniformly by area (thesis section 6.1.1)."""
+
+    points: int = Field(500_000, ge=1)
+    seed: int = Field(0, ge=0)
+
+    def run(self, mesh: Path, cloud: Path) -> dict[str, Any]:
+        """Write the sampled cloud."""
+        surface = read_surface(mesh)
+        sampled = sample_surface(surface, self.points, generator(self.seed, "sample", mesh.stem))
+        about = {"source": mesh.name, "seed": self.seed, "kind": "sample"}
+        write_cloud(cloud, replace(sampled, about=about))
+        return {**about, "points": len(sampled)}

@@ -1,0 +1,82 @@
+"""A sweep of the virtual sensor over a mesh: the table of all returns, clean and noisy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.core.files import read_json
+from puckbench.core.progress import Progress
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.io.clouds import sidecar
+from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.surfaces import read_surface
+from puckbench.lidar import (
+    ScanJob,
+    free_origin,
+    load_sensor,
+    open_error_model,
+    open_sweep,
+    write_scan,
+    write_scan_portions,
+)
+
+_RAYS_IN_MEMORY = 4_000_000
+"""Of a scan that is written at once: some 600 MB; a longer one is written as it goes on."""
+
+
+@JOBS.register("scan")
+class Scan(Job):
+    """Scan a mesh: sensor, error model, sweep, and where the sensor stands.
+
+    origin: its position in m; where none is given, that of the scene's description, else the free
+    spot nearest to the middle, `height_m` above the floor. anywhere: also outside the scene,
+    inside an object, or through walls.
+    """
+
+    sensor: str = "vlp16"
+    errors: str = "none"
+    error_options: dict[str, Any] = Field({})
+    sweep: str | dict[str, Any] = "thesis"
+    origin: tuple[float, float, float] | None = None
+    height_m: float = Field(1.3, gt=0)
+    anywhere: bool = False
+    seed: int = Field(0, ge=0)
+
+    def run(self, mesh: Path, table: Path) -> dict[str, Any]:
+        """Write the scan table (Parquet)."""
+        sensor, sweep = load_sensor(self.sensor), open_sweep(self.sweep)
+        model = open_error_model(self.errors, self.error_options)
+        surface = read_surface(mesh)
+        origin, vouched = self._origin(mesh, surface)
+        job = ScanJob(surface, sensor, sweep, model, origin, self.anywhere or vouched)
+        rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
+        if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
+            rows = write_scan_portions(table, job.portions(rng, progress))
+        else:
+            returns = job.table(rng, progress)
+            write_scan(table, returns)
+            rows = len(returns)
+        return {"returns": rows, "origin": [float(x) for x in origin], "errors": self.errors}
+
+    def _origin(self, path: Path, mesh: Mesh) -> tuple[Floats | list[float], bool]:
+        """The sensor's position, and whether a scene's description vouches for it."""
+        if self.origin is not None:
+            return list(self.origin), False
+        described = _described(path)
+        if described is not None:
+            return described, True
+        inside = {"inside": 0.0} if self.anywhere else {}
+        return free_origin(mesh, self.height_m, **inside), False
+
+
+def _described(mesh: Path) -> list[float] | None:
+    """The origin in the description beside a mesh, if there is one."""
+    beside = sidecar(mesh)
+    about = read_json(beside) if beside != mesh and beside.exists() else None
+    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
+    return origin

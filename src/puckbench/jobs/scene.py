@@ -1,0 +1,49 @@
+"""One scene of a scene set, as a labelled mesh or a cloud in metres, z up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.scene import Scene
+from puckbench.io.clouds import write_cloud
+from puckbench.io.meshes import write_mesh
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("scene")
+class WriteScene(Job):
+    """Write a scene of a loader; its description goes beside it."""
+
+    loader: str
+    name: str
+    options: dict[str, Any] = Field({})
+    seed: int = 0
+
+    def run(self, scene: Path) -> dict[str, Any]:
+        """Write the PLY file of the scene and its description."""
+        loaded = open_scene_set(self.loader, self.options, self.seed).load(self.name)
+        about = description(loaded)
+        if loaded.mesh is not None:
+            write_mesh(scene, loaded.mesh, about)
+            return {**about, "triangles": len(loaded.mesh.triangles)}
+        if loaded.cloud is None:
+            raise ValueError(f"scene {loaded.name} has neither a mesh nor a cloud")
+        write_cloud(scene, replace(loaded.cloud, about=about))
+        return {**about, "points": len(loaded.cloud)}
+
+
+def description(scene: Scene) -> dict[str, Any]:
+    """What stands beside the scene's file: name, group, sensor position, room's box, credits."""
+    box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
+    return {
+        **scene.about,
+        "name": scene.name,
+        "group": scene.group,
+        "origin": None if scene.origin is None else list(scene.origin),
+        "box": None if box is None else box.tolist(),
+    }

@@ -1,0 +1,154 @@
+"""Weights of a learned codec from clouds, resumable, measured on other clouds."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from puckbench.codecs.learned.catalogue import weights_file
+from puckbench.codecs.learned.training.settings import Training, open_training
+from puckbench.codecs.registry import entry, open_codec
+from puckbench.core.files import sha256, write_json
+from puckbench.io.clouds import read_cloud
+from puckbench.jobs.codecs import with_options
+from puckbench.jobs.registry import JOBS, Job
+
+if TYPE_CHECKING:
+    from puckbench.codecs.learned.training.loop import Trainer
+
+
+@JOBS.register("train")
+class Train(Job):
+    """Train a codec's network.
+
+    changes: to the codec's entry. options: settings of its training. start: weights to start from,
+    a shipped set's name or a file. every: steps between two savings. validate_every: measure after
+    every so many steps too. peak: of the PSNRs. code: fingerprint of the code; a checkpoint that
+    other code made is begun anew, where it is given, and else refused.
+    """
+
+    codec: str
+    changes: dict[str, Any] = Field({})
+    options: dict[str, Any] = Field({})
+    start: str | None = None
+    every: int = Field(100, ge=1)
+    validate_every: int = Field(0, ge=0)
+    peak: float = 1023.0
+    code: str | None = None
+
+    def run(
+        self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
+    ) -> dict[str, Any]:
+        """Train, going on from the checkpoint beside `weights`, and write the set and its card."""
+        from puckbench.codecs.learned.training.loop import train
+        from puckbench.jobs.training_curve import Curve
+
+        training = open_training(self.codec, self.changes, self.options)
+        checkpoint = weights.with_suffix(".pt")
+        with training.trainer() as trainer:
+            self._begin(trainer, training, clouds)
+            self._resume(trainer, checkpoint)
+            examples = training.examples([read_cloud(path).xyz for path in clouds])
+            curve = Curve(trainer, weights.with_suffix(".csv"), self.every)
+
+            def report(step: int, loss: Any) -> None:
+                curve.note(step, loss)
+                if self.validate_every and step % self.validate_every == 0:
+                    self._measure_now(training, trainer, weights, validate)
+
+            train(trainer, examples.batch, checkpoint, self.every, report)
+            curve.write()
+        card = {
+            "codec": self.codec,
+            **training.model_dump(),
+            "data": _names(clouds),
+            **({"start": Path(self.start).stem} if self.start else {}),
+            "seconds": curve.seconds,
+        }
+        return self._export(card, training, trainer, weights, validate)
+
+    def _begin(
+        self, trainer: Trainer[Any, Any], training: Training, clouds: Sequence[Path]
+    ) -> None:
+        """Start from weights, if asked to, and note what the training is one of."""
+        trainer.identity = {"data": [sha256(path) for path in clouds]}
+        if self.code is not None:
+            trainer.identity["code"] = self.code
+        if self.start is not None:
+            start = weights_file(self.start)
+            training.begin(trainer.model, start)
+            trainer.identity["start"] = sha256(start)
+
+    def _resume(self, trainer: Trainer[Any, Any], checkpoint: Path) -> None:
+        """Go on from the checkpoint; with a fingerprint of the code, remove another training's."""
+        from puckbench.codecs.learned.training.loop import OtherTrainingError
+
+        if checkpoint.exists():
+            try:
+                trainer.resume(checkpoint)
+            except OtherTrainingError:
+                if self.code is None:
+                    raise
+                checkpoint.unlink()
+            else:
+                _say(f"{checkpoint}: going on after step {trainer.done}")
+
+    def _export(
+        self,
+        card: dict[str, Any],
+        training: Training,
+        trainer: Trainer[Any, Any],
+        weights: Path,
+        validate: Sequence[Path],
+    ) -> dict[str, Any]:
+        """Write the set, and again with what it was measured to be; its card stands beside it."""
+        training.export(weights, trainer.model, card)
+        if validate:
+            card["validation"] = self._measured(training, weights, validate)
+            training.export(weights, trainer.model, card)
+        write_json(weights.with_suffix(".json"), card)
+        return card
+
+    def _measured(
+        self, training: Training, weights: Path, validate: Sequence[Path]
+    ) -> dict[str, Any]:
+        """What the codec does with a set on the validation's clouds; warnings where at fault."""
+        from puckbench.codecs.learned.training.validation import validation
+
+        changes = with_options(self.changes, weights=str(weights))
+        rates = training.rates(entry(self.codec, changes)["rates"])
+        codec = open_codec(self.codec, {**changes, "rates": rates})
+        found = validation(codec, validate, self.peak)
+        for fault in found["faults"]:
+            _say(f"warning: {weights.stem}: {fault}")
+        return {"data": _names(validate), **found}
+
+    def _measure_now(
+        self,
+        training: Training,
+        trainer: Trainer[Any, Any],
+        weights: Path,
+        validate: Sequence[Path],
+    ) -> None:
+        """Tell what the set would do if the training ended here."""
+        now = weights.with_name(f".{weights.name}")
+        training.export(now, trainer.model, {})
+        for rate, means in self._measured(training, now, validate)["rates"].items():
+            values = ", ".join(f"{name} {value:.4g}" for name, value in means.items())
+            _say(f"step {trainer.done}, {rate}: {values}")
+        now.unlink()
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)  # noqa: T201
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Clouds by their paths below the folder that all of them are in."""
+    shared = os.path.commonpath([path.parent.resolve() for path in paths])
+    return sorted(path.resolve().relative_to(shared).as_posix() for path in paths)

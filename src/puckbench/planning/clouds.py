@@ -1,0 +1,98 @@
+"""Jobs that make clouds: scenes, samples, scans, and clouds prepared for the codecs."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+
+from puckbench.datasets.registry import LOADERS
+from puckbench.jobs.prepare import Prepare
+from puckbench.jobs.sample import Sample
+from puckbench.jobs.scan import Scan
+from puckbench.jobs.scene import WriteScene
+from puckbench.lidar import load_sensor, open_error_model, open_sweep
+from puckbench.lidar.errors import module_of_model
+from puckbench.planning.plan import DataSetPlan, Plan
+from puckbench.planning.planned_job import PlannedJob, planned
+
+_BYTES_PER_POINT = 1_000
+"""Generous estimate of a job's memory for each point that it handles."""
+_FOLDERS = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}
+
+
+class CloudJobs:
+    """Files and jobs of scenes and clouds."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+
+    def dataset(self, name: str) -> DataSetPlan:
+        """The plan of a data set."""
+        return self.plan.datasets[name]
+
+    def scene_file(self, dataset: str, cloud: str, suffix: str = "ply") -> str:
+        """The scene that a cloud is made from."""
+        scenes = self.dataset(dataset).scenes
+        return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
+
+    def source(self, dataset: str, cloud: str) -> str:
+        """What a cloud is prepared from: a sample, a scan, or the scene's own cloud."""
+        make = self.dataset(dataset).settings.make
+        if make == "cloud":
+            return self.scene_file(dataset, cloud)
+        folder, suffix = _FOLDERS[make]
+        return f"{self.plan.results}/{folder}/{dataset}/{cloud}.{suffix}"
+
+    def is_cropped(self, dataset: str) -> bool:
+        """Whether the clouds are scans that are cropped to the box of their scene."""
+        settings = self.dataset(dataset).settings
+        return settings.is_scan and settings.crop != "none"
+
+    def true_points(self, dataset: str, cloud: str) -> str:
+        """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
+        return f"{self.plan.results}/truth/{dataset}/{cloud}.ply"
+
+    def scene(self, scenes: str, name: str) -> PlannedJob:
+        """Write a scene of a scene set."""
+        chosen = self.plan.scenes[scenes]
+        record = WriteScene(
+            loader=chosen.loader, name=name, options=chosen.options, seed=chosen.seed
+        )
+        return planned(record, LOADERS.module_of(chosen.loader))
+
+    @cache  # noqa: B019 (one plan lives as long as the process)
+    def sample(self, dataset: str) -> PlannedJob:
+        """Sample the mesh of a scene."""
+        data = self.dataset(dataset)
+        return planned(Sample(points=data.settings.points, seed=data.seed))
+
+    @cache  # noqa: B019
+    def scan(self, dataset: str) -> PlannedJob:
+        """Scan the mesh of a scene; the sensor's and the sweep's files count as code."""
+        data = self.dataset(dataset)
+        settings = data.settings
+        record = Scan(
+            sensor=settings.sensor,
+            errors=settings.errors,
+            error_options=settings.error_options,
+            sweep=settings.sweep,
+            height_m=settings.height_m,
+            anywhere=settings.anywhere,
+            seed=data.seed,
+        )
+        model = open_error_model(settings.errors, settings.error_options)
+        sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
+        also = f"{model} {load_sensor(settings.sensor)} {sweep}"
+        return planned(record, module_of_model(model), also=also)
+
+    @cache  # noqa: B019
+    def prepare(self, dataset: str) -> PlannedJob:
+        """Crop, estimate normals and scale."""
+        settings = self.dataset(dataset).settings
+        crop = settings.crop if settings.is_scan else "none"
+        record = Prepare(crop=crop, size=settings.size, neighbours=settings.neighbours)
+        return planned(record)
+
+    def memory_mb(self, dataset: str) -> int:
+        """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
+        return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000

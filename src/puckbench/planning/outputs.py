@@ -1,0 +1,254 @@
+"""Jobs that make what a run shows: tables, figures and the report page."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import Any
+
+from puckbench.core.errors import InputError
+from puckbench.figures.registry import (
+    BOTH_GPCC,
+    FIGURES,
+    FigureEntry,
+    at,
+    figure_entries,
+    figure_entry,
+)
+from puckbench.figures.style import FigureStyle
+from puckbench.jobs.figure import Figure
+from puckbench.jobs.joined import CloudsTable, MetricsTable, RowsTable
+from puckbench.jobs.report import Report
+from puckbench.jobs.table import Table
+from puckbench.metrics.registry import (
+    SENSOR,
+    SEVERAL_CODECS,
+    STUDY,
+    TABLES,
+    TableEntry,
+    table_entries,
+    table_entry,
+)
+from puckbench.planning.coding import CodingJobs
+from puckbench.planning.plan import Plan
+from puckbench.planning.planned_job import JoinedTable, PlannedJob, planned
+from puckbench.planning.report_contents import planned_contents
+from puckbench.planning.roles import codec_roles, verdict_options
+from puckbench.report.contents import Contents
+from puckbench.report.page import assets_version
+from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
+
+Inputs = dict[str, str]
+"""Name of an input -> its file."""
+
+
+class OutputJobs:
+    """Files and jobs of tables, figures and the report."""
+
+    def __init__(self, plan: Plan, coding: CodingJobs) -> None:
+        self.plan, self.coding, self.config = plan, coding, plan.config
+        for name in self.figures:
+            self._check_style(name)
+        for name in self.tables:
+            self.table(name)
+
+    # ---- tables
+
+    def joined_tables(self) -> dict[str, JoinedTable]:
+        """The tables of all result rows, of all clouds, and of rows of other kinds."""
+        plan, found = self.plan, {}
+        if plan.datasets:
+            rows = [f"{plan.results}/metrics/{'/'.join(cell)}.json" for cell in plan.cells]
+            summary = {"summary": self._file("summary", "csv")}
+            found["metrics"] = self._joined("metrics", MetricsTable(), rows, summary)
+            rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
+            job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
+            found["clouds"] = self._joined("clouds", job, rows)
+        for kind, rows in self.coding.rows().items():
+            found[kind] = self._joined(kind, RowsTable(kind=kind), rows)
+        return found
+
+    def _joined(
+        self, name: str, job: Any, rows: list[str], more: Mapping[str, str] | None = None
+    ) -> JoinedTable:
+        outputs = {"csv": self._file(name, "csv"), "parquet": self._file(name), **(more or {})}
+        return JoinedTable(planned(job), rows, outputs)
+
+    @cached_property
+    def study_tables(self) -> dict[str, Inputs]:
+        """The tables of the sensor study that can be made."""
+        known = self._study_inputs()
+        return {
+            name: {needed: known[needed] for needed in entry.inputs}
+            for name, entry in self._makeable(known).items()
+            if entry.category == SENSOR
+        }
+
+    @cached_property
+    def result_tables(self) -> dict[str, Inputs]:
+        """The further tables of the benchmark that can be made."""
+        there = {"metrics", "clouds"} if self.plan.datasets else set()
+        there |= set(self.study_tables)
+        return {
+            name: {
+                needed: self._file(needed)
+                for needed in (*entry.inputs, *entry.optional)
+                if needed in there
+            }
+            for name, entry in self._makeable(there).items()
+            if entry.category != SENSOR
+        }
+
+    @cached_property
+    def tables(self) -> dict[str, Inputs]:
+        """All tables that are made of other tables."""
+        return {**self.study_tables, **self.result_tables}
+
+    def table(self, name: str) -> PlannedJob:
+        """Make a table of others."""
+        record = Table(table=name, inputs=self.tables[name], options=self.table_options(name))
+        return planned(record, TABLES.module_of(name))
+
+    def table_category(self, name: str) -> str:
+        """Where the report lists a table."""
+        return table_entry(name).category
+
+    def table_options(self, table: str) -> dict[str, Any]:
+        """Options of a table's function."""
+        verdicts = verdict_options(self.plan)
+        if table in verdicts:
+            return verdicts[table]
+        if not table.startswith("bd_rate"):
+            return {}
+        chosen = self.config.bd_rate
+        options: dict[str, Any] = {"anchor": self.anchor, "qualities": chosen.metrics}
+        if table == "bd_rate":
+            options |= {"resamples": chosen.resamples, "seed": self.config.seed}
+        return options
+
+    @property
+    def anchor(self) -> str:
+        """The codec that the others are compared with: the configured one, else the first."""
+        anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
+        if anchor not in self.plan.codecs:
+            known = ", ".join(self.plan.codecs)
+            raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {known}")
+        return anchor
+
+    # ---- figures
+
+    @cached_property
+    def figures(self) -> dict[str, Inputs]:
+        """The figures that can be drawn, with the file of each input."""
+        known = self._cloud_inputs() | self._study_inputs()
+        there = self._there()
+        return {
+            name: {needed: known[needed] for needed in entry.inputs}
+            for name, entry in figure_entries().items()
+            if known.keys() >= set(entry.inputs) and there >= set(entry.needs)
+        }
+
+    def figure(self, name: str) -> PlannedJob:
+        """Draw a figure."""
+        record = Figure(figure=name, inputs=self.figures[name], style=self.figure_style(name))
+        return planned(record, FIGURES.module_of(name))
+
+    def figure_labels(self, name: str) -> tuple[str, str]:
+        """Category and title of a figure, for Snakemake's own report."""
+        entry = figure_entry(name)
+        return entry.category, entry.title
+
+    def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
+        """Layers of a figure's style: of the data sets, of all figures, of this one."""
+        chosen = self.config.figures
+        return self._style(chosen.style, chosen.options.get(figure, {}))
+
+    def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
+        titles = {
+            name: data.settings.title
+            for name, data in self.plan.datasets.items()
+            if data.settings.title is not None
+        }
+        return {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}, *changes
+
+    def _check_style(self, figure: str) -> None:
+        try:
+            FigureStyle.from_config(*self.figure_style(figure))
+        except InputError as error:
+            raise InputError(f"figures.style: {error}") from error
+
+    # ---- report
+
+    def report_contents(self) -> Contents:
+        """What the report page shows."""
+        tables = [*self.result_tables, *self.study_tables]
+        layers = self._style(self.config.figures.style)
+        return planned_contents(self.plan, self.figures, tables, layers)
+
+    def report(self) -> PlannedJob:
+        """Write the page; titles and captions of what it shows count as code."""
+        entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
+        entries += table_entries().values()
+        texts = "".join(f"{entry.thesis} {entry.title} {entry.caption}" for entry in entries)
+        digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
+        record = Report(contents=self.report_contents().as_json())
+        return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
+
+    # ---- what there is to make them of
+
+    def _file(self, table: str, suffix: str = "parquet") -> str:
+        return f"{self.plan.results}/tables/{table}.{suffix}"
+
+    def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
+        """The tables without a rule of their own whose inputs and needs the plan has."""
+        inputs, there = set(known), self._there()
+        return {
+            name: entry
+            for name, entry in table_entries().items()
+            if not entry.rule and inputs >= set(entry.inputs) and there >= set(entry.needs)
+        }
+
+    def _cloud_inputs(self) -> Inputs:
+        """Files of what chapter 6's figures are drawn from."""
+        examples = self.config.figures.examples.given()
+        known = {f"example_{kind}": self._example(cloud) for kind, cloud in examples.items()}
+        if self.plan.datasets:
+            verdicts = verdict_options(self.plan).keys() - {"claims"}
+            known |= {name: self._file(name) for name in ("metrics", "clouds", *verdicts)}
+        if self.plan.scanned:
+            known["scan_errors"] = self._file("scan_errors")
+        if self.plan.recovered:
+            known["recovery"] = self._file("recovery")
+        return known
+
+    def _study_inputs(self) -> Inputs:
+        """Files of what chapter 5's figures and tables are made from."""
+        study = self.plan.study
+        if study is None:
+            return {}
+        known = {"residuals": self._file("residuals")}
+        if study.shown_m:
+            known["scans"] = self._file("scans")
+        if study.captures:
+            known |= {name: self._file(name) for name in ("compared_residuals", "model_distances")}
+            known["compared"] = known["compared_residuals"]
+        return known
+
+    def _there(self) -> set[str]:
+        """What the configuration has of that which figures and tables may need."""
+        plan = self.plan
+        there = {BOTH_GPCC} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else set()
+        there |= set(verdict_options(plan))
+        if plan.datasets and len(plan.codecs) > 1:
+            there.add(SEVERAL_CODECS)
+        if plan.study is None:
+            return there
+        return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+
+    def _example(self, name: str) -> str:
+        dataset, cloud = name.split("/")
+        datasets = self.plan.datasets
+        if dataset not in datasets or cloud not in datasets[dataset].clouds:
+            raise InputError(f"figures.examples: no cloud '{name}' in this configuration")
+        return f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"
