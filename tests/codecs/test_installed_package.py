@@ -52,7 +52,7 @@ USED = """
 import numpy as np
 import puckbench.codecs.registry as registry
 from puckbench.core.errors import InputError
-from puckbench.figures.plot_styles import codec_look, codec_rank
+from puckbench.figures.plot_styles import codec_rank, codec_style
 
 points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 for name, changes in (("raw", {}), ("bare", {"options": {"offset": 1.5}})):
@@ -64,9 +64,9 @@ assert registry.entry("raw") == {
     "rates": {"r1": {"kind": "<f2"}, "r2": {"kind": "<f4"}},
 }
 assert registry.module_of(registry.entry("bare")["class"]) == "raw_points"
-look = codec_look("raw")
-assert (look.title, look.colour, look.marker) == ("Raw floats", "#123456", "*")
-assert codec_look("bare").title == "bare"
+shown = codec_style("raw")
+assert (shown.title, shown.colour, shown.marker) == ("Raw floats", "#123456", "*")
+assert codec_style("bare").title == "bare"
 assert codec_rank("draco") < codec_rank("bare") < codec_rank("raw")
 for name, options in (("raw", {"strech": 2}), ("raw", {"stretch": 0}), ("bare", {"ofset": 1})):
     try:
@@ -116,7 +116,7 @@ import matplotlib.pyplot as plt
 style = FigureStyle()
 figure, axes = plt.subplots()
 for codec in style.ordered_codecs(["raw", "draco"]):
-    panels.draw_line(axes, np.array([0.1, 0.2]), np.array([2.0, 1.0]), style.look(codec), 1e-3)
+    panels.draw_line(axes, np.array([0.1, 0.2]), np.array([2.0, 1.0]), style.of_codec(codec), 1e-3)
 print([line.get_color() for line in axes.lines])
 """
     assert "#123456" in _python(package, "-c", program)

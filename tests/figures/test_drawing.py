@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from puckbench.core.errors import InputError
 from puckbench.figures.drawing import draw_files, lay_out
 from puckbench.figures.panels import log_limits
-from puckbench.figures.plot_styles import codec_look
+from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.io.clouds import write_cloud
@@ -103,7 +103,7 @@ def test_figure_6_5_shows_the_thesis_medians() -> None:
     assert len(panels) == 16
     cd_noisy = lines(panels[3])
     for codec in ("draco", "gpcc", "pcgcv1", "pcgcv2"):
-        rates, medians = cd_noisy[codec_look(codec).colour].T
+        rates, medians = cd_noisy[codec_style(codec).colour].T
         assert rates.tolist() == list(range(len(CD_MEDIANS["s3dis_noisy", codec])))
         np.testing.assert_allclose(medians, CD_MEDIANS["s3dis_noisy", codec], rtol=0.08)
 
@@ -153,10 +153,10 @@ def test_colours_stay_when_a_codec_or_data_set_is_added_or_taken_away() -> None:
     fewer = table[(table["codec"] != "draco") & (table["dataset"] != "capod")]
     before = set(lines(draw("fig_6_6", metrics=table).axes[0]))
     after = set(lines(draw("fig_6_6", metrics=pd.concat([added, table])).axes[0]))
-    assert after - before == {FigureStyle().look("a_new_codec").colour}
+    assert after - before == {FigureStyle().of_codec("a_new_codec").colour}
     assert before - after == set()
     alone = set(lines(draw("fig_6_6", metrics=fewer).axes[0]))
-    assert alone == before - {codec_look("draco").colour}
+    assert alone == before - {codec_style("draco").colour}
 
 
 @pytest.mark.parametrize("name", FROM_METRICS)
@@ -204,7 +204,7 @@ def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
         "to the clean scan",
         "to the truth",
     ]
-    draco = codec_look("draco").colour
+    draco = codec_style("draco").colour
     scan, clean, truth = (lines(axes)[draco][-1, 1] for axes in panels)
     assert scan < 0.03
     assert 2.4 < truth < 2.5 < clean
@@ -235,7 +235,7 @@ def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> Non
 
 def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> None:
     panels = draw("recovery_rd", recovery=recovery_table()).axes
-    colour = codec_look("primitives").colour
+    colour = codec_style("primitives").colour
     for axes, shares in zip(
         panels, ([0.3, 0.5, 0.6], [0.2, 0.4, 0.5], [0.4, 0.6, 0.7]), strict=True
     ):

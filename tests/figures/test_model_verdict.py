@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from puckbench.core.errors import InputError
 from puckbench.figures.style import FigureStyle
-from puckbench.thesis.figures.model_styles import MODEL_LOOKS
+from puckbench.thesis.figures.model_styles import MODEL_STYLES
 from puckbench.thesis.figures.model_verdict import draw_verdict
 
 SIGMAS = {"real": 0.011, "hdl64e": 0.07, "vlp16": 0.015, "vlp16_measured": 0.009}
@@ -45,7 +45,7 @@ def test_each_model_has_a_density_of_area_one_and_its_distance_written() -> None
     above, below = drawn(residuals(), distances()).axes
     lines = {line.get_color(): line for line in above.get_lines()}
     for model in SIGMAS:
-        x, y = lines[MODEL_LOOKS[model].colour].get_data()
+        x, y = lines[MODEL_STYLES[model].colour].get_data()
         assert np.trapezoid(y, x) == pytest.approx(1, rel=0.02)
     assert [text.get_text() for text in below.texts] == ["59.0", "4.0", "2.0"]
     assert [tick.get_text() for tick in below.get_yticklabels()] == [

@@ -19,7 +19,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.lidar.errors import error_model_names
 from puckbench.thesis.figures import residual_incidence, residual_violins
 from puckbench.thesis.figures import residual_table as parts
-from puckbench.thesis.figures.model_styles import MODEL_LOOKS, model_look, ordered_models
+from puckbench.thesis.figures.model_styles import MODEL_STYLES, model_style, ordered_models
 from puckbench.thesis.figures.violins import moments_text, symmetric_limit, violin_shape
 from tests.support.residuals_lookalike import ELEVATIONS, REAL_STD_M, residual_table
 
@@ -104,9 +104,9 @@ def test_a_subsample_is_seeded_and_without_repeats() -> None:
 
 
 def test_every_error_model_has_a_colour_of_its_own() -> None:
-    known = {look.colour for look in MODEL_LOOKS.values()}
-    assert len(known) == len(MODEL_LOOKS)
-    assert set(error_model_names()) <= set(MODEL_LOOKS)
+    known = {plot_style.colour for plot_style in MODEL_STYLES.values()}
+    assert len(known) == len(MODEL_STYLES)
+    assert set(error_model_names()) <= set(MODEL_STYLES)
 
 
 def test_what_the_thesis_compares_differs_in_lightness_or_hue_for_everyone() -> None:
@@ -114,7 +114,7 @@ def test_what_the_thesis_compares_differs_in_lightness_or_hue_for_everyone() -> 
     shown = ("real", "none", "hdl64e", "vlp16", "vlp16_divergence")
     for a, b in combinations(shown, 2):
         rgb = [
-            np.array([int(MODEL_LOOKS[model].colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+            np.array([int(MODEL_STYLES[model].colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
             for model in (a, b)
         ]
         assert np.abs(deuteranopia @ (rgb[0] ** 2.2 - rgb[1] ** 2.2)).max() > 0.05, (a, b)
@@ -122,8 +122,8 @@ def test_what_the_thesis_compares_differs_in_lightness_or_hue_for_everyone() -> 
 
 def test_an_unknown_model_looks_the_same_everywhere_and_stands_last() -> None:
     style = FigureStyle(colours={"vlp16": "#123456"})
-    assert model_look("my_model", style) == model_look("my_model", FigureStyle())
-    assert model_look("vlp16", style).colour == "#123456"
+    assert model_style("my_model", style) == model_style("my_model", FigureStyle())
+    assert model_style("vlp16", style).colour == "#123456"
     assert ordered_models(["my_model", "vlp16", "real"]) == ["real", "vlp16", "my_model"]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from puckbench.codecs.registry import codecs
 from puckbench.core.errors import InputError
-from puckbench.figures.plot_styles import codec_look
+from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 
@@ -32,22 +32,22 @@ def test_the_thesis_codecs_are_told_apart_by_everyone(vision: list[list[float]])
     default = ("draco", "gpcc", "pcgcv1_plus", "pcgcv2_plus")
     thesis = ("draco", "gpcc", "pcgcv1", "pcgcv2")
     for a, b in (*combinations(default, 2), *combinations(thesis, 2)):
-        looks = codec_look(a), codec_look(b)
-        distance = np.linalg.norm(np.subtract(*(_lab(k.colour, vision) for k in looks)))
+        plot_styles = codec_style(a), codec_style(b)
+        distance = np.linalg.norm(np.subtract(*(_lab(k.colour, vision) for k in plot_styles)))
         assert distance > 15, (a, b)
 
 
 def test_every_known_codec_has_its_own_colour_and_marker() -> None:
-    looks = [codec_look(name) for name in codecs()]
-    assert len({k.colour for k in looks}) == len({k.marker for k in looks}) == len(looks)
+    styles = [codec_style(name) for name in codecs()]
+    assert len({k.colour for k in styles}) == len({k.marker for k in styles}) == len(styles)
 
 
 def test_an_unknown_codec_looks_the_same_in_every_process() -> None:
-    code = "from puckbench.figures.plot_styles import codec_look as c; print(c('my_codec'))"
+    code = "from puckbench.figures.plot_styles import codec_style as c; print(c('my_codec'))"
     printed = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
-    assert printed.strip() == str(codec_look("my_codec"))
+    assert printed.strip() == str(codec_style("my_codec"))
 
 
 def test_listing_figures_imports_nothing_heavy() -> None:
@@ -77,7 +77,7 @@ def test_later_options_override_earlier_ones_key_by_key() -> None:
     own = {"font_size": 6, "colours": {"gpcc": "#123456"}, "axis_ranges": {"bpp": [0.1, 10]}}
     style = FigureStyle.from_config(common, own)
     assert style.font_size == 6
-    assert (style.look("draco").colour, style.look("gpcc").colour) == ("navy", "#123456")
+    assert (style.of_codec("draco").colour, style.of_codec("gpcc").colour) == ("navy", "#123456")
     assert style.axis_range("bpp", (0.01, 100)) == (0.1, 10)
 
 

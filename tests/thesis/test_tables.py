@@ -166,7 +166,7 @@ def test_joined_tables_have_the_names_of_the_configuration(tmp_path: Path) -> No
         joined_files([("b", tmp_path / "b.parquet")], "residuals")
 
 
-def test_a_long_capture_is_thinned(tmp_path: Path) -> None:
+def test_a_long_capture_is_subsampled(tmp_path: Path) -> None:
     rows = pd.DataFrame(dict.fromkeys(COLUMNS["residuals"], 0), index=range(MOST_ROWS + 1000))
     rows.assign(run=np.arange(len(rows))).to_parquet(tmp_path / "long.parquet")
     joined = joined_files([("real", tmp_path / "long.parquet")], "residuals")

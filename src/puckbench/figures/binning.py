@@ -16,10 +16,20 @@ BINS = 10
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Medians of x and of y in up to `bins` bins of x with equal counts, by rising x.
+    """Medians of x and of y in bins of x that hold equal numbers of values.
 
-    x, y: (n,) arrays; pairs where one is missing (nan) are left out. The bin edges are the
-    quantiles of x (as ``pandas.qcut``); with no more distinct values than bins each has its own.
+    Parameters
+    ----------
+    x, y
+        (n,) float; pairs of which one is missing (nan) are left out.
+    bins
+        Number of bins at most. Their edges are the quantiles of x (as ``pandas.qcut``); with no
+        more distinct values than bins each value has a bin of its own.
+
+    Returns
+    -------
+    x, y
+        (m,) float medians, by rising x.
     """
     import pandas as pd
 

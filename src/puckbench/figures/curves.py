@@ -57,7 +57,7 @@ def draw_curves(
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
     for codec, (bpp, values) in lines.items():
-        draw_line(axes, bpp, values, style.look(codec), floor=y_limits[0])
+        draw_line(axes, bpp, values, style.of_codec(codec), floor=y_limits[0])
     if not lines:
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
 

@@ -37,7 +37,7 @@ def draw_files(
     outputs
         Paths that end in .pdf or .png.
     style
-        The look of the figure.
+        Of the figure.
 
     Raises
     ------

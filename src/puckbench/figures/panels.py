@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from puckbench.figures.plot_styles import Look
+from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
 
@@ -24,10 +24,23 @@ Sharing = Literal["all", "row"]
 def panel_grid(
     panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
 ) -> tuple[Figure, list[Axes]]:
-    """Figure of `panels` panels in rows of `columns`, with shared axes; the panels row by row.
+    """A figure of panels with shared axes.
 
-    height_in: of one panel with its labels. One panel abreast is as wide as a column of text,
-    more are as wide as the page. Places left over in the last row stay free.
+    Parameters
+    ----------
+    panels, columns
+        Number in all, and in a row; places left over in the last row stay free.
+    height_in
+        Inches of one panel with its labels.
+    style
+        Gives the width, else one panel in a row is as wide as a column of text, more as the page.
+    sharey
+        Whether all panels share their vertical axis, or those of a row.
+
+    Returns
+    -------
+    Figure, list of Axes
+        The figure, and its panels row by row.
     """
     from matplotlib.figure import Figure
 
@@ -43,12 +56,12 @@ def panel_grid(
 
 
 def figure_width(columns: int, style: FigureStyle) -> float:
-    """Width in inches of a figure with so many panels abreast."""
+    """Width in inches of a figure by its number of panels in a row."""
     return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
 
 
 def panels_abreast(panels: int) -> int:
-    """How many of the panels stand in a row: four are two by two as in the thesis."""
+    """Number of panels in a row: four are two by two as in the thesis."""
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
@@ -65,19 +78,19 @@ def log_limits(values: Floats, default: Range) -> Range:
     return default
 
 
-def draw_line(axes: Axes, x: Floats, y: Floats, look: Look, floor: float) -> None:
-    """One codec's line; values of zero (lossless) stand hollow at the axis's `floor`.
+def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
+    """Draw one codec's line; values of zero (lossless) stand hollow at the axis's `floor`.
 
     Markers are drawn over the frame, so that a point on the limit is whole.
     """
     shown = np.maximum(y, floor)
     style: dict[str, Any] = {
-        "color": look.colour,
-        "marker": look.marker,
+        "color": plot_style.colour,
+        "marker": plot_style.marker,
         "clip_on": False,
         "zorder": 3,
     }
-    axes.plot(x, shown, linestyle=look.line, markeredgewidth=0.6, **style)
+    axes.plot(x, shown, linestyle=plot_style.line, markeredgewidth=0.6, **style)
     zero = y == 0
     if zero.any():
         axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
@@ -112,15 +125,23 @@ def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
+def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
+    """Name the horizontal axes below the last row of panels, and the vertical ones on the left."""
+    for axes in panels[::columns]:
+        axes.set_ylabel(y)
+    for axes in panels[-columns:]:
+        axes.set_xlabel(x)
+
+
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Line2D] = ()
 ) -> None:
     """One legend above all panels, in as many rows as the width asks for; `others` stand last."""
     from matplotlib.lines import Line2D
 
-    looks = [style.look(codec) for codec in codecs]
+    lines = [style.of_codec(codec) for codec in codecs]
     handles = [
-        Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in looks
+        Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in lines
     ]
     handles += others
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5

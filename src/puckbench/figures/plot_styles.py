@@ -10,7 +10,7 @@ from puckbench.codecs.registry import CODECS
 
 
 @dataclass(frozen=True)
-class Look:
+class PlotStyle:
     """A codec's line: title in the legend, colour (hex), marker and line style of matplotlib."""
 
     title: str
@@ -35,15 +35,15 @@ DATASET_TITLES: dict[str, str] = {
 }
 
 
-def codec_look(codec: str) -> Look:
-    """The look of a codec: what its class says, and for the rest one that follows from its name.
+def codec_style(codec: str) -> PlotStyle:
+    """The plot style of a codec: what its class says, the rest derived from its name.
 
     So a codec looks the same in every figure, whichever others are drawn beside it.
     """
     known, other = _registered(codec), _of_name(codec)
     if known is None:
         return other
-    return Look(
+    return PlotStyle(
         title=known.title or codec,
         colour=known.colour or other.colour,
         marker=known.marker or other.marker,
@@ -61,9 +61,9 @@ def _registered(codec: str) -> type[Codec] | None:
     return CODECS.get(codec) if codec in CODECS else None
 
 
-def _of_name(codec: str) -> Look:
+def _of_name(codec: str) -> PlotStyle:
     digest = hashlib.sha256(codec.encode()).digest()
-    return Look(
+    return PlotStyle(
         title=codec,
         colour=_OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)],
         marker=_OTHER_MARKERS[digest[1] % len(_OTHER_MARKERS)],

@@ -9,6 +9,7 @@ from puckbench.figures.curves import Lines, binned_curves, codecs_of, shared_lim
 from puckbench.figures.panels import (
     add_legend,
     draw_line,
+    label_outer,
     panel_grid,
     set_log,
     set_title,
@@ -58,10 +59,7 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
         dataset, column = list(curves[0])[index // len(_SHARES)], index % len(_SHARES)
         _draw_panel(axes, curves[column][dataset], x_limits, style)
         set_title(axes, f"{style.title(dataset)}: {_SHARES[column].words}", len(_SHARES), style)
-    for axes in panels[:: len(_SHARES)]:
-        axes.set_ylabel("Share")
-    for axes in panels[-len(_SHARES) :]:
-        axes.set_xlabel(BPP.label)
+    label_outer(panels, len(_SHARES), BPP.label, "Share")
     add_legend(figure, codecs_of(every, style), style)
     return figure
 
@@ -70,4 +68,4 @@ def _draw_panel(axes: Axes, lines: Lines, x_limits: Range, style: FigureStyle) -
     set_log(axes, "x", x_limits)
     axes.set_ylim(0, 1)
     for codec, (bpp, shares) in lines.items():
-        draw_line(axes, bpp, shares, style.look(codec), floor=0.0)
+        draw_line(axes, bpp, shares, style.of_codec(codec), floor=0.0)

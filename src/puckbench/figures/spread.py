@@ -46,11 +46,12 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     for index, axes in enumerate(panels):
         codec, dataset = codecs[index // len(datasets)], datasets[index % len(datasets)]
         set_log(axes, "y", limits, minor=False)
-        _draw_boxes(axes, _panel(shares, dataset, codec, rates), limits, style.look(codec).colour)
+        shown = style.of_codec(codec)
+        _draw_boxes(axes, _panel(shares, dataset, codec, rates), limits, shown.colour)
         if index < len(datasets):
             set_title(axes, style.title(dataset), len(datasets), style)
         if index % len(datasets) == 0:
-            _name_codec(axes, style.look(codec).title, style)
+            _name_codec(axes, shown.title, style)
     _label(figure, panels, rates, len(datasets), style)
     return figure
 

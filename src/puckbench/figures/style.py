@@ -1,4 +1,4 @@
-"""The look of all figures in one place: fonts, sizes, colours, titles, axis ranges."""
+"""The style of all figures in one place: fonts, sizes, colours, titles, axis ranges."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from puckbench.core.models import Model, parsed
-from puckbench.figures.plot_styles import Look, codec_look, codec_rank, dataset_title
+from puckbench.figures.plot_styles import PlotStyle, codec_rank, codec_style, dataset_title
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16
@@ -23,7 +23,7 @@ Size = Annotated[float, Field(gt=0)]
 
 
 class FigureStyle(Model):
-    """Everything about a figure's look that a configuration may change.
+    """The style of a figure, of which a configuration may change any part.
 
     Parameters
     ----------
@@ -89,13 +89,13 @@ class FigureStyle(Model):
             merged[key] = {**merged[key], **value} if inside else value
         return parsed(cls, merged, "figure style")
 
-    def look(self, codec: str) -> Look:
+    def of_codec(self, codec: str) -> PlotStyle:
         """Title, colour, marker and line of a codec, the same in every figure."""
-        look = codec_look(codec)
+        plot_style = codec_style(codec)
         return replace(
-            look,
-            title=self.codec_titles.get(codec, look.title),
-            colour=self.colours.get(codec, look.colour),
+            plot_style,
+            title=self.codec_titles.get(codec, plot_style.title),
+            colour=self.colours.get(codec, plot_style.colour),
         )
 
     def axis_range(self, column: str, default: Range) -> Range:

@@ -14,7 +14,7 @@ from puckbench.figures.curves import (
     draw_curves,
     shared_limits,
 )
-from puckbench.figures.panels import add_legend, panel_grid, set_title
+from puckbench.figures.panels import add_legend, label_outer, panel_grid, set_title
 from puckbench.figures.quantities import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
@@ -105,7 +105,7 @@ def draw_sides(
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
         _draw_own(axes, own.get((dataset, sides[column].column)), limits[1][0])
         set_title(axes, f"{style.title(dataset)}: {list(_SIDES.values())[column]}", 3, style)
-    _label(panels, quantity, len(sides))
+    label_outer(panels, len(sides), BPP.label, quantity.short_label)
     _add_legend(figure, every, style)
     return figure
 
@@ -126,13 +126,6 @@ def _own_errors(scan_errors: pd.DataFrame, sides: list[Quantity]) -> dict[tuple[
 def _draw_own(axes: Axes, value: float | None, floor: float) -> None:
     if value is not None and value >= floor:
         axes.axhline(value, zorder=2, **_OWN)
-
-
-def _label(panels: list[Axes], quantity: Quantity, columns: int) -> None:
-    for axes in panels[::columns]:
-        axes.set_ylabel(quantity.short_label)
-    for axes in panels[-columns:]:
-        axes.set_xlabel(BPP.label)
 
 
 def _add_legend(figure: Figure, every: list[Lines], style: FigureStyle) -> None:

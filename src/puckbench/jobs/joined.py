@@ -96,14 +96,14 @@ class ComparedResiduals(Job):
         """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.lidar.residual_table import read_residuals
-        from puckbench.thesis.residuals.joining import thinned
+        from puckbench.thesis.residuals.joining import subsampled
         from puckbench.thesis.residuals.model_comparison import (
             compared_residuals,
             default_models,
             real_walls,
         )
 
-        tables = [thinned(read_residuals(path), _MOST_ROWS, str(path)) for path in rows]
+        tables = [subsampled(read_residuals(path), _MOST_ROWS, str(path)) for path in rows]
         compared = compared_residuals(real_walls(tables), default_models())
         write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
         return {"rows": len(compared)}

@@ -15,7 +15,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.report.contents import Contents, Example
-from puckbench.report.curves import codec_look, rounded
+from puckbench.report.curves import codec_payload, rounded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +40,7 @@ def viewer_payload(
     points = points_each(contents.points, clouds, contents.most_mb)
     codecs = style.ordered_codecs(c for example in contents.examples for c in example.decoded)
     return {
-        "codecs": [codec_look(name, style) for name in codecs],
+        "codecs": [codec_payload(name, style) for name in codecs],
         "maps": {name: _colours(*which) for name, which in _COLOUR_MAPS.items()},
         "examples": [_example(item, points, metrics, style) for item in contents.examples],
     }

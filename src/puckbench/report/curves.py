@@ -31,23 +31,23 @@ def curves(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
     codecs = style.ordered_codecs(metrics["codec"])
     return {
         "datasets": [{"name": name, "title": style.title(name)} for name in datasets],
-        "codecs": [codec_look(name, style) for name in codecs],
+        "codecs": [codec_payload(name, style) for name in codecs],
         "metrics": [_described(item) for item in shown if item.column != "bpp"],
         "cells": _cells(metrics, [item.column for item in shown], datasets, codecs),
     }
 
 
-def codec_look(codec: str, style: FigureStyle) -> dict[str, str]:
+def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
     """Name, title, colour (hexadecimal), marker and line of a codec, as in the figures."""
     from matplotlib.colors import to_hex
 
-    look = style.look(codec)
+    plot_style = style.of_codec(codec)
     return {
         "name": codec,
-        "title": look.title,
-        "colour": to_hex(look.colour),
-        "marker": look.marker,
-        "line": look.line,
+        "title": plot_style.title,
+        "colour": to_hex(plot_style.colour),
+        "marker": plot_style.marker,
+        "line": plot_style.line,
     }
 
 

@@ -114,7 +114,7 @@ def _codecs(
         entry = entries.get(name)
         options = json.dumps(entry, sort_keys=True) if entry else ""
         cells = (_versions(rows), ", ".join(ordered_rates(set(rows["rate"]))))
-        yield Row(style.look(name).title, name, cells, options)
+        yield Row(style.of_codec(name).title, name, cells, options)
 
 
 def _versions(rows: pd.DataFrame) -> str:

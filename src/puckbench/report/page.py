@@ -1,6 +1,6 @@
 """The page as text: templates with the data, the style and the scripts inside.
 
-The interactive plot is our own: 16 kB of SVG, keyboard accessible and printable, beside which the
+The interactive plot is our own: 17 kB, keyboard accessible and printable, beside which the
 smallest plotting library that a Python package ships has 4.8 MB and needs a laxer security policy.
 """
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.figures.binning import ordered_rates
-from puckbench.figures.plot_styles import codec_look
+from puckbench.figures.plot_styles import codec_style
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Evidence:
     def stand_in(self, role: str) -> str:
         """Title of the codec that stands in for a role; nothing where the role is played."""
         codec = self.codecs.get(role)
-        return codec_look(codec).title if codec and codec == self.stand_ins.get(role) else ""
+        return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def named(self, *roles: str) -> list[str]:
         """The data sets with results that are one of these."""

@@ -66,9 +66,9 @@ def _draw_panel(
         own = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
         thesis, here = own["thesis"].to_numpy(dtype=float), own["here"].to_numpy(dtype=float)
         at = np.arange(len(rates), dtype=float)
-        colour = style.look(codec).colour
+        colour = style.of_codec(codec).colour
         axes.plot(at, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
         known = np.isfinite(here)
-        panels.draw_line(axes, at[known], here[known], style.look(codec), floor)
+        panels.draw_line(axes, at[known], here[known], style.of_codec(codec), floor)
     axes.set_xlim(-0.4, len(rates) - 0.6)
     axes.set_xticks(range(len(rates)), rates)

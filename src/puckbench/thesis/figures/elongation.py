@@ -10,6 +10,7 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
+    label_outer,
     log_limits,
     panel_grid,
     panels_abreast,
@@ -54,13 +55,10 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         set_title(axes, style.title(dataset), columns, style)
         for codec in style.ordered_codecs(rows["codec"]):
             own = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
-            look = style.look(codec)
+            shown = style.of_codec(codec)
             x, y = (own[name].to_numpy(dtype=float) for name in numbers)
-            axes.plot(x, np.maximum(y, limits[0]), look.marker, color=look.colour, alpha=0.6)
-    for axes in panels[::columns]:
-        axes.set_ylabel(CD_PLANE.short_label)
-    for axes in panels[-columns:]:
-        axes.set_xlabel("Elongation, shortest over longest side")
+            axes.plot(x, np.maximum(y, limits[0]), shown.marker, color=shown.colour, alpha=0.6)
+    label_outer(panels, columns, "Elongation, shortest over longest side", CD_PLANE.short_label)
     add_legend(figure, style.ordered_codecs(rows["codec"]), style)
     return figure
 

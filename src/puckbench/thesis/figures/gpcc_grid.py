@@ -56,9 +56,9 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
         limits = style.axis_range(quantity.column, quantity.limits)
         set_log(axes, "y", log_limits(gpcc_scales[quantity.column].to_numpy(float), limits), False)
         for codec in style.ordered_codecs(rows["codec"]):
-            look = style.look(codec)
+            line = style.of_codec(codec)
             own = rows[rows["codec"] == codec]
-            _draw(axes, own, own[quantity.column], look.colour, look.marker, look.line)
+            _draw(axes, own, own[quantity.column], line.colour, line.marker, line.line)
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
             set_title(axes, style.title(dataset), len(datasets), style)

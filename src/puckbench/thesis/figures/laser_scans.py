@@ -17,8 +17,7 @@ from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import wrapped
 from puckbench.figures.registry import FIGURES, at
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
-from puckbench.thesis.figures.model_styles import model_look, ordered_models
-from puckbench.thesis.figures.residual_legend import source_title
+from puckbench.thesis.figures.model_styles import model_style, ordered_models, source_title
 from puckbench.thesis.figures.residual_table import compared, subsample
 
 if TYPE_CHECKING:
@@ -259,7 +258,7 @@ def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
         scan = subsample(part[part["model"] == model], SAMPLE, model)
         _scatter(axes, scan, "y_m", "z_m", colours)
         axes.xaxis.set_major_locator(_few_ticks())
-        title = model_look(model, style).title
+        title = model_style(model, style).title
         axes.set_title(wrapped(title, (size[0] - 1.2) / abreast, style), pad=3)
     figure.supxlabel(_LABELS["y_m"], fontsize=style.font_size)
     figure.supylabel(_LABELS["z_m"], fontsize=style.font_size)

@@ -1,18 +1,24 @@
-"""How each error model is shown: one title and one colour wherever it appears."""
+"""How error models are shown: one title and colour wherever each appears, and their legend."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from puckbench.figures.style import FigureStyle
 from puckbench.lidar.errors import ERROR_MODELS
 from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.published import PRINTED_STD_M
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class ModelLook:
+class ModelStyle:
     """An error model's title (legends, ticks, panels) and colour (hex)."""
 
     title: str
@@ -22,9 +28,9 @@ class ModelLook:
 # What stands in tables beside the registered error models, which have their own title and colour.
 # The palette of Okabe and Ito for what the thesis compares, darker hues of Tol's for the others.
 _BESIDE = {
-    REAL: ModelLook("Real VLP-16", "#D55E00"),
-    "vlp16_fig518": ModelLook("VLP-16, as\u00a05.18", "#88CCEE"),
-    "vlp16_divergence_fig518": ModelLook("Divergence, as\u00a05.18", "#44AA99"),
+    REAL: ModelStyle("Real VLP-16", "#D55E00"),
+    "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#88CCEE"),
+    "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#44AA99"),
 }
 # The order is that of the thesis (Figure 5.18), then what goes past it.
 _ORDER = (
@@ -34,36 +40,61 @@ _ORDER = (
 )
 
 
-def _look(name: str) -> ModelLook:
+def _registered(name: str) -> ModelStyle:
     if name in _BESIDE:
         return _BESIDE[name]
     model = ERROR_MODELS.get(name)
-    return ModelLook(model.title, model.colour)
+    return ModelStyle(model.title, model.colour)
 
 
-MODEL_LOOKS = {name: _look(name) for name in _ORDER}
+MODEL_STYLES = {name: _registered(name) for name in _ORDER}
 
 _OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDAA")
 
 
-def model_look(model: str, style: FigureStyle) -> ModelLook:
-    """The look of an error model; one that has none gets a colour from its name alone.
+def model_style(model: str, style: FigureStyle) -> ModelStyle:
+    """The plot style of an error model; one that has none gets a colour from its name alone.
 
     The style's `colours` may name error models too.
     """
-    known = MODEL_LOOKS.get(model)
+    known = MODEL_STYLES.get(model)
     if known is None and model in ERROR_MODELS:
-        known = _look(model)
+        known = _registered(model)
     if known is None or not (known.title and known.colour):
         digest = hashlib.sha256(model.encode()).digest()
         words = model.replace("_", " ")
         title = words[:1].upper() + words[1:]
-        known = ModelLook(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
-    return ModelLook(known.title, style.colours.get(model, known.colour))
+        known = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
+    return ModelStyle(known.title, style.colours.get(model, known.colour))
 
 
 def ordered_models(models: Iterable[str]) -> list[str]:
     """Each model once: the table's order, then by name."""
-    names = list(MODEL_LOOKS)
+    names = list(MODEL_STYLES)
     rank = {name: place for place, name in enumerate(names)}
     return sorted(set(models), key=lambda model: (rank.get(model, len(names)), model))
+
+
+def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
+    """One entry per model above the panel; without a capture one that says so."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Artist] = [
+        Patch(color=model_style(model, style).colour, alpha=0.5, label=source_title(model, style))
+        for model in models
+    ]
+    if REAL not in models:
+        real = model_style(REAL, style).colour
+        text = f"Not captured; thesis: std \u00b1{PRINTED_STD_M:g} m"
+        handles.append(Line2D([], [], color=real, linestyle="--", linewidth=0.8, label=text))
+    letters = sum(len(str(handle.get_label())) for handle in handles)
+    in_a_row_in = letters * 0.58 * style.font_size / 72 + 0.5 * len(handles)
+    abreast = len(handles) if in_a_row_in < figure.get_size_inches()[0] else 1
+    figure.legend(handles=handles, loc="outside upper center", ncols=abreast)
+
+
+def source_title(model: str, style: FigureStyle) -> str:
+    """Title that says whether the data are captured or simulated."""
+    title = model_style(model, style).title
+    return title if model == REAL else f"Virtual ({title})"

@@ -12,7 +12,8 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
-from puckbench.thesis.figures.model_styles import model_look, ordered_models
+from puckbench.thesis.figures.model_styles import model_style, ordered_models
+from puckbench.thesis.figures.residual_table import residuals_of
 from puckbench.thesis.figures.violins import violin_shape
 
 if TYPE_CHECKING:
@@ -58,20 +59,20 @@ def draw_verdict(
 
 def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
     """The real residuals as an area, each model's as a line of its own colour and dashes."""
-    real = _residuals(table, REAL)
+    real = residuals_of(table, REAL)
     reach = max(_REACH_SIGMAS * float(real.std()), _LEAST_REACH_M)
-    look = model_look(REAL, style)
+    plot_style = model_style(REAL, style)
     coords, density = _density(real)
-    axes.fill_between(coords * 1e3, density, color=look.colour, alpha=0.35, linewidth=0)
-    axes.plot(coords * 1e3, density, color=look.colour, linewidth=0.6, label=look.title)
+    axes.fill_between(coords * 1e3, density, color=plot_style.colour, alpha=0.35, linewidth=0)
+    axes.plot(coords * 1e3, density, color=plot_style.colour, linewidth=0.6, label=plot_style.title)
     for index, name in enumerate(models):
-        values = _residuals(table, name)
+        values = residuals_of(table, name)
         if len(values) == 0:
             raise InputError(f"comparison table: no residual of the model {name!r}")
         coords, density = _density(values)
-        look = model_look(name, style)
+        plot_style = model_style(name, style)
         line = _LINES[index % len(_LINES)]
-        axes.plot(coords * 1e3, density, line, color=look.colour, label=look.title)
+        axes.plot(coords * 1e3, density, line, color=plot_style.colour, label=plot_style.title)
     axes.set_xlim(-reach * 1e3, reach * 1e3)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("Plane residual of the walls (mm)")
@@ -82,7 +83,7 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
     """One line per model, the first on top, on a logarithmic axis: they are far apart."""
     for place, name in enumerate(models):
         value, low, high, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
-        colour = model_look(name, style).colour
+        colour = model_style(name, style).colour
         if np.isfinite(chance):
             axes.barh(place, chance, height=0.7, color="#bbbbbb", alpha=0.6, linewidth=0)
         spread = [[max(value - low, 0)], [max(high - value, 0)]]
@@ -93,7 +94,7 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(*_limits(rows.loc[models]))
-    axes.set_yticks(range(len(models)), [model_look(name, style).title for name in models])
+    axes.set_yticks(range(len(models)), [model_style(name, style).title for name in models])
     axes.set_ylim(len(models) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_formatter("{x:g}")
@@ -111,7 +112,3 @@ def _density(residuals: Floats) -> tuple[Floats, Floats]:
     """Places (m) and density (1/mm)."""
     shape = violin_shape(residuals)
     return np.asarray(shape["coords"]), np.asarray(shape["vals"]) / 1e3
-
-
-def _residuals(table: pd.DataFrame, model: str) -> Floats:
-    return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)

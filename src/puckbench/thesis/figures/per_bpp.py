@@ -11,7 +11,7 @@ from puckbench.figures.curves import (
     draw_curves,
     shared_limits,
 )
-from puckbench.figures.panels import add_legend, panel_grid, panels_abreast, set_title
+from puckbench.figures.panels import add_legend, label_outer, panel_grid, panels_abreast, set_title
 from puckbench.figures.quantities import (
     BPP,
     CD_PLANE,
@@ -108,9 +108,7 @@ def draw_against_bpp(metrics: pd.DataFrame, quantity: Quantity, style: FigureSty
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
         draw_curves(axes, lines, x_limits, y_limits, style)
         set_title(axes, style.title(dataset), columns, style)
-    for axes in panels[::columns]:
-        axes.set_ylabel(quantity.label if columns < 3 else quantity.short_label)
-    for axes in panels[-columns:]:
-        axes.set_xlabel(BPP.label)
+    label = quantity.label if columns < 3 else quantity.short_label
+    label_outer(panels, columns, BPP.label, label)
     add_legend(figure, codecs_of(curves.values(), style), style)
     return figure

@@ -74,7 +74,7 @@ def _draw_row(
             values = part[part["codec"] == codec].set_index("rate")[quantity.column]
             y = values.reindex(rates).to_numpy(dtype=float)
             at = np.flatnonzero(np.isfinite(y))
-            draw_line(axes, at.astype(float), y[at], style.look(codec), floor=limits[0])
+            draw_line(axes, at.astype(float), y[at], style.of_codec(codec), floor=limits[0])
     next(iter(row.values())).set_ylabel(quantity.short_label)
 
 

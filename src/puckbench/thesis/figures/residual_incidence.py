@@ -12,8 +12,12 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
-from puckbench.thesis.figures.model_styles import model_look, ordered_models
-from puckbench.thesis.figures.residual_legend import add_model_legend, source_title
+from puckbench.thesis.figures.model_styles import (
+    add_model_legend,
+    model_style,
+    ordered_models,
+    source_title,
+)
 from puckbench.thesis.figures.residual_table import (
     binned_moments,
     check_residuals,
@@ -55,7 +59,7 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     samples = _samples(rows, models)
     figure, panels = panel_grid(len(models) + 1, 1, 1.35, style, sharey="row")
     for axes, model in zip(panels, models, strict=False):
-        _scatter(axes, samples[model], model_look(model, style).colour)
+        _scatter(axes, samples[model], model_style(model, style).colour)
         axes.set_title(source_title(model, style), pad=3)
     _finish(figure, panels, samples, 1, style)
     _draw_bins(panels[-1], samples, style)
@@ -86,12 +90,12 @@ def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Fig
     columns = 1 if len(samples) <= _LONG_COLUMN else 2
     figure, panels = panel_grid(len(samples), columns, 1.1, style)
     for axes, (model, (incidence, values)) in zip(panels, samples.items(), strict=True):
-        look = model_look(model, style)
-        _scatter(axes, (incidence, values), look.colour)
+        plot_style = model_style(model, style)
+        _scatter(axes, (incidence, values), plot_style.colour)
         centres, means, stds = binned_moments(incidence, values)
         for side in (-1, 1):
             axes.plot(centres, means + side * stds, color="black", linewidth=0.8)
-        axes.set_title(look.title, pad=3)
+        axes.set_title(plot_style.title, pad=3)
     _finish(figure, panels, samples, columns, style)
     return figure
 
@@ -125,7 +129,7 @@ def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> No
     for index, (model, (centres, means, stds)) in enumerate(bars.items()):
         line = "--" if model not in samples else "-"
         beside = (index - (len(bars) - 1) / 2) * 0.015 * widest
-        colour = model_look(model, style).colour
+        colour = model_style(model, style).colour
         axes.errorbar(centres + beside, means, stds, color=colour, linestyle=line, capsize=1.5)
     ends = [mean + side * std for _, mean, std in bars.values() for side in (-1, 1)]
     limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _LEAST_BINS_M)

@@ -13,8 +13,7 @@ from puckbench.figures.registry import FIGURES, at
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
-from puckbench.thesis.figures.model_styles import model_look, ordered_models
-from puckbench.thesis.figures.residual_legend import add_model_legend
+from puckbench.thesis.figures.model_styles import add_model_legend, model_style, ordered_models
 from puckbench.thesis.figures.residual_table import (
     check_residuals,
     compared,
@@ -177,7 +176,7 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
         there = {model: values for model, values in parts.items() if len(values)}
         for index, (model, values) in enumerate(there.items()):
             at = place + (index - (len(there) - 1) / 2) * width
-            draw_violin(axes, at, values, model_look(model, style).colour, 0.9 * width)
+            draw_violin(axes, at, values, model_style(model, style).colour, 0.9 * width)
         drawn += there.values()
     _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
     axes.set_xlabel(label)
@@ -189,7 +188,7 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
 
 def _show_published(axes: Axes, style: FigureStyle) -> None:
     """Without a capture: the published standard deviation of the thesis's real sensor."""
-    colour = model_look(REAL, style).colour
+    colour = model_style(REAL, style).colour
     for side in (-PRINTED_STD_M, PRINTED_STD_M):
         axes.axhline(side, color=colour, linestyle="--", linewidth=0.8)
 
@@ -203,10 +202,10 @@ def _draw_models(rows: pd.DataFrame, least_m: float, style: FigureStyle) -> Figu
         for model in models
     }
     for place, (model, values) in enumerate(samples.items()):
-        draw_violin(axes, place, values, model_look(model, style).colour, 0.7)
+        draw_violin(axes, place, values, model_style(model, style).colour, 0.7)
     limit = symmetric_limit(np.concatenate(list(samples.values())), least_m)
     room_in = (figure.get_size_inches()[0] - 0.6) / len(models)
-    titles = [wrapped(model_look(model, style).title, room_in, style) for model in models]
+    titles = [wrapped(model_style(model, style).title, room_in, style) for model in models]
     _set_axes(axes, titles, limit)
     for place, values in enumerate(samples.values()):
         _write_moments(axes, place, values, limit)

@@ -54,11 +54,11 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
     table = pd.read_parquet(path)
     if missing := [column for column in columns if column not in table]:
         raise InputError(f"{path}: no column {missing[0]!r}")
-    kept = thinned(table, MOST_ROWS, name)
+    kept = subsampled(table, MOST_ROWS, name)
     return kept.assign(model=name)[list(columns)].astype({"surface": str})
 
 
-def thinned(table: pd.DataFrame, most: int, name: str) -> pd.DataFrame:
+def subsampled(table: pd.DataFrame, most: int, name: str) -> pd.DataFrame:
     """At most so many rows in their order, chosen at random, the same ones for the same name."""
     if len(table) <= most:
         return table
