@@ -56,6 +56,28 @@ def test_only_figures_whose_scans_and_models_are_there_are_drawn() -> None:
     assert CHAPTER_5 - without == {"fig_5_19"}
 
 
+def test_a_model_of_a_users_file_is_planned_and_fingerprinted(tmp_path: Path) -> None:
+    source = """
+from puckbench.lidar.errors import ErrorModel
+class TooFar(ErrorModel):
+    share: float = 0.01
+    def perturb_ranges(self, hits, sensor, draws):
+        return hits.distance * (1 + self.share)
+"""
+    codes = []
+    for name, text in (("a", source), ("b", source.replace("1 + self", "2 + self"))):
+        place = f"{tmp_path / name}.py:TooFar"
+        (tmp_path / f"{name}.py").write_text(text)
+        bench = workflow({"models": {"far": {"errors": place, "error_options": {"share": 0.5}}}})
+        assert place in bench.residual_arguments("far")
+        codes.append(bench.model_code("puckbench.thesis.residuals.virtual", "far"))
+    assert "TooFar(share=0.5)" in codes[0]
+    assert codes[0] != codes[1]
+    wrong = {"errors": f"{tmp_path / 'a'}.py:TooFar", "error_options": {"shear": 1}}
+    with pytest.raises(InputError, match=r"models.far: .*unknown option 'shear' .known: share"):
+        workflow({"models": {"far": wrong}})
+
+
 def test_a_model_has_the_arguments_of_its_entry() -> None:
     models = {"wide": {"errors": "vlp16", "error_options": {"bias_sigma_m": 0.02}}}
     bench = workflow({"models": models, "runs": 1, "rows": 7, "refit": True, "seed": 5})

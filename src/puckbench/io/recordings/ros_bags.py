@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -69,12 +70,9 @@ def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Mess
 def _read(bag: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     is_ros1 = bag.suffix == ".bag"
-    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
-    for name, text in definitions.items():
-        types.register(get_types_from_msg(text, name))
+    types = _types(is_ros1, tuple(definitions.items()))
     decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
     reader: Any = Reader1(bag) if is_ros1 else Reader2(bag)
     with reader:
@@ -85,6 +83,17 @@ def _read(bag: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
             raise InputError(f"the ROS bag must have one topic of {kind} (found: {names})")
         found = [decode(data, kind) for _, _, data in reader.messages(connections=chosen)]
     return Messages(topics[0], found, "rosbag" if is_ros1 else "ros2bag")
+
+
+@cache
+def _types(is_ros1: bool, definitions: tuple[tuple[str, str], ...]) -> Any:
+    """The standard message types and the given ones, which are compiled."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    for name, text in definitions:
+        types.register(get_types_from_msg(text, name))
+    return types
 
 
 def _linked(bag: Path, folder: Path) -> Path:
