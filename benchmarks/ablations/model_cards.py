@@ -42,7 +42,7 @@ def main() -> None:
         for rate, means in found["rates"].items():
             print(name, rate, {key: float(f"{value:.4g}") for key, value in means.items()})
         data = [f"{cloud.parent.name}/{cloud.name}" for cloud in clouds]
-        card = {**header_of(path)["card"], "validation": {"data": data, **found}}
+        card = {**header_of(path).card, "validation": {"data": data, **found}}
         write_json(path.with_suffix(".json"), card)
 
 

@@ -24,7 +24,7 @@ TRAININGS: dict[str, Any] = {
         "datasets": ["objects", "raw"],
         "steps": 1,
         "start": "tiny",
-        "options": {**SETTINGS, "thinnest": 0.5},
+        "options": {**SETTINGS, "min_kept_fraction": 0.5},
     },
 }
 
@@ -65,7 +65,10 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
         ({"validate": ["nowhere"]}, "train.tiny.validate: no data set 'nowhere'"),
         ({"start": "nowhere"}, "train.tiny: nowhere: no such folder of weights"),
         ({"codec": "draco"}, "train.tiny: codec draco: there is nothing to train"),
-        ({"options": {"widths": [3]}}, "train.tiny: training: widths cannot be (3,)"),
+        (
+            {"options": {"channels": [3]}},
+            "train.tiny: codec pcgcv2_plus: training: channels.0 is 3, but must be a multiple of 4",
+        ),
     ],
 )
 def test_a_training_that_cannot_be_ends_in_one_line(

@@ -123,7 +123,7 @@ def _place(location: tuple[int | str, ...], values: Any, kind: str) -> tuple[str
         if isinstance(values, Mapping) and (part in values or absent):
             values = values.get(part)
         elif isinstance(values, (list, tuple)) and isinstance(part, int):
-            values = values[part]
+            values = values[part] if part < len(values) else None
         else:
             continue
         found.append(str(part))
