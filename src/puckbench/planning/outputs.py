@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
+from puckbench.codecs.registry import CODECS, codec_class
 from puckbench.core.errors import InputError
 from puckbench.figures.registry import (
     BOTH_GPCC,
@@ -170,7 +171,15 @@ class OutputJobs:
             for name, data in self.plan.datasets.items()
             if data.settings.title is not None
         }
-        return {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}, *changes
+        base = {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}
+        return {**base, **self._own_codecs()}, *changes
+
+    def _own_codecs(self) -> dict[str, dict[str, str]]:
+        """Titles and colours of codecs of a user's own files, known to figures by name alone."""
+        own = {n: codec_class(n, e) for n, e in self.plan.codecs.items() if n not in CODECS}
+        titles = {name: found.title for name, found in own.items() if found.title}
+        colours = {name: found.colour for name, found in own.items() if found.colour}
+        return {"codec_titles": titles, "colours": colours} if own else {}
 
     def _check_style(self, figure: str) -> None:
         try:
