@@ -15,7 +15,7 @@ from puckbench.codecs.registry import (
     open_codec,
 )
 from puckbench.core.errors import InputError
-from puckbench.core.plugins import load_class
+from puckbench.core.registry import load
 
 OWN = """
 from puckbench.codecs.base import Codec
@@ -60,7 +60,7 @@ def test_a_data_class_in_a_file_may_postpone_its_annotations(tmp_path: Path) -> 
         "    kind: ClassVar[str] = 'a'\n"
         "    value: int = 1\n"
     )
-    assert load_class(f"{tmp_path}/one.py:One", "test")().value == 1
+    assert load(f"{tmp_path}/one.py:One", "test")().value == 1
 
 
 def test_rates_are_chosen_in_the_tables_order() -> None:

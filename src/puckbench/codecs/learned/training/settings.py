@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
 
 from puckbench.codecs.registry import training_class
 from puckbench.core.models import Model, parsed
-from puckbench.core.plugins import load_class
+from puckbench.core.registry import load
 
 if TYPE_CHECKING:
     from puckbench.codecs.learned.training.examples import Examples
@@ -152,5 +152,5 @@ def open_training(
     InputError
         The codec has no training, or an option is unknown or out of range.
     """
-    training: type[Training] = load_class(training_class(codec, entry), f"codec {codec}")
+    training: type[Training] = load(training_class(codec, entry), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
