@@ -26,7 +26,7 @@ _MIN_VOXELS = 64
 
 
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
-    """How many octaves to coarsen a grid until its voxels have so many occupied children.
+    """Octaves by which a grid must be coarsened until its voxels have enough occupied children.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     Returns
     -------
     float
-        Octaves, interpolated linearly in the number of children; 0 if no grid has so many.
+        Octaves, interpolated linearly in the number of children; 0 if no grid has enough.
     """
     before = 0.0
     for octave in range(AXIS_BITS):

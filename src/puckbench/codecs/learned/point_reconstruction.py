@@ -112,7 +112,7 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError where `points_per_voxel` cannot have been so for so many decoded voxels.
+    """Raise InputError for points of a voxel that `points_per_voxel` cannot have returned.
 
     0 is allowed: it stands for one point in the centre of each voxel.
     """

@@ -70,7 +70,7 @@ _CHILDREN = np.array([EVEN, ODD])
 
 
 def writer(voxels: int) -> Mixer:
-    """An encoder of the symbols of at most so many voxels."""
+    """An encoder of the symbols of a number of voxels or fewer."""
     return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
 
 

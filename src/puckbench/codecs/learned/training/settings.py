@@ -103,8 +103,8 @@ class MultiRateTraining(Training):
     min_kept_fraction
         Smallest fraction of its voxels that a cube keeps, so that sparser clouds are learned from.
     mean_occupied_children
-        Clouds are learned from on each grid, an octave apart, on which a voxel has so many occupied
-        children in the mean.
+        Mean numbers of occupied children of a voxel; for each of them clouds are learned from on the
+        finest grid, by whole octaves, that is as dense.
     """
 
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
