@@ -170,7 +170,7 @@ def _bit(cell: int) -> np.int64:
 
 
 def _at_steps(places: list[list[int]], steps: int | None) -> Ints:
-    """Masks (8,) of the cells at a distance in steps from a child; None: those it does not touch."""
+    """Masks (8,) of the cells some steps from a child; for None of those it does not touch."""
     found = np.zeros(CHILDREN, np.int64)
     for child, place in enumerate(places):
         for cell in product(range(4), repeat=3):

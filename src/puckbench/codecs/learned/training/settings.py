@@ -103,7 +103,7 @@ class MultiRateTraining(Training):
     min_kept_fraction
         Smallest fraction of its voxels that a cube keeps, so that sparser clouds are learned from.
     mean_occupied_children
-        Mean numbers of occupied children of a voxel; for each of them clouds are learned from on the
+        Mean numbers of occupied children of a voxel; for each, clouds are learned from on the
         finest grid, by whole octaves, that is as dense.
     """
 
