@@ -124,7 +124,6 @@ def test_comments_docstrings_and_registries_do_not_count(tmp_path: Path) -> None
     with_text = _version(path, 'def f():\n    """Say."""\n    return 1\n')
     assert _version(path, 'def f():\n    """Say more."""\n    return 1\n') == with_text
     assert with_text == plain
-    assert _version(path, 'REGISTRY = {"a": 1}\n\n\ndef f():\n    return 1\n') == plain
     registry = 'CODECS: Registry[Codec] = Registry("codec", "codecs")\n\n\n'
     assert _version(path, f"{registry}def f():\n    return 1\n") == plain
 

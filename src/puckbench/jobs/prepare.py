@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,9 +13,11 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
-from puckbench.jobs.preparation import Returns, prepare
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import has_faces
+
+if TYPE_CHECKING:
+    from puckbench.jobs.preparation import Returns
 
 Box = tuple[float, float, float, float, float, float]
 
@@ -54,6 +56,8 @@ class Prepare(Job):
         about
             Descriptions whose name and group are kept.
         """
+        from puckbench.jobs.preparation import prepare
+
         returns = _returns(source, self.clean)
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
@@ -80,6 +84,8 @@ class Prepare(Job):
 
 
 def _returns(path: Path, clean: bool) -> Returns:
+    from puckbench.jobs.preparation import Returns
+
     if path.suffix != ".parquet":
         if has_faces(path):
             raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")

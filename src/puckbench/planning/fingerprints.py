@@ -26,7 +26,6 @@ _RECORDED = {"rates", "memory"}
 """Of a class: what a job's own record has, or what only plans use."""
 _HELP = {"help", "description"}
 _HELPED_CALLS = {"add_argument", "add_parser", "Field"}
-_REGISTRIES = {"REGISTRY", "FIGURES"}
 _NOT_CODE = ("puckbench.cli",)
 
 
@@ -254,7 +253,7 @@ def _presents(node: ast.stmt) -> bool:
 def _is_registry(node: ast.Assign | ast.AnnAssign) -> bool:
     value: Any = node.value.func if isinstance(node.value, ast.Call) else None
     value = value.value if isinstance(value, ast.Subscript) else value
-    return _name_of(value) == "Registry" or bool(_assigned(node) & {*_REGISTRIES, "__all__"})
+    return _name_of(value) == "Registry" or "__all__" in _assigned(node)
 
 
 def _assigned(node: ast.stmt) -> set[str]:
