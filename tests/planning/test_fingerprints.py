@@ -73,7 +73,9 @@ def test_an_edited_codec_re_makes_its_own_streams_alone(tree: Path) -> None:
 
 
 def test_an_edited_contract_re_makes_the_streams_of_all_codecs(tree: Path) -> None:
-    assert _changed(tree, "codecs/base.py", "", "\nLIMIT = 3\n") == {"draco", "gpcc"}
+    """And of figures, which take titles and colours from it; but no scan and no table."""
+    changed = _changed(tree, "codecs/base.py", "", "\nLIMIT = 3\n")
+    assert changed == {"draco", "gpcc", "figure"}
 
 
 def test_an_edited_error_model_re_makes_its_scans_alone(tree: Path) -> None:
