@@ -114,9 +114,11 @@ def test_all_jobs_of_the_configuration_are_counted(asked: Reproduction) -> None:
     kinds = asked.job_kinds()
     counts: dict[str, int] = {}
     for kind in kinds:
-        counts[kind.rule] = counts.get(kind.rule, 0) + kind.jobs
-    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode": 4, "evaluate": 4, "fig_6_5": 1}
+        counts[kind.job] = counts.get(kind.job, 0) + kind.jobs
+    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode": 4, "evaluate": 4}
     assert expected.items() <= counts.items()
+    assert counts["figure"] == len(asked.bench.outputs.figures) > 20
+    assert counts["table"] == len(asked.bench.outputs.tables) > 5
     assert counts["residuals"] == 5
 
 
@@ -133,10 +135,14 @@ def test_the_command_prints_the_list(
 def test_an_estimate_says_what_it_rests_on(
     asked: Reproduction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    job = {"rule": "encode", "codec": "draco", "rate": "r1", "points": 1000, "seconds": 3600.0}
-    (tmp_path / "costs.json").write_text(json.dumps({"jobs": [job | {"repeats": 3}]}))
+    results = tmp_path / "run" / "results"
+    log, about = results / "logs/coded/a/b/draco/r1.log", results / "clouds/a/b.json"
+    for path in (log, about):
+        path.parent.mkdir(parents=True)
+    log.write_text('{"job": "encode", "processor_s": 3600, "wall_s": 3600, "peak_mib": 9}\n')
+    about.write_text('{"points": 1000}')
     words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
-    assert main(["reproduce", *words, "--estimate", "costs.json", "--json"]) == 0
+    assert main(["reproduce", *words, "--estimate", "run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     rests = "(from 1 job; some rates from the codec's others)"
     assert found["encode draco"] == f"4.00 core-hours: 4 jobs of 3600.0 s {rests}"

@@ -69,8 +69,9 @@ class TooFar(ErrorModel):
         place = f"{tmp_path / name}.py:TooFar"
         (tmp_path / f"{name}.py").write_text(text)
         bench = workflow({"models": {"far": {"errors": place, "error_options": {"share": 0.5}}}})
-        assert place in bench.residual_arguments("far")
-        codes.append(bench.model_code("puckbench.thesis.residuals.virtual", "far"))
+        job = bench.study.residuals("far")
+        assert Residuals.model_validate_json(job.record).model == place
+        codes.append(job.code)
     assert "TooFar(share=0.5)" in codes[0]
     assert codes[0] != codes[1]
     wrong = {"errors": f"{tmp_path / 'a'}.py:TooFar", "error_options": {"shear": 1}}

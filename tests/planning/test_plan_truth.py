@@ -68,7 +68,18 @@ def test_without_labels_or_surfaces_nothing_is_compared(
     assert "recovery_rd" not in bench.outputs.figures
 
 
-def test_a_codec_of_ones_own_says_that_it_codes_surfaces() -> None:
-    own = {"class": "own.py:Own", "rates": {"r1": {}}}
+OWN = """
+from puckbench.codecs.base import Codec
+class Own(Codec):
+    def _encode(self, points, parameters):
+        return points.tobytes()
+    def _decode(self, stream):
+        raise NotImplementedError
+"""
+
+
+def test_a_codec_of_ones_own_says_that_it_codes_surfaces(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    own = {"class": f"{tmp_path}/own.py:Own", "rates": {"r1": {}}}
     names = {"a": {**own, "surfaces": True}, "b": own}
     assert {cell[2] for cell in workflow({"scanned": SCAN}, names).plan.recovered} == {"a"}

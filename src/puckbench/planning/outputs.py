@@ -9,6 +9,7 @@ from typing import Any
 
 from puckbench.codecs.registry import CODECS, codec_class
 from puckbench.core.errors import InputError
+from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import (
     BOTH_GPCC,
     FIGURES,
@@ -153,7 +154,13 @@ class OutputJobs:
     def figure(self, name: str) -> PlannedJob:
         """Draw a figure."""
         record = Figure(figure=name, inputs=self.figures[name], style=self.figure_style(name))
-        return planned(record, FIGURES.module_of(name))
+        return planned(record, FIGURES.module_of(name), also=self._codec_styles)
+
+    @cached_property
+    def _codec_styles(self) -> str:
+        """Digest of the titles and colours of the codecs, by which all figures are drawn again."""
+        styles = [codec_style(name) for name in self.plan.codecs]
+        return hashlib.sha256(repr(styles).encode()).hexdigest()[:16]
 
     def figure_labels(self, name: str) -> tuple[str, str]:
         """Category and title of a figure, for Snakemake's own report."""
