@@ -64,7 +64,7 @@ def main() -> None:
     test = [pin for pin in resolve(["test"], pins, pins) if pin not in run]
     learned = [pin for pin in resolve(["learned"], pins, pins) if pin not in run]
     slurm = [pin for pin in resolve(["slurm"], pins, pins) if pin not in run]
-    docs = [pin for pin in resolve(["docs"], pins, pins) if pin not in run]
+    docs = [pin for pin in resolve(["docs"], pins, pins) if pin not in [*run, *test]]
     cuda = [pin for pin in learned if pin.startswith(CUDA)]
     torch = ["--constraint cuda.constraints", *(pin for pin in learned if pin not in cuda)]
     write_lines("requirements.lock", "What a run needs.", run)
@@ -73,7 +73,7 @@ def main() -> None:
     write_lines("slurm.lock", about, slurm)
     write_lines("learned.lock", "What learned codecs need on top of requirements.lock.", torch)
     write_lines("cuda.constraints", "Versions for a torch that asks for CUDA; forces none.", cuda)
-    about = "What building the documentation needs on top of requirements.lock."
+    about = "What building the documentation needs on top of test.lock."
     write_lines("docs.lock", about, docs)
     about = "The environment of the rules for --software-deployment-method conda."
     write_lines("puckbench.yaml", about, conda_environment([*run, *torch[1:]]))

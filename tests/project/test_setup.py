@@ -21,7 +21,7 @@ LOCKS = {  # pyproject.toml's extra: the files that hold its packages
     "test": ["requirements.lock", "test.lock"],
     "learned": ["requirements.lock", "learned.lock"],
     "slurm": ["requirements.lock", "slurm.lock"],
-    "docs": ["requirements.lock", "docs.lock"],
+    "docs": ["requirements.lock", "test.lock", "docs.lock"],
 }
 SYSTEMS = [
     {"python_version": python, "sys_platform": system, "platform_machine": machine}
