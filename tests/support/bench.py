@@ -138,6 +138,7 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.snakefile = ROOT / "workflow" / "Snakefile"
         self.results = folder / "results"
         (folder / "raw_grid.py").write_text(RAW_CODEC)
         (folder / "box.py").write_text(BOX_CODEC)
@@ -179,7 +180,7 @@ class Bench:
             "-m",
             "snakemake",
             "--snakefile",
-            str(ROOT / "workflow/Snakefile"),
+            str(self.snakefile),
         ]
         return [*program, "--configfile", "config.yaml", "--cores", "2", *arguments]
 
