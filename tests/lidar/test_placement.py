@@ -117,7 +117,7 @@ def test_a_fixed_pose_stands_at_its_place_not_at_the_origin() -> None:
         (["--origin", "0", "2", "1"], "the sensor at [0.0, 2.0, 1.0] touches the mesh"),
         (["--origin", "0", "2", "1", "--anywhere"], "the sensor at [0.0, 2.0, 1.0] touches"),
         (["--origin", "900", "2", "1", "--anywhere"], "no ray returned to a sensor at [900.0,"),
-        (["--origin", "nan", "2", "1"], "must be three finite numbers"),
+        (["--origin", "nan", "2", "1"], "origin.0 is nan, but must be a finite number"),
         (["--sweep", '{"max_range_m": 0.1}'], "no ray returned to a sensor at"),
         (["--sensor", "half.yaml"], "half.yaml: 2 vertical_correction_mm for 3 lasers"),
         (["--height", "7"], "no free spot 7.0 m above its floor"),

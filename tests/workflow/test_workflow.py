@@ -330,7 +330,7 @@ def _wait_for_file(path: Path, seconds: float = 300) -> None:
         ({"datasets.noisy.errors": "vlp61"}, "datasets.noisy: unknown error model 'vlp61'"),
         ({"datasets.noisy.sensor": "vlp61"}, "datasets.noisy: unknown sensor 'vlp61'"),
         ({"datasets.noisy.sweep": {"fsp": 3}}, "datasets.noisy: sweep"),
-        ({"figures.style": {"fontsize": 3}}, "figures.style: figure style: unknown key"),
+        ({"figures.style": {"fontsize": 3}}, "figures.style: figure style: unknown option"),
         ({"figures.examples": {"raw": "raw/x"}}, "figures.examples: no cloud 'raw/x'"),
         ({"sensor_study.models": {"vlp61": {}}}, "sensor_study.models.vlp61: unknown error model"),
         ({"datsets": {}}, "the configuration: unknown key 'datsets'"),

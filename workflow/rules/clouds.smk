@@ -16,7 +16,7 @@ rule sample:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} sample {params.record:q} mesh={input.scene} cloud={output.cloud} > {log} 2>&1"
+        "python -m puckbench.jobs sample {params.record:q} mesh={input.scene} cloud={output.cloud} > {log} 2>&1"
 
 
 rule prepare:
@@ -40,5 +40,5 @@ rule prepare:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} prepare {params.record:q} source={input.source} cloud={output.cloud}"
+        "python -m puckbench.jobs prepare {params.record:q} source={input.source} cloud={output.cloud}"
         " truth={output.truth} about={input.about} {params.box} > {log} 2>&1"

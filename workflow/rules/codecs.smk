@@ -23,7 +23,7 @@ rule encode:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} {JOB} encode {params.record:q} cloud={input.cloud} stream={output.stream}"
+        "{params.timed} python -m puckbench.jobs encode {params.record:q} cloud={input.cloud} stream={output.stream}"
         " > {log} 2>&1"
 
 
@@ -44,4 +44,4 @@ rule decode:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} decode {params.record:q} stream={input.stream} cloud={output.cloud} > {log} 2>&1"
+        "python -m puckbench.jobs decode {params.record:q} stream={input.stream} cloud={output.cloud} > {log} 2>&1"

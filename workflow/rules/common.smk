@@ -43,8 +43,6 @@ bench = or_stop(Workflow, config)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
-# A job gets its settings as one record of the plan, and its files by key.
-JOB = "python -m puckbench.jobs"
 
 
 or_stop(check_storage, workflow.storage_settings.default_storage_provider)

@@ -20,7 +20,7 @@ rule evaluate:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} {JOB} evaluate {params.record:q} cloud={input.cloud}"
+        "{params.timed} python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud}"
         " decoded={input.stream} row={output} {params.truth} > {log} 2>&1"
 
 
@@ -44,7 +44,7 @@ rule scan_error:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} evaluate {params.record:q} cloud={input.cloud} decoded={input.cloud}"
+        "python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud} decoded={input.cloud}"
         " row={output} {params.truth} > {log} 2>&1"
 
 
@@ -69,5 +69,5 @@ rule recovery:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} recovery {params.record:q} stream={input.stream} points={input.points}"
+        "python -m puckbench.jobs recovery {params.record:q} stream={input.stream} points={input.points}"
         " scene={input.scene} row={output} > {log} 2>&1"

@@ -21,7 +21,7 @@ rule weights:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{JOB} train {params.record:q} clouds={input.clouds} weights={output.weights}"
+        "python -m puckbench.jobs train {params.record:q} clouds={input.clouds} weights={output.weights}"
         " validate={input.validate} > {log} 2>&1"
 
 

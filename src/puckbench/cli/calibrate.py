@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Estimate and write the model file; the estimates and intervals to print."""
-    job = Calibrate(
+    job = Calibrate.given(
         model=options.model,
         cells=options.cells,
         parameters=tuple(options.parameters) if options.parameters else None,

@@ -20,5 +20,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the decoded cloud, or the surface that a codec of surfaces has coded."""
-    job = Decode(as_mesh=options.as_mesh, **timed_options(options))
+    job = Decode.given(as_mesh=options.as_mesh, **timed_options(options))
     return job.run(options.stream, options.out)

@@ -27,4 +27,4 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     chosen = timed_options(options)
     if options.raw:
         chosen["changes"] = with_options(chosen["changes"], raw=True)
-    return Encode(rate=options.rate, **chosen).run(options.cloud, options.out)
+    return Encode.given(rate=options.rate, **chosen).run(options.cloud, options.out)

@@ -40,6 +40,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Measure; the answer is the result row."""
     chosen = {name: getattr(options, name) for name in ("dataset", "peak", "views")}
-    job = Evaluate(**chosen, **timed_options(options))
+    job = Evaluate.given(**chosen, **timed_options(options))
     files = {name: getattr(options, name) for name in ("row", "truth", "visible", "clean")}
     return job.run(options.reference, options.decoded, **files)

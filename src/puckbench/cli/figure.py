@@ -28,5 +28,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Draw and write the figure."""
     layers = options.style if isinstance(options.style, list) else [options.style]
-    job = Figure(figure=options.figure, inputs=options.inputs, style=tuple(layers))
+    job = Figure.given(figure=options.figure, inputs=options.inputs, style=tuple(layers))
     return job.run(tuple(options.out))

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
-    job = Prepare(
+    job = Prepare.given(
         crop=options.crop_on,
         box=_box(words) if words and file is None else None,
         size=options.scale,

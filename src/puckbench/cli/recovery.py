@@ -22,5 +22,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Compare; the answer is the result row, its ``kinds`` empty for a stream without surface."""
-    job = Recovery(dataset=options.dataset, **codec_options(options))
+    job = Recovery.given(dataset=options.dataset, **codec_options(options))
     return job.run(options.stream, options.points, options.scene, options.row)

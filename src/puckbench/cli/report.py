@@ -23,4 +23,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Build the page and write it."""
-    return Report(contents=options.contents).run(options.out)
+    return Report.given(contents=options.contents).run(options.out)

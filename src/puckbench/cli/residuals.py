@@ -44,12 +44,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the table; the numbers to print."""
     if options.capture is not None:
-        job = CaptureResiduals(options=options.capture_options)
+        job = CaptureResiduals.given(options=options.capture_options)
         summary = job.run(options.capture, options.out)
         return summary if options.json else _lines(summary)
     same = ("model", "model_options", "runs", "seed", "keep", "refit")
     chosen = {name: getattr(options, name) for name in same}
-    return Residuals(distances=tuple(options.distances), **chosen).run(options.out)
+    return Residuals.given(distances=tuple(options.distances), **chosen).run(options.out)
 
 
 def _lines(summary: dict[str, Any]) -> dict[str, Any]:

@@ -22,4 +22,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the sampled cloud."""
-    return Sample(points=options.points, seed=options.seed).run(options.mesh, options.out)
+    return Sample.given(points=options.points, seed=options.seed).run(options.mesh, options.out)

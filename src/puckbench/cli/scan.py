@@ -38,7 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the table."""
     same = ("sensor", "errors", "error_options", "sweep", "anywhere", "seed")
-    job = Scan(
+    job = Scan.given(
         **{name: getattr(options, name) for name in same},
         height_m=options.height,
         origin=tuple(options.origin) if options.origin else None,

@@ -22,4 +22,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the scene and its description."""
     chosen = {name: getattr(options, name) for name in ("loader", "name", "options", "seed")}
-    return WriteScene(**chosen).run(options.out)
+    return WriteScene.given(**chosen).run(options.out)

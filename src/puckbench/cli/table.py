@@ -26,5 +26,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Read the inputs, make the table and write it."""
-    job = Table(table=options.table, inputs=options.inputs, options=options.options)
+    job = Table.given(table=options.table, inputs=options.inputs, options=options.options)
     return job.run(tuple(options.out))

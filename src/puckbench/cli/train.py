@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Train, going on from the checkpoint beside `out` where there is one, and export the set."""
     given = {"steps": options.steps, "seed": options.seed}
     settings = {name: value for name, value in given.items() if value is not None}
-    job = Train(
+    job = Train.given(
         codec=options.codec,
         changes=options.entry,
         options={**settings, **options.options},

@@ -33,4 +33,4 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
     same = ("model", "model_options", "seed", "keep")
     chosen = {name: getattr(options, name) for name in same}
-    return WallPoints(distances=tuple(options.distances), **chosen).run(options.out)
+    return WallPoints.given(distances=tuple(options.distances), **chosen).run(options.out)

@@ -102,7 +102,7 @@ def _returns(path: Path, clean: bool) -> Returns:
 
 def _kept(descriptions: tuple[Path, ...]) -> dict[str, Any]:
     """Name and group of the scene, from the descriptions given."""
-    kept: dict[str, Any] = Field({})
+    kept: dict[str, Any] = {}
     for path in descriptions:
         about = read_json(path)
         kept.update({key: about[key] for key in ("name", "group") if key in about})

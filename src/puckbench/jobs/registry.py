@@ -7,14 +7,19 @@ files from the rule. ``python -m puckbench.jobs NAME RECORD key=FILE ...`` runs 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, Self
 
-from puckbench.core.models import Model
+from puckbench.core.models import Model, parsed
 from puckbench.core.registry import Registry
 
 
 class Job(Model):
     """The settings of one unit of work, which `run` does from files to files."""
+
+    @classmethod
+    def given(cls, **settings: Any) -> Self:
+        """The job of settings that a user gives; InputError names the one at fault."""
+        return parsed(cls, settings, JOBS.name_of(cls))
 
     @abstractmethod
     def run(self, *args: Any, **files: Any) -> dict[str, Any]:
