@@ -20,6 +20,8 @@ def test_defaults_are_filled_in_at_every_depth() -> None:
     assert config.results == "results"
     assert list(config.codecs) == ["draco"]
     assert config.codec("draco") == {}
+    assert config.as_json()["codecs"] == {"draco": {}}
+    assert config.as_json()["datasets"]["d"]["neighbours"] == 30
     assert config.timing.repeats == 3
     assert config.figures.style == {}
     assert config.datasets["d"].neighbours == 30

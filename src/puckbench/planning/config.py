@@ -396,8 +396,9 @@ class Config(Model):
         return (self.codecs[name] or CodecConfig()).changes()
 
     def as_json(self) -> Options:
-        """The whole configuration, defaults included, as the report shows it."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        """The whole configuration as the report shows it: defaults included, but of codecs."""
+        found = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return {**found, "codecs": {name: self.codec(name) for name in self.codecs}}
 
 
 def checked(config: Mapping[str, Any]) -> Config:
