@@ -73,6 +73,13 @@ def test_the_users_configuration_is_not_changed() -> None:
         ),
         (("sensor_study",), True, "sensor_study is True, but must be"),
         (("scenes", "a", "select"), ["x", "x"], r"scenes\.a\.select: an entry is named twice"),
+        (
+            ("scenes", "a", "stand_in"),
+            {"loader": "x", "stand_in": {"loader": "y"}},
+            r"scenes\.a\.stand_in: unknown key 'stand_in' .known: loader, options, seed",
+        ),
+        (("figures",), {"stand_in": {"stile": 1}}, r"figures\.stand_in: unknown key 'stile'"),
+        (("bd_rate",), {"metrics": ["a", "a"]}, r"bd_rate\.metrics: an entry is named twice"),
         (("scenes", "a", "select"), [], r"scenes\.a\.select is \(\), but must have at least 1"),
     ],
 )

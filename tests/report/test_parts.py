@@ -206,7 +206,7 @@ def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() 
     root = Path(__file__).parents[2]
     config = yaml.safe_load((root / "config" / "config.yaml").read_text())
     bench = Workflow(config)
-    contents = bench.outputs.report_contents()
+    contents = bench.outputs.report_contents
     assert set(contents.figures) == set(bench.outputs.figures)
     assert {"summary", "clouds", "bd_rate", "thesis_numbers"} <= set(contents.tables)
     assert [example.kind for example in contents.examples] == list(config["figures"]["examples"])

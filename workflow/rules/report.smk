@@ -1,12 +1,12 @@
 # The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
 rule report_page:
     input:
-        outputs.report_contents().files(),
+        outputs.report_contents.files(),
     output:
         f"{RESULTS}/report.html",
     params:
-        record=outputs.report().record,
-        code=outputs.report().code,
+        record=outputs.report.record,
+        code=outputs.report.code,
     resources:
         mem_mb=2000,
         runtime=20,

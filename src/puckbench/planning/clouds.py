@@ -52,6 +52,7 @@ class CloudJobs:
         """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
         return f"{self.plan.results}/truth/{dataset}/{cloud}.ply"
 
+    @cache  # noqa: B019 (one plan lives as long as the process)
     def scene(self, scenes: str, name: str) -> PlannedJob:
         """Write a scene of a scene set."""
         chosen = self.plan.scenes[scenes]
@@ -60,7 +61,7 @@ class CloudJobs:
         )
         return planned(record, LOADERS.module_of(chosen.loader))
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
+    @cache  # noqa: B019
     def sample(self, dataset: str) -> PlannedJob:
         """Sample the mesh of a scene."""
         data = self.dataset(dataset)

@@ -25,15 +25,12 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
-def _keys_of(*names: str) -> AfterValidator:
-    """A check that a mapping has only keys of these names."""
-
-    def check(values: Options) -> Options:
-        if unknown := [name for name in values if name not in names]:
-            raise ValueError(f"unknown key '{unknown[0]}' (known: {', '.join(names)})")
-        return values
-
-    return AfterValidator(check)
+def _own_keys(cls: type[Model], values: Options) -> Options:
+    """Refuse a `stand_in` with a key that the model itself does not have."""
+    known = [name for name in cls.model_fields if name != "stand_in"]
+    if unknown := [name for name in values if name not in known]:
+        raise ValueError(f"unknown key '{unknown[0]}' (known: {', '.join(known)})")
+    return values
 
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
@@ -44,8 +41,8 @@ CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 Seed = Annotated[int, Field(ge=0)]
 
 
-class SceneSetConfig(Model):
-    """Scenes: where the geometry comes from."""
+class SceneSource(Model):
+    """Where scenes come from, and which of them are used."""
 
     loader: str = Field(
         description="Name of a loader (`puckbench datasets` lists them with their options), or a "
@@ -59,15 +56,14 @@ class SceneSetConfig(Model):
     limit: int | None = Field(
         None, ge=1, description="Use at most this many scenes, the first by name."
     )
-    stand_in: SceneSetConfig | None = Field(
+
+
+class SceneSetConfig(SceneSource):
+    """Scenes: where the geometry comes from."""
+
+    stand_in: SceneSource | None = Field(
         None, description="The scene set used in place of this one with `stand_in: true`."
     )
-
-
-_DATASET_KEYS = (
-    *("title", "scenes", "make", "seed", "points", "sensor", "sweep", "errors", "error_options"),
-    *("height_m", "anywhere", "crop", "size", "truth", "recovery", "views", "neighbours"),
-)
 
 
 class DataSetConfig(Model):
@@ -132,9 +128,11 @@ class DataSetConfig(Model):
     neighbours: int = Field(
         30, ge=3, description="Neighbouring points from which a normal is estimated."
     )
-    stand_in: Annotated[Options, _keys_of(*_DATASET_KEYS)] = Field(
+    stand_in: Options = Field(
         {}, description="Keys of this data set that are others with `stand_in: true`."
     )
+
+    _stands_in = field_validator("stand_in")(classmethod(_own_keys))
 
     @field_validator("views")
     @classmethod
@@ -283,7 +281,7 @@ class RateDeltaConfig(Model):
     anchor: str | None = Field(
         None, description="Codec that the others are compared with; the first one if not given."
     )
-    metrics: tuple[str, ...] = Field(
+    metrics: Annotated[tuple[str, ...], AfterValidator(_different)] = Field(
         ("d1_psnr", "d2_psnr"),
         min_length=1,
         description="Columns of the table of metrics that measure quality: PSNRs, or squared "
@@ -338,9 +336,10 @@ class FiguresConfig(Model):
         description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
         "`clean`, `noisy`; a figure is drawn when all that it shows are named.",
     )
-    stand_in: Annotated[Options, _keys_of("style", "options", "examples")] = Field(
+    stand_in: Options = Field(
         {}, description="Keys of `figures` that are others with `stand_in: true`."
     )
+    _stands_in = field_validator("stand_in")(classmethod(_own_keys))
 
 
 class Config(Model):

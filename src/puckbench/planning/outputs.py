@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 from puckbench.codecs.registry import CODECS, codec_class
@@ -107,6 +107,7 @@ class OutputJobs:
         """All tables that are made of other tables."""
         return {**self.study_tables, **self.result_tables}
 
+    @cache  # noqa: B019 (one plan lives as long as the process)
     def table(self, name: str) -> PlannedJob:
         """Make a table of others."""
         record = Table(table=name, inputs=self.tables[name], options=self.table_options(name))
@@ -118,9 +119,8 @@ class OutputJobs:
 
     def table_options(self, table: str) -> dict[str, Any]:
         """Options of a table's function."""
-        verdicts = verdict_options(self.plan)
-        if table in verdicts:
-            return verdicts[table]
+        if table in self._verdicts:
+            return self._verdicts[table]
         if not table.startswith("bd_rate"):
             return {}
         chosen = self.config.bd_rate
@@ -144,13 +144,13 @@ class OutputJobs:
     def figures(self) -> dict[str, Inputs]:
         """The figures that can be drawn, with the file of each input."""
         known = self._cloud_inputs() | self._study_inputs()
-        there = self._there()
         return {
             name: {needed: known[needed] for needed in entry.inputs}
             for name, entry in figure_entries().items()
-            if known.keys() >= set(entry.inputs) and there >= set(entry.needs)
+            if known.keys() >= set(entry.inputs) and self._there >= set(entry.needs)
         }
 
+    @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:
         """Draw a figure."""
         record = Figure(figure=name, inputs=self.figures[name], style=self.figure_style(name))
@@ -196,19 +196,21 @@ class OutputJobs:
 
     # ---- report
 
+    @cached_property
     def report_contents(self) -> Contents:
         """What the report page shows."""
         tables = [*self.result_tables, *self.study_tables]
         layers = self._style(self.config.figures.style)
         return planned_contents(self.plan, self.figures, tables, layers)
 
+    @cached_property
     def report(self) -> PlannedJob:
         """Write the page; titles and captions of what it shows count as code."""
         entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
         entries += table_entries().values()
         texts = "".join(f"{entry.thesis} {entry.title} {entry.caption}" for entry in entries)
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
-        record = Report(contents=self.report_contents().as_json())
+        record = Report(contents=self.report_contents.as_json())
         return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
 
     # ---- what there is to make them of
@@ -218,11 +220,11 @@ class OutputJobs:
 
     def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
         """The tables without a rule of their own whose inputs and needs the plan has."""
-        inputs, there = set(known), self._there()
+        inputs = set(known)
         return {
             name: entry
             for name, entry in table_entries().items()
-            if not entry.rule and inputs >= set(entry.inputs) and there >= set(entry.needs)
+            if not entry.rule and inputs >= set(entry.inputs) and self._there >= set(entry.needs)
         }
 
     def _cloud_inputs(self) -> Inputs:
@@ -230,7 +232,7 @@ class OutputJobs:
         examples = self.config.figures.examples.given()
         known = {f"example_{kind}": self._example(cloud) for kind, cloud in examples.items()}
         if self.plan.datasets:
-            verdicts = verdict_options(self.plan).keys() - {"claims"}
+            verdicts = self._verdicts.keys() - {"claims"}
             known |= {name: self._file(name) for name in ("metrics", "clouds", *verdicts)}
         if self.plan.scanned:
             known["scan_errors"] = self._file("scan_errors")
@@ -251,11 +253,17 @@ class OutputJobs:
             known["compared"] = known["compared_residuals"]
         return known
 
+    @cached_property
+    def _verdicts(self) -> dict[str, dict[str, Any]]:
+        """The tables that hold results against the thesis, with their options."""
+        return verdict_options(self.plan)
+
+    @cached_property
     def _there(self) -> set[str]:
         """What the configuration has of that which figures and tables may need."""
         plan = self.plan
         there = {BOTH_GPCC} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else set()
-        there |= set(verdict_options(plan))
+        there |= set(self._verdicts)
         if plan.datasets and len(plan.codecs) > 1:
             there.add(SEVERAL_CODECS)
         if plan.study is None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs import registry as codecs
+from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError
@@ -141,6 +142,11 @@ class Plan:
     def results(self) -> Path:
         """Folder of everything that is made."""
         return Path(self.config.results)
+
+    @cached_property
+    def opened(self) -> dict[str, Codec]:
+        """The codecs themselves, opened with what the configuration says of them."""
+        return {name: codecs.open_codec(name, entry) for name, entry in self.codecs.items()}
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:

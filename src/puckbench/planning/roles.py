@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.plan import Plan, ScenePlan
@@ -46,17 +45,13 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
     G-PCC with truncated coordinates is `GPCC_AS_RUN`, as the thesis ran it; rounded once, `GPCC`.
     """
-    return _first({name: codec.thesis_role for name, codec in _opened(plan).items()})
+    return _first({name: codec.thesis_role for name, codec in plan.opened.items()})
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
     """Role -> the first codec that changes the codec of this role (`Codec.based_on`)."""
-    bases = {name: codec.based_on for name, codec in _opened(plan).items()}
+    bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: open_codec(base).thesis_role for name, base in bases.items() if base})
-
-
-def _opened(plan: Plan) -> dict[str, Codec]:
-    return {name: open_codec(name, entry) for name, entry in plan.codecs.items()}
 
 
 def _first(roles: Mapping[str, str]) -> dict[str, str]:
@@ -88,7 +83,7 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
     """Codec -> rate -> scale, of the G-PCC codecs."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
-        for name, codec in _opened(plan).items()
+        for name, codec in plan.opened.items()
         if codec.thesis_role in (GPCC, GPCC_AS_RUN)
         and all("scale" in values for values in codec.rates.values())
     }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.joined import AllModels, ComparedResiduals
+from puckbench.jobs.registry import Job
 from puckbench.jobs.residuals import Residuals
 from puckbench.jobs.wall_points import WallPoints
 from puckbench.lidar import load_sensor, open_error_model
@@ -31,6 +33,7 @@ class StudyJobs:
         assert self.plan.study is not None  # noqa: S101
         return self.plan.study
 
+    @cache  # noqa: B019 (one plan lives as long as the process)
     def residuals(self, model: str) -> PlannedJob:
         """Measure plane residuals with an error model."""
         study = self.study
@@ -43,11 +46,13 @@ class StudyJobs:
         )
         return planned(record, *self._modules(model), also=self._also(model))
 
+    @cache  # noqa: B019
     def wall_points(self, model: str) -> PlannedJob:
         """Keep points of scans with an error model."""
         record = WallPoints(distances=self.study.shown_m, keep=WALL_POINTS, **self._model(model))
         return planned(record, *self._modules(model), also=self._also(model))
 
+    @cache  # noqa: B019
     def capture_residuals(self, capture: str) -> PlannedJob:
         """Measure plane residuals of a recording."""
         return planned(CaptureResiduals(options=self.study.captures[capture][1]))
@@ -71,11 +76,12 @@ class StudyJobs:
         """The tables of all models and recordings in one."""
         names, files = zip(*self.residual_files(), strict=True)
         points = [f"{self.plan.results}/wall_points/{model}.parquet" for model in self.study.models]
-        jobs = {
+        jobs: dict[str, tuple[Job, list[str]]] = {
             "residuals": (AllModels(kind="residuals", names=names), list(files)),
             "scans": (AllModels(kind="scans", names=tuple(self.study.models)), points),
-            "compared_residuals": (ComparedResiduals(), self.capture_files()),
         }
+        if self.study.captures:
+            jobs["compared_residuals"] = (ComparedResiduals(), self.capture_files())
         return {
             name: JoinedTable(planned(job), rows, {"parquet": self._table(name)})
             for name, (job, rows) in jobs.items()
