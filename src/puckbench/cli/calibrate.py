@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.types import chosen
 from puckbench.jobs.calibrate import Calibrate
 
 
@@ -32,12 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Estimate and write the model file; the estimates and intervals to print."""
-    job = Calibrate.given(
-        model=options.model,
-        cells=options.cells,
-        parameters=tuple(options.parameters) if options.parameters else None,
-        quantum_mm=options.quantum_mm,
-    )
+    job = Calibrate.given(**chosen(options, "model", "cells", "parameters", "quantum_mm"))
     content = job.run(tuple(options.residuals), options.out)
     if options.json:
         return content

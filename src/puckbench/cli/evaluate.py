@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.cli.types import whole
+from puckbench.cli.types import chosen, whole
 from puckbench.jobs.evaluate import Evaluate
 
 
@@ -39,7 +39,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Measure; the answer is the result row."""
-    chosen = {name: getattr(options, name) for name in ("dataset", "peak", "views")}
-    job = Evaluate.given(**chosen, **timed_options(options))
-    files = {name: getattr(options, name) for name in ("row", "truth", "visible", "clean")}
+    job = Evaluate.given(**chosen(options, "dataset", "peak", "views"), **timed_options(options))
+    files = chosen(options, "row", "truth", "visible", "clean")
     return job.run(options.reference, options.decoded, **files)

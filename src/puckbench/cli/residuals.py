@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object, whole
+from puckbench.cli.types import chosen, json_object, whole
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.residuals import Residuals
 
@@ -47,9 +47,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         job = CaptureResiduals.given(options=options.capture_options)
         summary = job.run(options.capture, options.out)
         return summary if options.json else _lines(summary)
-    same = ("model", "model_options", "runs", "seed", "keep", "refit")
-    chosen = {name: getattr(options, name) for name in same}
-    return Residuals.given(distances=tuple(options.distances), **chosen).run(options.out)
+    same = chosen(options, "model", "model_options", "runs", "seed", "keep", "refit", "distances")
+    return Residuals.given(**same).run(options.out)
 
 
 def _lines(summary: dict[str, Any]) -> dict[str, Any]:

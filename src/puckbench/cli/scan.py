@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object, whole
+from puckbench.cli.types import chosen, json_object, whole
 from puckbench.jobs.scan import Scan
 
 
@@ -37,9 +37,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the table."""
-    same = ("sensor", "errors", "error_options", "sweep", "anywhere", "seed")
     job = Scan.given(
-        **{name: getattr(options, name) for name in same},
+        **chosen(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
         height_m=options.height,
         origin=tuple(options.origin) if options.origin else None,
     )

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object, whole
+from puckbench.cli.types import chosen, json_object, whole
 from puckbench.jobs.scene import WriteScene
 
 
@@ -21,5 +21,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the scene and its description."""
-    chosen = {name: getattr(options, name) for name in ("loader", "name", "options", "seed")}
-    return WriteScene.given(**chosen).run(options.out)
+    job = WriteScene.given(**chosen(options, "loader", "name", "options", "seed"))
+    return job.run(options.out)

@@ -27,3 +27,8 @@ def whole(low: int) -> Any:
         return int(text)
 
     return convert
+
+
+def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Some of a command's options by name, as fields of the job that it runs."""
+    return {name: getattr(options, name) for name in names}

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object, whole
+from puckbench.cli.types import chosen, json_object, whole
 from puckbench.jobs.wall_points import WallPoints
 
 
@@ -31,6 +31,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
-    same = ("model", "model_options", "seed", "keep")
-    chosen = {name: getattr(options, name) for name in same}
-    return WallPoints.given(distances=tuple(options.distances), **chosen).run(options.out)
+    same = chosen(options, "model", "model_options", "seed", "keep", "distances")
+    return WallPoints.given(**same).run(options.out)
