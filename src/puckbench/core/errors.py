@@ -1,5 +1,10 @@
 """The one exception a user can cause, printed as one line with exit status 2."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(Exception):
     """Something the user gave (file, stream, name, value) cannot be used.
@@ -7,3 +12,12 @@ class InputError(Exception):
     The message is one line that names the thing and the fault. It is raised where the fault is
     known and printed once, at the edge (command line or workflow), with exit status 2.
     """
+
+
+@contextmanager
+def naming(what: object) -> Iterator[None]:
+    """Let the message of an `InputError` from the block begin with what it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 
 HOST = "https://raw.githubusercontent.com"
 _TIMEOUT_S = 60
@@ -104,10 +104,8 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
 
     from puckbench.io.tensorflow_checkpoints import variables_of
 
-    try:
+    with naming(name):
         variables = variables_of(*checkpoint)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
     names = sorted(name for name in variables if not name.startswith(_OPTIMISER))
     places = bytes.fromhex(order)
     if len(names) != len(places):

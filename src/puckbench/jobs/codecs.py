@@ -10,7 +10,7 @@ from pydantic import Field
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.jobs.registry import Job
 
@@ -32,20 +32,13 @@ class CodecJob(Job):
         InputError
             It is unknown, or cannot run here.
         """
-        codec = open_codec(name, self.changes)
-        ok, why = codec.available()
-        if not ok:
-            raise InputError(f"codec {name} cannot run here: {why}")
-        codec.load()
-        return codec
+        return ready(open_codec(name, self.changes))
 
     def read_stream(self, path: Path) -> tuple[str, bytes]:
         """The name of the codec that decodes a stream file, and the stream."""
         stream = read_bytes(path)
-        try:
+        with naming(path):
             return self.codec or codec_of(stream), stream
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
 
 
 class TimedJob(CodecJob):
@@ -53,6 +46,15 @@ class TimedJob(CodecJob):
 
     repeats: int = 1
     alone: bool = False
+
+
+def ready(codec: Codec) -> Codec:
+    """The codec with weights and compiled loops loaded; InputError if it cannot run here."""
+    ok, why = codec.available()
+    if not ok:
+        raise InputError(f"codec {codec.name} cannot run here: {why}")
+    codec.load()
+    return codec
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:

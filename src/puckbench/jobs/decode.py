@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from puckbench.codecs.measurement import measured
 from puckbench.core.environment import run_environment
-from puckbench.core.errors import InputError
+from puckbench.core.errors import naming
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes.writing import write_mesh
@@ -28,11 +28,9 @@ class Decoding(TimedJob):
     def decoded(self, path: Path) -> Decoded:
         """Decode a stream file, timed; InputError names the file when it is damaged or foreign."""
         name, stream = self.read_stream(path)
-        try:
+        with naming(path):
             codec = self.loaded(name)
             timed = measured(lambda: codec.decode(stream), self.repeats, codec.cost)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
         record = {
             "codec": name,
             "bytes": len(stream),
@@ -60,10 +58,8 @@ class Decode(Decoding):
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, stream = self.read_stream(path)
-        try:
+        with naming(path):
             mesh = self.loaded(name).decode_mesh(stream)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
         write_mesh(out, mesh, {"source": path.name, "codec": name})
         return {
             "codec": name,

@@ -11,6 +11,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
+from puckbench.jobs.codecs import ready
 from puckbench.metrics.measures import measures, peak_of
 
 if TYPE_CHECKING:
@@ -36,17 +37,9 @@ def compare(cloud: PointCloud, codecs: Iterable[Codec], repeats: int = 1) -> pd.
     import pandas as pd
 
     rows = [
-        _row(cloud, codec, rate, repeats) for codec in map(_loaded, codecs) for rate in codec.rates
+        _row(cloud, codec, rate, repeats) for codec in map(ready, codecs) for rate in codec.rates
     ]
     return pd.DataFrame(rows)
-
-
-def _loaded(codec: Codec) -> Codec:
-    ok, why = codec.available()
-    if not ok:
-        raise InputError(f"codec {codec.name} cannot run here: {why}")
-    codec.load()
-    return codec
 
 
 def _row(cloud: PointCloud, codec: Codec, rate: str, repeats: int) -> dict[str, object]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from puckbench import __version__
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_json, write_json
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Labels, Mesh
@@ -59,15 +59,13 @@ class Recovery(CodecJob):
     def _decoded_surface(self, path: Path) -> tuple[str, Mesh | None]:
         """The codec's name and the labelled surface; None where the stream holds points alone."""
         name, stream = self.read_stream(path)
-        try:
+        with naming(path):
             codec = self.loaded(name)
             try:
                 surface = codec.decode_mesh(stream)
             except InputError:
                 codec.decode(stream)  # a damaged stream ends here, in the decoder's words
                 return name, None
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
         if surface.labels is None:
             raise InputError(f"{path}: codec {name} gives its surface no labels")
         return name, surface

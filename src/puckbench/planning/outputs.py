@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from typing import Any
 
 from puckbench.codecs.registry import CODECS, codec_class
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import (
     BOTH_GPCC,
@@ -189,10 +189,8 @@ class OutputJobs:
         return {"codec_titles": titles, "colours": colours} if own else {}
 
     def _check_style(self, figure: str) -> None:
-        try:
+        with naming("figures.style"):
             FigureStyle.from_config(*self.figure_style(figure))
-        except InputError as error:
-            raise InputError(f"figures.style: {error}") from error
 
     # ---- report
 

@@ -15,7 +15,7 @@ from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import open_training
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet, has_primitives
 from puckbench.geometry.scaling import GRID
@@ -190,11 +190,9 @@ class Plan:
         steps = {} if value.steps is None else {"steps": value.steps}
         settings = {**value.options, "seed": seed, **steps}
         entry = self.config.codec(value.codec) if value.codec in self.config.codecs else {}
-        try:
+        with naming(where):
             open_training(value.codec, entry, settings)
             start = self._start(value.start)
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from error
         clouds, validate = (
             tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
             for key, names in (("datasets", value.datasets), ("validate", value.validate_))
@@ -236,21 +234,17 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
     seed: of the run, for a scene set without one of its own.
     """
     own_seed = seed if value.seed is None else value.seed
-    try:
+    with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)
         known = scenes.names()
-    except InputError as error:
-        raise InputError(f"scenes.{name}: {error}") from error
     chosen = _chosen(name, value, known)
     return ScenePlan(name, value.loader, own_seed, value.options, scenes, chosen)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
     """Files of a codec's weights; none for a codec without. InputError names those missing."""
-    try:
+    with naming(f"codecs.{name}"):
         return codecs.weights_files(name, changes)
-    except InputError as error:
-        raise InputError(f"codecs.{name}: {error}") from error
 
 
 _CAPTURED_POINTS = 1_500_000
@@ -261,11 +255,9 @@ def _points(where: str, settings: DataSetConfig) -> int:
     """Expected points of a cloud; InputError when the sensor, sweep or errors do not exist."""
     if not settings.is_scan:
         return settings.points if settings.make == "sample" else _CAPTURED_POINTS
-    try:
+    with naming(where):
         open_error_model(settings.errors, settings.error_options)
         sensor, sweep = load_sensor(settings.sensor), open_sweep(settings.sweep)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
     return sweep.frames * sweep.steps(sensor) * sensor.lasers
 
 
@@ -298,10 +290,8 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
 
 def _model(name: str, item: ErrorModelConfig) -> tuple[str, dict[str, Any]]:
     errors = item.errors or name
-    try:
+    with naming(f"sensor_study.models.{name}"):
         open_error_model(errors, item.error_options)
-    except InputError as error:
-        raise InputError(f"sensor_study.models.{name}: {error}") from error
     return errors, item.error_options
 
 

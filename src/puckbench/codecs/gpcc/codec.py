@@ -14,7 +14,7 @@ from puckbench.codecs.gpcc.container import packed, unpacked
 from puckbench.codecs.gpcc.grid import Frame, Rounding, frame_of, in_frame, quantised
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
@@ -67,18 +67,14 @@ class GridCodec(Codec):
         frame = frame_of(points, self.options.unit, scale)
         if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
-        try:
+        with naming(f"codec {self.name}"):
             stream = self._code(points, frame, scale)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error
         return stream if self.options.raw else packed(stream, frame)
 
     def _decode(self, stream: bytes) -> Floats:
-        try:
+        with naming(f"codec {self.name}"):
             bare, frame = unpacked(stream)
             return in_frame(self._units(bare), frame)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error
 
     @abstractmethod
     def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from puckbench.codecs.base import Availability, Codec, Memory, Parameters
 from puckbench.codecs.learned.catalogue import SUFFIX, Network, header_of
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import sha256
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
@@ -116,16 +116,12 @@ class Learned(Codec, Generic[W]):
             self._decode(self._encode(cube, parameters))
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        try:
+        with naming(f"codec {self.name}"):
             return self._stream(points, parameters)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error
 
     def _decode(self, stream: bytes) -> Floats:
-        try:
+        with naming(f"codec {self.name}"):
             return self._points(stream)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error
 
     def _weights(self, parameters: Parameters) -> W:
         """The weights that a rate is coded with."""

@@ -10,7 +10,7 @@ from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
 from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
@@ -67,18 +67,14 @@ class Primitives(Codec):
         """The surfaces of a stream as triangles, each labelled with its primitive."""
         from puckbench.codecs.primitives.mesh_reconstruction import decode_mesh
 
-        try:
+        with naming(f"codec {self.name}"):
             header, bits = unpack(stream)
             if not isinstance(header, SurfaceHeader):
                 raise InputError("the stream holds voxels, not planes: take a lower rate")
             return decode_mesh(header, bits)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.codecs.primitives.decoder import decode_stream
 
-        try:
+        with naming(f"codec {self.name}"):
             return decode_stream(stream)
-        except InputError as error:
-            raise InputError(f"codec {self.name}: {error}") from error

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model, parsed
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
@@ -134,15 +134,13 @@ def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
     table, still = read_recording(path, sensor, start, end), None
-    try:
+    with naming(path):
         if options.still_s is None:
             table, still = still_rows(table, options.most_shift_m)
         table = table.select(table["turn"] < table["turn"].min() + options.most_turns)
         if (table["return_kind"] == BOTH).any():
             table = table.select(table["return_kind"] == BOTH)
         surfaces, rejected = _planes(table, options)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return RecordedPlanes(table, still, surfaces, rejected)
 
 

@@ -13,7 +13,7 @@ from puckbench.codecs.learned.catalogue import OCTREE_NET
 from puckbench.codecs.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
 from puckbench.codecs.learned.octree_net.model import OctreeNet, Shape
 from puckbench.codecs.learned.weights_file import read_weights, write_weights
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.models import parsed
 
 
@@ -50,10 +50,8 @@ def load_weights(path: Path) -> Weights:
         model.load_state_dict(parameters(found.state))
     except RuntimeError as error:
         raise InputError(f"{path}: damaged weights") from error
-    try:
+    with naming(path):
         model.check_exact()
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return Weights(model.eval().requires_grad_(False), found.digest, found.header.card)
 
 

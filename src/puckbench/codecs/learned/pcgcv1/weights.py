@@ -24,7 +24,7 @@ from puckbench.codecs.learned.pcgcv1.inference import Inference
 from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, Shape
 from puckbench.codecs.learned.weights_file import Tables, load_multi_rate, save_multi_rate
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.core.models import parsed
 
@@ -77,10 +77,8 @@ def load_weights(path: Path) -> Weights:
     found = load_multi_rate(
         path, PCGCV1, lambda sizes: PCGCv1(parsed(Shape, sizes, f"{path}: shape")), load_published
     )
-    try:
+    with naming(path):
         hyper_synthesis = IntegerHyperSynthesis(found.model.h_s)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     rest = (found.lmbdas, found.tables, found.digest, found.card)
     return Weights(found.model.shape, Inference(found.model), hyper_synthesis, *rest)
 
