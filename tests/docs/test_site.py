@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pkgutil
 import re
 import subprocess
 import sys
@@ -16,6 +17,8 @@ FETCHED = re.compile(
     r"""<(?:script|img|iframe)[^>]*\ssrc="(?:https?:)?//|<link[^>]*\shref="(?:https?:)?//[^>]*>"""
     r"""|@import\s+url\(["']?(?:https?:)?//"""
 )
+
+FOLDERS = "src|tests|config|workflow|benchmarks|docs|envs"
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +89,18 @@ def test_pages_that_sources_and_reports_name_exist() -> None:
     ]
     missing = [(path, name) for path, name in named if not (ROOT / name).exists()]
     assert not missing
+
+
+def test_files_and_modules_that_pages_name_exist() -> None:
+    pages = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md"), ROOT / "config" / "README.md"]
+    for path in [path for path in pages if path.name != "CHANGELOG.md"]:
+        text = path.read_text(encoding="utf-8")
+        named = re.findall(rf"(?<![\w/.])(?:{FOLDERS})/[\w./-]+\.(?:py|yaml|md|smk|json|svg)", text)
+        named += [f"{name.replace('.', '/')}.py" for name in re.findall(r"-m (bench[\w.]+)", text)]
+        missing = [name for name in named if not (ROOT / name).exists()]
+        assert not missing, path
+        for name in re.findall(r"`(puckbench(?:\.\w+)+)`", text):
+            pkgutil.resolve_name(name)
 
 
 def test_links_of_the_pages_outside_the_site_lead_somewhere() -> None:

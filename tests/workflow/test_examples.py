@@ -15,12 +15,13 @@ import yaml
 
 from puckbench.core.files import read_json
 from tests.support.bench import BOX, ROOT, Bench
-from tests.support.pages import blocks, page, write_files
+from tests.support.pages import blocks, commands, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
 DATA = "docs/how-to/bring_data.md"
 LIBRARY = "docs/how-to/use_as_a_library.md"
 ONE_RESULT = "docs/how-to/make_one_result.md"
+THESIS = "docs/how-to/reproduce_the_thesis.md"
 
 
 def _python(folder: Path, *words: str, path: str = str(ROOT / "src")) -> str:
@@ -107,10 +108,10 @@ def test_the_run_that_the_readme_describes_is_valid(fresh: Bench) -> None:
 
 
 def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
-    (commands,) = blocks("README.md", "sh")
+    steps = next(block for block in blocks("README.md", "sh") if "puckbench scan" in block)
     bin_folder = Path(sys.executable).parent
     done = subprocess.run(
-        ["bash", "-e", "-c", commands],
+        ["bash", "-e", "-c", steps],
         cwd=tmp_path,
         env={
             **os.environ,
@@ -127,19 +128,18 @@ def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> N
 
 
 def test_the_default_run_makes_every_result_that_the_pages_name(tmp_path: Path) -> None:
-    """What the README and the page on single results ask Snakemake for is planned, not run."""
+    """What the pages ask Snakemake for without a configuration is planned, not run."""
     for name in ("workflow", "config", "benchmarks"):
         (tmp_path / name).symlink_to(ROOT / name)
-    plain = [*blocks("README.md", ""), *blocks(ONE_RESULT, "")]
-    asked = [line.split("#")[0].split() for block in plain for line in block.splitlines()]
     targets = {
         word
-        for words in asked
-        if words and words[0] == "snakemake" and "--configfile" not in words
+        for name in ("README.md", ONE_RESULT, THESIS)
+        for words in commands(name)
+        if words[0] == "snakemake" and "--configfile" not in words
         for word in words[1:]
         if not word.startswith("-") and word != "2" and "=" not in word
     }
-    assert len(targets) >= 5
+    assert len(targets) >= 6
     program = [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run", "--quiet", "all"]
     done = subprocess.run(
         [*program, "--", *sorted(targets)],

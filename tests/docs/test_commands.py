@@ -1,0 +1,167 @@
+"""Commands and configurations that the pages show: each is run, or read as its program reads it."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+import yaml
+from snakemake.cli import get_argument_parser, parse_config
+from snakemake.utils import update_config
+
+from puckbench.cli import _parser, main
+from puckbench.planning.config import checked
+from puckbench.planning.workflow import Workflow
+from tests.support.bench import BOX
+from tests.support.pages import ROOT, blocks, commands, page, write_files
+
+PAGES = [
+    "README.md",
+    *(
+        str(path.relative_to(ROOT))
+        for folder in ("how-to", "explanation")
+        for path in sorted((ROOT / "docs" / folder).rglob("*.md"))
+    ),
+]
+CALIBRATE, RECORDING = "docs/how-to/calibrate.md", "docs/how-to/use_a_recording.md"
+WEIGHTS = "src/puckbench/codecs/learned/weights/pcgcv2_objects.safetensors"
+
+# Languages of code that other tests run, and of what is no code.
+ELSEWHERE = {"python", "toml", "snakemake", "{toctree}"}
+
+# First words of commands that cannot be tried here, and why.
+NOT_TRIED = {
+    ".": "activates the environment of `make setup`",
+    "cd": "copies a run to the disk of a cluster's node",
+    "rsync": "copies it back",
+    "tmc3": "is MPEG's program, which is not installed",
+}
+
+# Configurations of data that no test has: they are checked, and not planned.
+DATA = {
+    "config/capod.yaml": "CAPOD",
+    "config/real.yaml": "what `make data` fetches",
+    "config/thesis.yaml": "licensed data",
+}
+
+
+COMMANDS = {shlex.join(words): words for name in PAGES for words in commands(name)}
+
+
+def _with(program: str) -> pytest.MarkDecorator:
+    """Parametrised by the pages' commands of a program, without its name."""
+    given = {line: words[1:] for line, words in COMMANDS.items() if words[0] == program}
+    assert given
+    return pytest.mark.parametrize("words", given.values(), ids=given)
+
+
+def test_every_block_of_code_is_of_a_kind_that_is_tested() -> None:
+    for name in PAGES:
+        fences = re.findall(r"^```(.*)$", page(name), re.MULTILINE)
+        assert set(fences[::2]) <= ELSEWHERE | {"sh", "yaml"}, name
+    programs = {words[0] for words in COMMANDS.values()}
+    assert programs == {"make", "puckbench", "snakemake", *NOT_TRIED}
+
+
+@_with("make")
+def test_make_has_the_target(words: list[str]) -> None:
+    targets = re.findall(r"^([\w-]+):", page("Makefile"), re.MULTILINE)
+    assert set(words) <= set(targets)
+
+
+@_with("puckbench")
+def test_the_command_has_the_options(words: list[str]) -> None:
+    if words != ["--help"]:
+        _parser(words)[0].parse_args(words)
+
+
+@_with("snakemake")
+def test_the_run_is_valid(words: list[str]) -> None:
+    options = get_argument_parser(profiles=[]).parse_args(words)
+    rules = {
+        rule
+        for file in [ROOT / "workflow" / "Snakefile", *(ROOT / "workflow" / "rules").glob("*.smk")]
+        for rule in re.findall(r"^ *rule (\w+):$", file.read_text(), re.MULTILINE)
+    }
+    assert all(target in rules or target.startswith("results/") for target in options.targets)
+    files = list(map(str, options.configfile or ["config/config.yaml"]))
+    config: dict[str, Any] = {}
+    for name in files:
+        update_config(config, yaml.safe_load(page(name)))
+    config |= parse_config(options.config)
+    checked(config)
+    if config.get("stand_in") or not set(files) & set(DATA):
+        Workflow(config)
+
+
+@pytest.fixture
+def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with the files that the pages' configurations name."""
+    (meshes := tmp_path / "data" / "mine").mkdir(parents=True)
+    (meshes / "box.off").write_text(BOX)
+    capture = ROOT / "tests" / "data" / "capture" / "single.pcap"
+    (tmp_path / "data" / "office.pcap").symlink_to(capture)
+    (tmp_path / "mine.safetensors").symlink_to(ROOT / WEIGHTS)
+    write_files(tmp_path, *PAGES)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+CONFIGURATIONS = {
+    f"{name}, {number}": block
+    for name in PAGES
+    for number, block in enumerate(blocks(name, "yaml"), 1)
+}
+
+
+@pytest.mark.usefixtures("with_files")
+@pytest.mark.parametrize("block", CONFIGURATIONS.values(), ids=CONFIGURATIONS)
+def test_a_configuration_is_planned(block: str) -> None:
+    shown = yaml.safe_load(block)
+    scenes = shown.get("scenes", {"rooms": {"loader": "embedded_rooms"}})
+    others = {"clouds": {"scenes": next(iter(scenes)), "make": "sample"}}
+    Workflow({"scenes": scenes, "datasets": others, "codecs": {"gpcc": {}}} | shown)
+
+
+@pytest.fixture
+def recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Write recordings of a virtual sensor in an empty room, level or tilted."""
+    monkeypatch.chdir(tmp_path)
+    Path("room.off").write_text(BOX)
+    trimesh.load("room.off").export("room.ply")
+
+    def write(*names: str, pitch_deg: int = 0) -> None:
+        pose = f'"pitch_start_deg": {pitch_deg}, "pitch_end_deg": {pitch_deg}'
+        for seed, name in enumerate(names):
+            sweep = f'{{"preset": "spin", "duration_s": 0.6, "azimuth_step_deg": 0.8, {pose}}}'
+            noise = ["--errors", "vlp16", "--error-options", '{"bias_redrawn": "scan"}']
+            words = ["scan", "room.ply", "scan.parquet", "--sweep", sweep, *noise]
+            assert main([*words, "--seed", str(seed)]) == 0
+            assert main(["export", "scan.parquet", name]) == 0
+
+    return write
+
+
+def _run(name: str) -> None:
+    """Run the page's commands of puckbench, one after the other."""
+    for words in commands(name):
+        if words[0] == "puckbench":
+            assert main(words[1:]) == 0, words
+
+
+def test_a_calibration_runs(recordings: Callable[..., None]) -> None:
+    recordings("first.pcap", "second.pcap")
+    _run(CALIBRATE)
+    assert yaml.safe_load(Path("both.yaml").read_text())["provenance"]["counts"]["devices"] == 2
+
+
+def test_a_recording_is_used(recordings: Callable[..., None]) -> None:
+    recordings("room.pcap")
+    recordings("tilted.pcap", pitch_deg=30)
+    _run(RECORDING)
+    assert Path("cloud.ply").exists()
