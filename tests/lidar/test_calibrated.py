@@ -81,7 +81,13 @@ def test_lasers_that_were_not_measured_are_drawn() -> None:
 
 @pytest.mark.parametrize(
     ("distance", "incidence", "sigma"),
-    [(2.0, 0.0, 0.0064), (2.0, 1.0, 0.0084), (2.0, 1.5, 0.0084), (50.0, 0.0, 0.008)],
+    [
+        (2.0, 0.0, 0.0064),
+        (2.0, 1.0, 0.0084),
+        (2.0, 1.5, 0.0084),
+        (50.0, 0.0, 0.008),
+        (0.1, 0.0, 0.0062),
+    ],
 )
 def test_a_rays_sigma_goes_no_further_than_it_was_calibrated(
     distance: float, incidence: float, sigma: float

@@ -50,8 +50,32 @@ def test_pitch_is_keyed_in_the_first_and_the_last_frame() -> None:
     pitch = np.degrees(Sweep().pitch_rad())
     assert pitch[[0, -1]] == pytest.approx([-60, 60])
     assert pitch == pytest.approx(-pitch[::-1])
-    # The frame that is not scanned is keyed none the less.
-    assert np.degrees(open_sweep("thesis_room").pitch_rad())[-1] < 60
+
+
+def test_a_frame_that_is_not_scanned_is_keyed_none_the_less() -> None:
+    """0.29 s at 100 frames per second are 29 frames, of which the last is at time 1."""
+    scanned = Sweep(duration_s=0.29, frames_per_second=100, frames_skipped=3)
+    assert scanned.frames == 26
+    eased = [blender_by_roots(frame / 28) for frame in range(26)]
+    assert np.degrees(scanned.pitch_rad()) == pytest.approx(-60 + 120 * np.array(eased))
+    single = Sweep(duration_s=0.01, frames_per_second=100)
+    assert np.degrees(single.pitch_rad()) == pytest.approx([-60])
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        ({"frames_per_second": 100, "rotation_hz": 5, "azimuth_step_deg": 0.2}, 90),
+        ({"frames_per_second": 100, "rotation_hz": 5, "azimuth_step_deg": 18 / 90.9}, 90),
+        ({"frames_per_second": 100, "rotation_hz": 5, "azimuth_step_deg": 18}, 1),
+        # 360 * 15 / 20 / 0.54 is a little below 500 in double precision.
+        ({"frames_per_second": 20, "rotation_hz": 15, "azimuth_step_deg": 0.54}, 500),
+    ],
+)
+def test_a_frame_has_the_whole_steps_of_its_share_of_a_turn(
+    options: dict[str, float], count: int
+) -> None:
+    assert Sweep(**options).steps(VLP16) == count
 
 
 def test_azimuth_and_time_run_on_from_frame_to_frame() -> None:

@@ -101,6 +101,10 @@ def test_a_distortion_is_compared_in_decibels() -> None:
     table = metrics({"a": [1], "b": [0.5]})
     both = bd_rate_clouds(table, "a", ["d1_psnr", "d1_mse"])
     assert both["bd_rate_percent"].tolist() == pytest.approx([-50, -50])
+    table.loc[table["codec"] == "b", "d1_mse"] /= 2
+    alike = table.assign(bpp=table.groupby("codec")["bpp"].transform(lambda _: RATES))
+    row = bd_rate_clouds(alike, "a", ["d1_mse"]).iloc[0]
+    assert row["bd_quality_db"] == pytest.approx(10 * np.log10(2))
 
 
 def test_clouds_without_a_common_range_are_counted_and_count_in_no_mean() -> None:

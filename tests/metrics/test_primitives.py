@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from puckbench.geometry.mesh import Primitive
 from puckbench.metrics.primitives import differences, distances, in_metres
@@ -30,6 +31,16 @@ ORIGIN = np.zeros(3)
 )
 def test_distances_of_points(surface: Primitive, point: list[float], distance: float) -> None:
     assert distances(surface, np.array([point], float))[0] == pytest.approx(distance, abs=1e-12)
+
+
+def test_distances_to_a_cone_are_those_to_the_nearest_of_its_points() -> None:
+    """In the half plane of axis and point, the cone is a ray from the apex."""
+    hat = Primitive("cone", {"apex": [0.0, 0.0, 0.0], "axis": UP, "half_angle": np.pi / 6})
+    around = np.linspace(0, np.pi, 37)
+    points = np.column_stack([np.sin(around), 0 * around, np.cos(around)])
+    ray = np.linspace(0, 2, 20_001)[:, None] * [0.5, 0, np.cos(np.pi / 6)]
+    nearest = cdist(points, ray).min(axis=1)
+    np.testing.assert_allclose(distances(hat, points), nearest, atol=1e-4)
 
 
 def test_planes_differ_where_they_are_and_whatever_their_sides() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.spatial.distance import cdist
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
@@ -120,6 +121,26 @@ def test_the_density_of_a_grid_and_its_outlier() -> None:
     assert metres["spacing_median_m"] == pytest.approx(0.1)
     assert metres["density_q95_m2"] == pytest.approx(1600 / (5 * np.pi))
     assert density(np.zeros((4, 3))) == {"duplicates": 0.75}
+
+
+def test_density_is_that_of_all_pairs() -> None:
+    """Of 201 values in order, the 11th and the 191st are the quantiles 0.05 and 0.95."""
+    points = np.random.default_rng(5).standard_t(3, (201, 3))
+    pairs = np.sort(cdist(points, points), axis=1)[:, 1:17]
+    found = density(points)
+    for name, values in (("spacing", pairs[:, 0]), ("density", 16 / (np.pi * pairs[:, -1] ** 2))):
+        low, middle, high = np.sort(values)[[10, 100, 190]]
+        assert found[f"{name}_q05"] == pytest.approx(low, rel=1e-12)
+        assert found[f"{name}_median"] == pytest.approx(middle, rel=1e-12)
+        assert found[f"{name}_q95"] == pytest.approx(high, rel=1e-12)
+
+
+def test_outliers_are_two_standard_deviations_beyond_the_mean() -> None:
+    points = np.random.default_rng(6).standard_t(3, (201, 3))
+    means = np.sort(cdist(points, points), axis=1)[:, 1:17].mean(axis=1)
+    beyond = (means - means.mean()) / means.std()
+    assert len({np.mean(beyond > limit) for limit in (1.9, 2, 2.1)}) == 3
+    assert density(points)["outliers"] == np.mean(beyond > 2)
 
 
 def test_elongation_of_a_turned_box() -> None:

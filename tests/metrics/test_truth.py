@@ -33,6 +33,16 @@ def test_beside_the_surface_the_error_to_plane_is_less_than_to_point() -> None:
     assert values["truth_acd_ba_plane"] == 16
 
 
+def test_over_a_tilted_surface_the_error_to_plane_is_the_squared_height_over_it() -> None:
+    """Over the plane z = 3/4 x, whose unit normal is (-3, 0, 4) / 5."""
+    slope = Mesh(FLOOR.vertices + FLOOR.vertices[:, [2, 2, 0]] * [0, 0, 0.75], FLOOR.triangles)
+    normal = np.array([-0.6, 0, 0.8])
+    seen = PointCloud(np.array([[4.0, 4, 3]]), normal[None])
+    values = truth_distortion(seen, slope, np.array([4.0, 4, 3]) + normal * [[0.5], [-1.5]])
+    assert values["truth_acd_ba_plane"] == pytest.approx((0.5**2 + 1.5**2) / 2)
+    assert values["truth_hausdorff_plane"] == pytest.approx(1.5)
+
+
 def test_without_a_mesh_the_visible_points_are_the_truth() -> None:
     decoded = generator(1, "decoded").random((50, 3)) * 8
     ordinary = distortion(SEEN, decoded)

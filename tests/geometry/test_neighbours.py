@@ -1,0 +1,35 @@
+"""Nearest neighbours with their ties, by the rules of MPEG's pc_error."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from puckbench.geometry.neighbours import Points
+
+CORNERS = sorted(
+    {
+        tuple(sign * value for sign, value in zip(signs, order, strict=True))
+        for kind in ((1, 4, 8), (4, 4, 7), (3, 6, 6))
+        for order in permutations(kind)
+        for signs in product((-1.0, 1.0), repeat=3)
+    }
+)
+"""96 points at the distance 9 of the origin."""
+
+
+@pytest.mark.parametrize(
+    ("equal", "counted"),
+    [(1, 10), (9, 10), (10, 15), (14, 15), (25, 30), (29, 30), (30, 30), (40, 40), (96, 96)],
+)
+def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_searches(
+    equal: int, counted: int
+) -> None:
+    """It searches 10 neighbours, 5 more while all of them are equally near, and 30 at most."""
+    nearly = np.array(CORNERS[:20]) * (1 + 1e-12)
+    points = np.concatenate([CORNERS[:equal], nearly, [[20.0, 0, 0]]])
+    found = Points(points).nearest(np.zeros((1, 3)))
+    assert found.squared.tolist() == [81]
+    assert found.exact.tolist() == [equal]
+    assert found.starts.tolist() == [0, counted]
+    assert set(found.index[:equal]) == set(range(equal))
