@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
 from puckbench.core.errors import InputError
 from puckbench.figures.drawing import draw_files, lay_out
-from puckbench.figures.panels import log_limits
+from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
@@ -227,10 +228,68 @@ def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> N
 
 
 def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> None:
+    usual = draw("truth_rd", metrics=metrics_table(3), scan_errors=scan_errors_table())
     exact = scan_errors_table().assign(truth_cd_plane=1e-20)
     figure = draw("truth_rd", metrics=metrics_table(3), scan_errors=exact)
     assert own_errors(figure.axes[2]) == []
-    assert figure.axes[2].get_ylim() == (0.01, 1000)
+    assert figure.axes[2].get_ylim() == usual.axes[2].get_ylim()
+
+
+@pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
+def test_the_sides_axes_end_a_marker_beyond_the_values(name: str) -> None:
+    panels = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table()).axes
+    points = np.concatenate([p for axes in panels for p in lines(axes).values() if len(p) != 2])
+    for axis, limits in ((0, panels[0].get_xlim()), (1, panels[0].get_ylim())):
+        beyond = points[:, axis].min() / limits[0], limits[1] / points[:, axis].max()
+        assert all(1.2 < factor < 2 for factor in beyond)
+
+
+def test_an_axis_range_of_the_style_is_kept_on_both_sides() -> None:
+    style = FigureStyle(axis_ranges={"cd_plane": (1e-3, 1e5)})
+    figure = draw("truth_rd", style, metrics=metrics_table(3), scan_errors=scan_errors_table())
+    assert figure.axes[0].get_ylim() == (1e-3, 1e5)
+
+
+def test_a_clean_scan_has_one_panel_for_itself_and_its_clean_twin() -> None:
+    table = metrics_table(3)
+    noisy = table[table["dataset"] == "s3dis_noisy"]
+    both = pd.concat([noisy.assign(dataset="s3dis_clean"), noisy])
+    clean = scan_errors_table().assign(dataset="s3dis_clean")
+    clean[[name for name in clean if name.startswith("clean_")]] = 0.0
+    errors = pd.concat([clean, scan_errors_table()])
+    figure = draw("truth_rd", metrics=both, scan_errors=errors)
+    assert [axes.axison for axes in figure.axes] == [True, False, True, True, True, True]
+    assert figure.legends == []
+    names = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
+    assert names[0] == "Draco"
+    assert names[-1] == "the scan itself"
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 7])
+def test_legends_are_read_row_by_row(count: int) -> None:
+    names = [f"codec {n}" for n in range(count)]
+    figure = Figure()
+    add_rows_legend(figure, [Line2D([], [], label=name) for name in names], 3)
+    figure.canvas.draw()
+    drawn = figure.legends[0].get_texts()
+    places = {t.get_text(): t.get_window_extent() for t in drawn}
+    assert sorted(names, key=lambda n: (-round(places[n].y0), places[n].x0)) == names
+
+
+def test_a_missing_rate_leaves_a_gap() -> None:
+    table = metrics_table(2)
+    lacking = table[(table["codec"] != "draco") | (table["rate"] != "r3")]
+    drawn = lines(draw("fig_6_5", metrics=lacking).axes[0])[codec_style("draco").colour]
+    assert np.isfinite(drawn[:, 1]).tolist() == [True, True, False, True, True, True, True, True]
+
+
+@pytest.mark.parametrize(("count", "first"), [(8, "r1"), (12, "1")])
+def test_every_rate_is_named_as_there_is_room(count: int, first: str) -> None:
+    panels = list(Figure().subplots(1, 4))
+    label_rates(panels, [f"r{n}" for n in range(1, count + 1)], 4)
+    names = [tick.get_text() for tick in panels[-1].get_xticklabels()]
+    assert names[0] == first
+    assert len(names) == count
 
 
 def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> None:
@@ -254,11 +313,13 @@ def test_the_thesis_s_medians_lie_behind_ours() -> None:
     np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
 
 
-def test_scales_that_are_no_power_of_two_are_hollow() -> None:
+def test_scales_that_are_no_power_of_two_have_small_markers() -> None:
     table = gpcc_scales_table()
+    usual = FigureStyle().marker_size
     for axes in draw("gpcc_grid", gpcc_scales=table).axes:
-        white = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white"]
-        drawn = {float(x) for line in white for x in np.asarray(line.get_xdata())}
+        assert all(line.get_markerfacecolor() != "white" for line in axes.get_lines())
+        small = [line for line in axes.get_lines() if line.get_markersize() < 0.7 * usual]
+        drawn = {float(x) for line in small for x in np.asarray(line.get_xdata())}
         assert drawn == {0.375, 0.625, 0.75, 0.875}
 
 
@@ -286,6 +347,13 @@ def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
     assert {200.0, 400.0} in drawn  # quartiles
     assert axes.get_ylim()[1] > 9000  # few clouds: each is drawn
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 5)"]
+
+
+@pytest.mark.parametrize(("clouds", "last"), [(12, "cloud"), (13, "mean")])
+def test_figure_6_4_has_a_key_of_its_marks(clouds: int, last: str) -> None:
+    table = pd.DataFrame({"dataset": "rooms", "cloud": range(clouds), "points": range(clouds)})
+    texts = draw("fig_6_4", clouds=table).legends[0].get_texts()
+    assert {"quartiles", "median", "mean", last} == {text.get_text() for text in texts}
 
 
 def test_example_clouds_carry_a_scale_bar_in_metres() -> None:
@@ -370,3 +438,13 @@ def test_the_spread_shows_quartiles_and_nine_clouds_in_ten() -> None:
     assert set(box.get_path().vertices[:4, 1]) == {26.0, 76.0}
     ends = {float(y) for line in axes.get_lines() for y in line.get_ydata()}
     assert {6.0, 51.0, 96.0} <= ends
+
+
+def test_of_few_clouds_the_spread_shows_each() -> None:
+    values = [1.0, 2.0, 8.0, 20.0]
+    table = pd.DataFrame({"dataset": "rooms", "codec": "draco", "rate": "r1", "cd_plane": values})
+    axes = draw("spread", metrics=table).axes[0]
+    assert not axes.patches
+    (line,) = axes.get_lines()
+    assert line.get_ydata().tolist() == values
+    assert line.get_linestyle() == "None"

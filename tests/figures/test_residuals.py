@@ -51,6 +51,14 @@ def _filled(drawn: object) -> bool:
     return type(drawn).__name__ in {"FillBetweenPolyCollection", "PolyCollection", "PathCollection"}
 
 
+@pytest.mark.parametrize(
+    ("name", "surface"),
+    [("fig_5_11", "Wall"), ("fig_5_12", "Floor"), ("fig_5_13", "Floor"), ("fig_5_14", "Wall")],
+)
+def test_a_figure_of_one_surface_says_which(name: str, surface: str) -> None:
+    assert draw(name, residual_table(60)).axes[0].get_title() == surface
+
+
 def test_the_density_of_a_gaussian_is_the_gaussian() -> None:
     std = 0.014
     shape = violin_shape(std * generator(1, "violin").normal(size=200_000))

@@ -10,7 +10,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.binning import medians_against
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import draw_line, log_limits, set_log
+from puckbench.figures.panels import draw_line, fitted_limits, log_limits, set_log
 from puckbench.figures.quantities import BPP, Quantity
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.geometry.cloud import Floats
@@ -63,13 +63,20 @@ def draw_curves(
 
 
 def shared_limits(
-    curves: Iterable[Lines], quantity: Quantity, style: FigureStyle, default: Range | None = None
+    curves: Iterable[Lines],
+    quantity: Quantity,
+    style: FigureStyle,
+    default: Range | None = None,
+    fitted: bool = False,
 ) -> Range:
     """Limits of one quantity for all panels: bpp's from the first array of each line, or y's.
 
     default: range of the axis where the style has none; the quantity's own if not given.
+    fitted: whether, where the style has none, the values alone give the limits.
     """
     which = 0 if quantity is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]
-    wanted = style.axis_range(quantity.column, default or quantity.limits)
-    return log_limits(np.concatenate([np.empty(0), *arrays]), wanted)
+    values = np.concatenate([np.empty(0), *arrays])
+    if fitted and quantity.column not in style.axis_ranges:
+        return fitted_limits(values, default or quantity.limits)
+    return log_limits(values, style.axis_range(quantity.column, default or quantity.limits))

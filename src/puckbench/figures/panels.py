@@ -14,11 +14,16 @@ from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle,
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
 Sharing = Literal["all", "row"]
+_MARGIN = 1.4
+"""Factor between the outermost values and fitted limits: room for a whole marker."""
+_MOST_NAMES, _MOST_NUMBERS = 36, 60
+"""Rates that have room side by side on a page as r1, r2, ... and as 1, 2, ..."""
 
 
 def panel_grid(
@@ -78,6 +83,14 @@ def log_limits(values: Floats, default: Range) -> Range:
     return default
 
 
+def fitted_limits(values: Floats, default: Range) -> Range:
+    """Limits a little beyond the positive values; the default range where there is none."""
+    shown = values[np.isfinite(values) & (values > 0)]
+    if len(shown) == 0:
+        return default
+    return float(shown.min()) / _MARGIN, float(shown.max()) * _MARGIN
+
+
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
     """Draw one codec's line; values of zero (lossless) stand hollow at the axis's `floor`.
 
@@ -94,6 +107,24 @@ def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: fl
     zero = y == 0
     if zero.any():
         axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
+
+
+def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
+    """Draw one codec's values (rates,) side by side; a missing one (nan) leaves a gap."""
+    known = np.flatnonzero(np.isfinite(y))
+    if len(known):
+        at = np.arange(known[0], known[-1] + 1)
+        draw_line(axes, at.astype(float), y[at], plot_style, floor)
+
+
+def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
+    """Name all rates below the panels: r1, r2, ...; 1, 2, ... where these have no room."""
+    density = len(rates) * abreast
+    names = rates if density <= _MOST_NAMES else [rate.removeprefix("r") for rate in rates]
+    step = math.ceil(density / _MOST_NUMBERS)
+    for axes in panels:
+        axes.set_xlim(-0.5, len(rates) - 0.5)
+        axes.set_xticks(range(0, len(rates), step), names[::step])
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
@@ -129,21 +160,36 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
     """Name the horizontal axes below the last row of panels, and the vertical ones on the left."""
     for axes in panels[::columns]:
         axes.set_ylabel(y)
-    for axes in panels[-columns:]:
-        axes.set_xlabel(x)
+    for column in range(min(columns, len(panels))):
+        lowest = [axes for axes in panels[column::columns] if axes.axison][-1]
+        lowest.set_xlabel(x)
+        lowest.tick_params(labelbottom=True)
 
 
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Line2D] = ()
 ) -> None:
     """One legend above all panels, in as many rows as the width asks for; `others` stand last."""
+    handles = [*codec_handles(codecs, style), *others]
+    widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
+    add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
+
+
+def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
+    """What a legend shows of codecs: line, marker and title of each."""
     from matplotlib.lines import Line2D
 
     lines = [style.of_codec(codec) for codec in codecs]
-    handles = [
+    return [
         Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in lines
     ]
-    handles += others
-    widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
-    fit = max(1, int(figure.get_size_inches()[0] / widest_in))
-    figure.legend(handles=handles, loc="outside upper center", ncols=min(fit, len(handles)))
+
+
+def add_rows_legend(
+    figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
+) -> None:
+    """A legend above all panels, read row by row, of equally long rows as far as possible."""
+    rows = math.ceil(len(handles) / max(1, most_abreast))
+    abreast = math.ceil(len(handles) / rows)
+    by_column = [handle for column in range(abreast) for handle in handles[column::abreast]]
+    figure.legend(handles=by_column, loc="outside upper center", ncols=abreast, **options)

@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
-    Lines,
     binned_curves,
     check_curves,
     codecs_of,
     draw_curves,
     shared_limits,
 )
-from puckbench.figures.panels import add_legend, label_outer, panel_grid, set_title
+from puckbench.figures.panels import (
+    add_legend,
+    codec_handles,
+    label_outer,
+    panel_grid,
+    set_title,
+)
 from puckbench.figures.quantities import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
@@ -31,6 +36,8 @@ _SIDES = {
 }
 """What stands before a column's name, and what the column is measured to; the rays are the same."""
 _OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
+_MOST_IN_A_PANEL = 9
+"""Codecs whose legend fits into one panel."""
 
 
 @FIGURES.register(
@@ -43,10 +50,11 @@ def draw_chamfer(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: Figure
     scan that the codec was given, to the clean scan of the same rays, and to the true
     surface.
 
-    Bins and axes as in figure 6.6, the same in all panels. Dashed: the scan itself, the median
-    over the data set's clouds; a scan without errors lies below the axes. A codec that gives back
-    the scan exactly keeps the scan's noise and levels off at this line; below it a codec is closer
-    to the truth than what it was given. Not in the thesis.
+    Bins as in figure 6.6, the same axes in all panels. A clean scan is its own clean scan, and has
+    one panel for both. Dashed: the scan itself, the median over the data set's clouds; a scan
+    without errors lies below the axes. A codec that gives back the scan exactly keeps the scan's
+    noise and levels off at this line; below it a codec is closer to the truth than what it was
+    given. Not in the thesis.
     """
     return draw_sides(metrics, scan_errors, CD_PLANE, style)
 
@@ -77,7 +85,8 @@ def draw_hausdorff(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: Figu
     point: to the scan that the codec was given, to the clean scan of the same rays, and to
     the true surface.
 
-    Dashed: the scan itself. Bins and axes as in figure 6.7. Not in the thesis.
+    Dashed: the scan itself. Bins as in figure 6.6, panels as in the figures before. Not in the
+    thesis.
     """
     return draw_sides(metrics, scan_errors, HD_PLANE, style)
 
@@ -89,7 +98,8 @@ def draw_sides(
 
     So the columns compare by eye: a codec that keeps the scan's noise falls on the left and levels
     off beside, at the dashed line: the scan's own error, the median over the data set's clouds. A
-    line below the axes (a scan without errors) is left out.
+    line below the axes (a scan without errors) is left out, and so is the panel of a reference that
+    the scan does not differ from: it would show the first panel again.
     """
     sides = [replace(quantity, column=f"{prefix}{quantity.column}") for prefix in _SIDES]
     for side in sides:
@@ -97,16 +107,21 @@ def draw_sides(
     known = metrics.dropna(subset=[side.column for side in sides[1:]])
     curves = [binned_curves(known, side, style) for side in sides]
     every = [lines for side in curves for lines in side.values()]
-    limits = [shared_limits(every, q, style) for q in (BPP, quantity)]
+    limits = [shared_limits(every, q, style, fitted=True) for q in (BPP, quantity)]
     own = _own_errors(scan_errors, sides[1:])
     figure, panels = panel_grid(len(every), len(sides), 1.95, style)
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // len(sides)], index % len(sides)
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
-        _draw_own(axes, own.get((dataset, sides[column].column)), limits[1][0])
+        own_error = own.get((dataset, sides[column].column))
+        if own_error == 0:
+            axes.clear()
+            axes.set_axis_off()
+            continue
+        _draw_own(axes, own_error, limits[1][0])
         set_title(axes, f"{style.title(dataset)}: {list(_SIDES.values())[column]}", 3, style)
     label_outer(panels, len(sides), BPP.label, quantity.short_label)
-    _add_legend(figure, every, style)
+    _add_legend(figure, panels, codecs_of(every, style), style)
     return figure
 
 
@@ -128,8 +143,13 @@ def _draw_own(axes: Axes, value: float | None, floor: float) -> None:
         axes.axhline(value, zorder=2, **_OWN)
 
 
-def _add_legend(figure: Figure, every: list[Lines], style: FigureStyle) -> None:
+def _add_legend(figure: Figure, panels: list[Axes], codecs: list[str], style: FigureStyle) -> None:
+    """The legend, in the place of the first panel that was left out, else above all."""
     from matplotlib.lines import Line2D
 
     own = Line2D([], [], label="the scan itself", **_OWN)
-    add_legend(figure, codecs_of(every, style), style, (own,))
+    free = next((axes for axes in panels if not axes.axison), None)
+    if free is None or len(codecs) > _MOST_IN_A_PANEL:
+        add_legend(figure, codecs, style, (own,))
+    else:
+        free.legend(handles=[*codec_handles(codecs, style), own], loc="center")

@@ -53,6 +53,7 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
             panels.set_title(axes, style.title(dataset), abreast, style)
         if index % abreast == 0:
             axes.set_ylabel(quantity.short_label)
+    panels.label_rates(grid, rates, abreast)
     figure.supxlabel("Compression rate (wide lines: the thesis)", fontsize=style.font_size)
     panels.add_legend(figure, style.ordered_codecs(thesis_medians["codec"]), style)
     return figure
@@ -68,7 +69,4 @@ def _draw_panel(
         at = np.arange(len(rates), dtype=float)
         colour = style.of_codec(codec).colour
         axes.plot(at, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
-        known = np.isfinite(here)
-        panels.draw_line(axes, at[known], here[known], style.of_codec(codec), floor)
-    axes.set_xlim(-0.4, len(rates) - 0.6)
-    axes.set_xticks(range(len(rates)), rates)
+        panels.draw_over_rates(axes, here, style.of_codec(codec), floor)

@@ -11,7 +11,9 @@ from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
     add_legend,
+    add_rows_legend,
     figure_width,
+    fitted_limits,
     log_limits,
     panel_grid,
     set_log,
@@ -19,7 +21,7 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.quantities import BPP, Quantity
 from puckbench.figures.registry import BOTH_GPCC, FIGURES
-from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
+from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 
 _D1 = Quantity("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
 _ROWS = (BPP.within(0.01, 10), _D1)
+_SCALE = "Scale (small markers: no power of two)"
+_SMALL = 0.55
+"""Size of these markers; hollow ones could not be told from filled ones in all shapes."""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
 _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
@@ -41,8 +46,8 @@ _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
 )
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point (above) and Chamfer distance, point-to-point (below), medians over
-    clouds, against the factor on coordinates; hollow markers are factors that are no power
-    of two.
+    clouds, against the factor on coordinates; small markers are factors that are no power of
+    two.
 
     Rounded coordinates get better with every step; truncated ones get worse from 1/2 to 5/8 and
     stay above what 1/2 has. Not in the thesis.
@@ -53,8 +58,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     for index, axes in enumerate(panels):
         quantity, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
         rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
-        limits = style.axis_range(quantity.column, quantity.limits)
-        set_log(axes, "y", log_limits(gpcc_scales[quantity.column].to_numpy(float), limits), False)
+        set_log(axes, "y", _limits(gpcc_scales, quantity, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
             line = style.of_codec(codec)
             own = rows[rows["codec"] == codec]
@@ -64,7 +68,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
             set_title(axes, style.title(dataset), len(datasets), style)
         if index % len(datasets) == 0:
             axes.set_ylabel(quantity.short_label)
-    figure.supxlabel("Scale (hollow: no power of two)", fontsize=style.font_size)
+    figure.supxlabel(_SCALE, fontsize=style.font_size)
     add_legend(figure, style.ordered_codecs(gpcc_scales["codec"]), style)
     return figure
 
@@ -105,6 +109,13 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_ratio(gpcc_scales, "bits", label, style)
 
 
+def _limits(table: pd.DataFrame, quantity: Quantity, style: FigureStyle) -> Range:
+    values = table[quantity.column].to_numpy(dtype=float)
+    if quantity.column in style.axis_ranges:
+        return log_limits(values, style.axis_ranges[quantity.column])
+    return fitted_limits(values, quantity.limits)
+
+
 def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:
     """Medians over clouds with quartiles, one line per data set, of the codec as it was run."""
     from matplotlib.figure import Figure
@@ -125,10 +136,10 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
         _draw(axes, own, own[columns[1]], colour, marker, "-", style.title(dataset))
     axes.axhline(1, color="#555555", linewidth=0.7)
     _set_scales(axes, rows["scale"].to_numpy(dtype=float))
-    axes.set_xlabel("Scale (hollow: no power of two)")
+    axes.set_xlabel(_SCALE)
     axes.set_ylabel(label)
-    abreast = 2 if figure_width(1, style) <= COLUMN_WIDTH_IN else 4
-    figure.legend(loc="outside upper center", ncols=abreast)
+    handles, _ = axes.get_legend_handles_labels()
+    add_rows_legend(figure, handles, 2 if figure_width(1, style) <= COLUMN_WIDTH_IN else 4)
     return figure
 
 
@@ -141,17 +152,17 @@ def _draw(
     line: str,
     label: str = "_none",
 ) -> None:
-    """A line over the scales, its markers hollow where the scale is no power of two."""
+    """A line over the scales, its markers small where the scale is no power of two."""
+    import matplotlib
+
     order = np.argsort(rows["scale"].to_numpy())
     scale, y = rows["scale"].to_numpy()[order], values.to_numpy(dtype=float)[order]
     solid = rows["dyadic"].to_numpy(dtype=bool)[order]
     axes.plot(
         scale, y, color=colour, linestyle=line, marker=marker, markevery=_at(solid), label=label
     )
-    axes.plot(
-        scale[~solid], y[~solid], linestyle="", marker=marker, color=colour,
-        markerfacecolor="white", zorder=3,
-    )  # fmt: skip
+    size = _SMALL * matplotlib.rcParams["lines.markersize"]
+    axes.plot(scale[~solid], y[~solid], linestyle="", marker=marker, color=colour, markersize=size)
 
 
 def _at(chosen: NDArray[np.bool_]) -> list[int]:

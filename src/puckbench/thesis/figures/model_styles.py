@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from puckbench.figures.panels import add_rows_legend
 from puckbench.figures.style import FigureStyle
 from puckbench.lidar.errors import ERROR_MODELS
 from puckbench.lidar.residual_table import REAL
@@ -90,8 +91,9 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
         handles.append(Line2D([], [], color=real, linestyle="--", linewidth=0.8, label=text))
     letters = sum(len(str(handle.get_label())) for handle in handles)
     in_a_row_in = letters * 0.58 * style.font_size / 72 + 0.5 * len(handles)
-    abreast = len(handles) if in_a_row_in < figure.get_size_inches()[0] else 1
-    figure.legend(handles=handles, loc="outside upper center", ncols=abreast)
+    add_rows_legend(
+        figure, handles, len(handles) if in_a_row_in < figure.get_size_inches()[0] else 1
+    )
 
 
 def source_title(model: str, style: FigureStyle) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
+from puckbench.figures.panels import add_rows_legend
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
@@ -53,7 +54,8 @@ def draw_verdict(
     above, below = figure.subplots(2, 1, height_ratios=[2.1, 0.35 + 0.2 * len(models)])
     _draw_densities(above, compared_residuals, models, style)
     _draw_distances(below, model_distances.set_index("model"), models, style)
-    figure.legend(loc="outside upper center", ncols=3, fontsize="small", handlelength=2.2)
+    handles, _ = above.get_legend_handles_labels()
+    add_rows_legend(figure, handles, 3, fontsize="small", handlelength=2.2)
     return figure
 
 

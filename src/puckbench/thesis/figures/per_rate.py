@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from puckbench.figures.binning import medians_per_rate, ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
-    draw_line,
+    draw_over_rates,
+    label_rates,
     log_limits,
     panel_grid,
     set_log,
@@ -35,7 +34,8 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians over the clouds of a data set at each compression rate (thesis figure 6.5):
     Chamfer distance and squared Hausdorff distance, both point-to-plane and in squared grid
     units, and encoding and decoding time in seconds, on logarithmic axes. r1 is the rate
-    with the fewest bits; codecs have different numbers of rates.
+    with the fewest bits; codecs have different numbers of rates, and a line has a gap where
+    a codec lacks one.
 
     The rows' axes are at least the thesis's (0.01 to 10,000 and 0.1 to 100 s), widened by whole
     decades where values fall outside. A hollow marker on the lower edge is a median of zero
@@ -53,7 +53,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
         _draw_row(dict(zip(datasets, row, strict=True)), metrics, quantity, style)
     for axes, dataset in zip(panels[:abreast], datasets, strict=True):
         set_title(axes, style.title(dataset), abreast, style)
-    _label_rates(panels, abreast, ordered_rates(set(metrics["rate"])))
+    label_rates(panels, ordered_rates(set(metrics["rate"])), abreast)
     figure.supxlabel("Compression rate", fontsize=style.font_size)
     add_legend(figure, style.ordered_codecs(metrics["codec"]), style)
     return figure
@@ -73,14 +73,5 @@ def _draw_row(
         for codec in style.ordered_codecs(part["codec"]):
             values = part[part["codec"] == codec].set_index("rate")[quantity.column]
             y = values.reindex(rates).to_numpy(dtype=float)
-            at = np.flatnonzero(np.isfinite(y))
-            draw_line(axes, at.astype(float), y[at], style.of_codec(codec), floor=limits[0])
+            draw_over_rates(axes, y, style.of_codec(codec), floor=limits[0])
     next(iter(row.values())).set_ylabel(quantity.short_label)
-
-
-def _label_rates(panels: list[Axes], abreast: int, rates: list[str]) -> None:
-    """Name the rates below the last row; in narrow panels every second one."""
-    step = 2 if len(rates) * abreast > 44 else 1
-    for axes in panels:
-        axes.set_xlim(-0.4, len(rates) - 0.6)
-        axes.set_xticks(range(0, len(rates), step), rates[::step])

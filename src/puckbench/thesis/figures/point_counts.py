@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import figure_width, wrapped
+from puckbench.figures.panels import add_rows_legend, figure_width, wrapped
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _FEW = 12
 """With so few clouds a box says little: each cloud is drawn too."""
+_MEDIAN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
+_MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"}
+_CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 
 
 @FIGURES.register("fig_6_4", title="Point counts per data set", category="Clouds", thesis="6.4")
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set (thesis figure 6.4).
 
-    Box: quartiles; line: median; triangle: mean; whiskers: the furthest cloud within 1.5 times the
-    box's height. Clouds further out are not drawn, as in the thesis. Other than there, n is the
-    number of clouds, the axis starts at zero, and data sets of at most twelve clouds show every
-    cloud as a circle.
+    Box: quartiles; whiskers: the furthest cloud within 1.5 times the box's height. Clouds further
+    out are not drawn, as in the thesis. Other than there, n is the number of clouds, the axis
+    starts at zero, and data sets of at most twelve clouds show every cloud as a circle.
     """
     from matplotlib.figure import Figure
 
@@ -41,7 +44,7 @@ def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     _draw_boxes(axes, counts)
     for place, values in enumerate(counts, start=1):
         if len(values) <= _FEW:
-            axes.plot(np.full(len(values), place), values, "o", mfc="none", mec="#777777", mew=0.5)
+            axes.plot(np.full(len(values), place), values, "o", **_CLOUD)
     fit = (width - 0.6) / len(datasets)
     titles = [
         f"{wrapped(style.title(d), fit, style)}\n(n = {len(values)})"
@@ -49,7 +52,21 @@ def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     ]
     axes.set_xticks(range(1, len(datasets) + 1), titles)
     _label_counts(axes)
+    add_rows_legend(figure, _key(any(len(values) <= _FEW for values in counts)), 4)
     return figure
+
+
+def _key(clouds: bool) -> list[Artist]:
+    """What the marks are."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    marks: list[Artist] = [
+        Patch(facecolor="none", edgecolor="black", linewidth=0.8, label="quartiles"),
+        Line2D([], [], label="median", **_MEDIAN),
+        Line2D([], [], linestyle="", label="mean", **_MEAN),
+    ]
+    return [*marks, Line2D([], [], marker="o", ls="", label="cloud", **_CLOUD)][: 3 + clouds]
 
 
 def _draw_boxes(axes: Axes, counts: list[np.ndarray]) -> None:
@@ -58,8 +75,8 @@ def _draw_boxes(axes: Axes, counts: list[np.ndarray]) -> None:
         showfliers=False,
         showmeans=True,
         widths=0.5,
-        medianprops={"color": "#D55E00", "linewidth": 1.2},
-        meanprops={"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"},
+        medianprops=_MEDIAN,
+        meanprops=_MEAN,
         boxprops={"linewidth": 0.8},
         whiskerprops={"linewidth": 0.8},
         capprops={"linewidth": 0.8},

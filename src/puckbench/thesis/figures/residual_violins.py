@@ -53,7 +53,7 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     rows = near(residuals)
     names = [name for name in _SURFACES if (rows["surface"] == name).any()]
     groups = {name.capitalize(): rows[rows["surface"] == name] for name in names}
-    return _draw_groups(groups, "Surface", style)
+    return _draw_groups(groups, "Surface", "", style)
 
 
 @FIGURES.register(
@@ -148,14 +148,14 @@ def _draw_distances(residuals: pd.DataFrame, surface: str, style: FigureStyle) -
     check_residuals(residuals)
     rows = near(residuals, surface)
     groups = _grouped(rows, rows["distance_m"].round(1))
-    return _draw_groups(groups, "Distance from the wall (m)", style)
+    return _draw_groups(groups, "Distance from the wall (m)", surface, style)
 
 
 def _draw_lasers(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
     check_residuals(residuals, "elevation_deg")
     rows = near(residuals, surface)
     groups = _grouped(rows, rows["elevation_deg"].round(2))
-    return _draw_groups(groups, "Laser elevation (\u00b0)", style)
+    return _draw_groups(groups, "Laser elevation (\u00b0)", surface, style)
 
 
 def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFrame]:
@@ -163,8 +163,10 @@ def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFra
     return {f"{key:g}".replace("-", "\u2212"): part for key, part in rows.groupby(keys)}
 
 
-def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureStyle) -> Figure:
-    """Per group the real sensor's violin and, beside it, the virtual one's."""
+def _draw_groups(
+    groups: Mapping[str, pd.DataFrame], label: str, surface: str, style: FigureStyle
+) -> Figure:
+    """Per group the real sensor's violin and, beside it, the virtual one's; titled by surface."""
     import pandas as pd
 
     models = compared(pd.concat(groups.values()))
@@ -180,6 +182,7 @@ def _draw_groups(groups: Mapping[str, pd.DataFrame], label: str, style: FigureSt
         drawn += there.values()
     _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
     axes.set_xlabel(label)
+    axes.set_title(surface.capitalize(), pad=3)
     if REAL not in models:
         _show_published(axes, style)
     add_model_legend(figure, models, style)
