@@ -55,9 +55,28 @@ def test_a_better_quality_everywhere_is_the_quality_delta() -> None:
 
 def test_curves_without_a_common_range_have_no_delta_and_say_so() -> None:
     found = delta(curve(RATES, PSNRS), curve(RATES, PSNRS + 100))
-    assert (found.rate_percent, found.rate_status) == (None, NO_COMMON_RANGE)
+    assert (found.rate_percent, found.rate_status, found.shared) == (None, NO_COMMON_RANGE, 0)
     assert found.quality_db == pytest.approx(100)
-    assert delta(curve(RATES, PSNRS), curve(RATES[:1], PSNRS[:1])).rate_status == TOO_FEW_POINTS
+    touching = delta(curve(RATES, PSNRS), curve(RATES, PSNRS + 31))
+    assert (touching.rate_percent, touching.rate_status) == (None, NO_COMMON_RANGE)
+    single = delta(curve(RATES, PSNRS), curve(RATES[:1], PSNRS[:1]))
+    assert (single.rate_status, single.shared) == (TOO_FEW_POINTS, 0)
+
+
+def test_two_points_make_a_curve() -> None:
+    """Straight in the logarithm of the rate: from 30 dB at a rate of 1 to 40 dB at 4."""
+    anchor, tested = curve(np.array([1.0, 4]), np.array([30.0, 40])), np.array([35.0, 45])
+    found = delta(anchor, curve(np.array([1.0, 4]), tested))
+    assert found.rate_percent == pytest.approx(-50)
+    assert found.quality_db == pytest.approx(5)
+    assert found.shared == pytest.approx(0.5)
+
+
+def test_points_without_a_rate_or_a_quality_are_left_out() -> None:
+    rates, psnrs = np.array([0.1, np.nan, 0.8, 2.0]), np.array([40.0, 48.0, np.inf, 62.0])
+    found = curve(rates, psnrs)
+    np.testing.assert_allclose(np.exp(found.log_rate), [0.1, 2.0])
+    assert found.dropped == 0
 
 
 def test_points_that_a_cheaper_one_equals_are_left_out() -> None:
@@ -122,14 +141,52 @@ def test_lossless_points_have_no_quality_and_are_left_out() -> None:
     assert row["bd_rate_percent"] == pytest.approx(-50)
 
 
+def test_codecs_stand_in_the_order_of_the_results() -> None:
+    table = metrics({"z": [1, 1], "y": [0.5, 0.5], "x": [2, 2]})
+    table["cloud"] = table["cloud"].map({"c0": "d", "c1": "c"})
+    clouds = bd_rate_clouds(table, "z", ["d1_psnr"])
+    assert list(zip(clouds["cloud"], clouds["codec"], strict=True)) == [
+        ("d", "y"), ("d", "x"), ("c", "y"), ("c", "x"),
+    ]  # fmt: skip
+    assert bd_rate(table, "z", ["d1_psnr"])["codec"].tolist() == ["y", "x"]
+
+
+def test_a_cloud_that_the_anchor_lacks_has_no_row_and_a_codec_without_error_no_curve() -> None:
+    table = metrics({"a": [1, 1], "b": [0.5, 0.5]})
+    fewer = table[(table["codec"] != "a") | (table["cloud"] != "c0")]
+    assert bd_rate_clouds(fewer, "a", ["d1_mse"])["cloud"].tolist() == ["c1"]
+    table.loc[table["codec"] == "b", "d1_mse"] = 0.0
+    with pytest.raises(InputError, match="no codec beside the anchor a"):
+        bd_rate_clouds(table, "a", ["d1_mse"])
+
+
+def test_the_spread_over_clouds_is_told_by_its_quartiles() -> None:
+    """Of the rate ratios 1/2, 1, 2, 3, 9: changes of -50, 0, 100, 200 and 800 %."""
+    table = metrics({"a": [1] * 5, "b": [0.5, 1, 2, 3, 9]})
+    table.loc[
+        (table["codec"] == "b") & (table["cloud"] == "c2") & (table["rate"] != "r1"), "bpp"
+    ] = np.nan
+    row = bd_rate(table, "a", ["d1_psnr"]).iloc[0]
+    assert (row["clouds"], row["compared"], row["too_few_points"]) == (5, 4, 1)
+    names = ["bd_rate_percent_q25", "bd_rate_percent_median", "bd_rate_percent_q75"]
+    assert row[names].tolist() == pytest.approx([-12.5, 100, 350])
+    assert row["bd_rate_percent"] == pytest.approx(100 * (13.5**0.25 - 1))
+
+
 def test_the_bootstrap_interval_is_that_of_the_mean() -> None:
-    values = generator(1, "values").normal(2, 1, 400)
-    low, high = bootstrap_interval(values, 4000, generator(1, "draws"))
-    error = values.std(ddof=1) / 20
-    assert (low, high) == pytest.approx(
-        (values.mean() - 1.96 * error, values.mean() + 1.96 * error), abs=0.15 * error
-    )
+    """As the central limit theorem has it, for values of a symmetric distribution."""
+    values = np.linspace(-1, 1, 41)
+    low, high = bootstrap_interval(values, 100_000, generator(1, "draws"))
+    error = values.std() / 41**0.5
+    assert (low, high) == pytest.approx((-1.96 * error, 1.96 * error), abs=0.04 * error)
     assert np.isnan(bootstrap_interval(values[:2], 100, generator(1, "draws"))).all()
+    assert np.isfinite(bootstrap_interval(values[:3], 100, generator(1, "draws"))).all()
+
+
+def test_an_interval_is_of_two_thousand_draws_unless_asked_otherwise() -> None:
+    table = metrics({"a": [1] * 4, "b": [0.5, 0.6, 0.7, 0.8]})
+    both = ["d1_psnr", "d1_mse"]
+    pd.testing.assert_frame_equal(bd_rate(table, "a", both), bd_rate(table, "a", both, 2000, 0))
 
 
 def test_an_interval_repeats_and_does_not_hang_on_the_other_codecs() -> None:
@@ -149,6 +206,13 @@ def test_an_interval_repeats_and_does_not_hang_on_the_other_codecs() -> None:
 def test_an_unknown_anchor_or_column_is_named(anchor: str, metric: str, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         bd_rate(metrics({"a": [1], "b": [2]}), anchor, [metric])
+
+
+def test_a_rate_of_nothing_is_refused() -> None:
+    table = metrics({"a": [1], "b": [2]})
+    table.loc[3, "bpp"] = 0.0
+    with pytest.raises(InputError, match="'bpp' has a value that is not positive"):
+        bd_rate(table, "a", ["d1_psnr"])
 
 
 def test_the_command_makes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

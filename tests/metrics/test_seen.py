@@ -14,15 +14,17 @@ from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
+from puckbench.metrics import density as measured_density
 from puckbench.metrics.colour import (
     colour_distortion,
     joint_quality,
+    luminance_distance,
     yuv,
 )
 from puckbench.metrics.density import density, in_metres
 from puckbench.metrics.elongation import elongation, oriented_elongation
 from puckbench.metrics.ssim import ssim
-from puckbench.metrics.views import view, view_quality
+from puckbench.metrics.views import closing_radius, view, view_quality
 
 CORNERS = np.array([[0.0, 0, 0], [100, 100, 100]])
 GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
@@ -47,6 +49,12 @@ def test_ssim_is_the_paper_s_sum_over_windows() -> None:
             values.append(top / ((mx**2 + my**2 + c1) * (vx + vy + c2)))
     assert ssim(a, b) == pytest.approx(np.mean(values), rel=1e-12)
     assert ssim(a, a) == pytest.approx(1)
+    assert ssim(a[:11, :11], a[:11, :11]) == pytest.approx(1)
+    for other in (a[:12], a.T):
+        with pytest.raises(InputError, match="SSIM: pictures of"):
+            ssim(a, other)
+    with pytest.raises(InputError, match="SSIM: pictures of"):
+        ssim(a[:10], a[:10])
 
 
 def test_a_view_shows_the_nearest_point_in_the_right_pixel() -> None:
@@ -60,6 +68,63 @@ def test_a_view_shows_the_nearest_point_in_the_right_pixel() -> None:
     assert back[31, 81] == 0
     middle = view(PointCloud(points[:2]), 0, CORNERS, 104, 0, coloured=False)
     assert middle[31, 22] == 100
+
+
+@pytest.mark.parametrize(
+    ("axis", "row", "column", "grey"),
+    [
+        (0, 31, 22, 179),
+        (1, 31, 81, 21),
+        (2, 31, 91, 159),
+        (3, 31, 12, 41),
+        (4, 81, 12, 59),
+        (5, 81, 91, 141),
+    ],
+)
+def test_six_views_are_upright_and_grow_brighter_with_depth(
+    axis: int, row: int, column: int, grey: int
+) -> None:
+    """z is up, and from above and below y; twice the depth is the grey."""
+    cloud = PointCloud(np.array([[10.5, 20.5, 70.5]]))
+    seen = view(cloud, axis, CORNERS, 104, 0, coloured=False)
+    assert np.argwhere(seen < 255).tolist() == [[row, column]]
+    assert seen[row, column] == grey
+
+
+def test_a_view_of_colours_shows_luminance() -> None:
+    primary = 255 * np.eye(3, dtype=np.uint8)
+    cloud = PointCloud(np.array([[0, 10.5, 0], [0, 20.5, 0], [0, 30.5, 0]]), colours=primary)
+    seen = view(cloud, 0, CORNERS, 104, 0, coloured=True)
+    assert seen[102, [12, 22, 32]].tolist() == [54, 182, 18]
+
+
+def test_a_point_that_moved_out_of_the_box_is_still_seen() -> None:
+    cloud = PointCloud(np.array([[190, 20.5, 70.5]]))
+    assert view(cloud, 0, CORNERS, 104, 0, coloured=False)[31, 22] == 0
+
+
+def test_a_single_point_is_seen_in_the_middle() -> None:
+    cloud = PointCloud(np.array([[3.0, 4, 5]]))
+    seen = view(cloud, 0, np.repeat(cloud.xyz, 2, axis=0), 104, 0, coloured=False)
+    assert np.argwhere(seen < 255).tolist() == [[52, 52]]
+    assert seen[52, 52] == 0
+    assert closing_radius(cloud.xyz, 104) == 1
+
+
+def test_discs_reach_twice_the_median_spacing() -> None:
+    """11 units and a margin of 4 % are 100 pixels: 2 units are 17.5 of them."""
+    assert closing_radius(GRID, 100) == 18
+    assert closing_radius(GRID, 5) == 1
+    found = view_quality(PointCloud(GRID), PointCloud(GRID), 11)
+    assert (found["view_radius"], found["view_pixels"]) == (2, 11)
+
+
+def test_views_show_depth_unless_both_clouds_have_colours() -> None:
+    plain, moved = PointCloud(GRID), PointCloud(GRID * 0.9)
+    grey, both = coloured(GRID, (9, 9, 9)), coloured(moved.xyz, (9, 9, 9))
+    depth = view_quality(plain, moved, 32)
+    assert view_quality(grey, moved, 32) == view_quality(plain, both, 32) == depth
+    assert view_quality(grey, both, 32) != depth
 
 
 def test_views_have_the_error_that_one_lost_point_makes() -> None:
@@ -94,6 +159,18 @@ def test_grey_levels_apart_are_an_error_of_luminance_alone() -> None:
     assert found["luminance_l2"] == pytest.approx(2**0.5)
     joint = joint_quality({"cd_plane": 2.0}, found)
     assert joint == pytest.approx(0.6597 * 2 + 0.3403 * 2**0.5)
+    assert np.isnan(joint_quality({"cd_point": 2.0}, found))
+    same = colour_distortion(coloured(GRID, (100, 100, 100)), coloured(GRID, (100, 100, 100)))
+    assert same["luminance_l2"] == 0
+    assert np.isinf(same["y_psnr"])
+
+
+def test_luminance_is_compared_in_256_bins_from_black_to_white() -> None:
+    low, high = np.array([100.1]) / 256, np.array([100.9]) / 256
+    assert luminance_distance(low, high) == 0
+    assert luminance_distance(low, np.array([99.9]) / 256) == pytest.approx(2**0.5)
+    both = np.concatenate([low, [1.0]])
+    assert luminance_distance(low, both) == pytest.approx(0.5**0.5)
 
 
 def test_duplicates_and_equidistant_neighbours_count_with_their_mean_colour() -> None:
@@ -105,8 +182,9 @@ def test_duplicates_and_equidistant_neighbours_count_with_their_mean_colour() ->
     twice = PointCloud(np.zeros((2, 3)), colours=np.array([[40] * 3, [60] * 3], np.uint8))
     once = coloured(np.zeros((1, 3)), (50, 50, 50))
     assert colour_distortion(twice, once)["y_mse"] == pytest.approx(0, abs=1e-20)
-    with pytest.raises(InputError, match="decoded cloud: no colour"):
-        colour_distortion(reference, PointCloud(ends))
+    for colours in (None, np.zeros((1, 3), np.uint8)):
+        with pytest.raises(InputError, match="decoded cloud: no colour"):
+            colour_distortion(reference, PointCloud(ends, colours=colours))
 
 
 def test_the_density_of_a_grid_and_its_outlier() -> None:
@@ -135,6 +213,29 @@ def test_density_is_that_of_all_pairs() -> None:
         assert found[f"{name}_q95"] == pytest.approx(high, rel=1e-12)
 
 
+def test_few_points_have_the_density_of_those_that_there_are() -> None:
+    """Two points at a distance of 2: one neighbour within a disc of radius 2."""
+    found = density(np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 0]]))
+    assert found["duplicates"] == pytest.approx(1 / 3)
+    assert found["spacing_median"] == 2
+    assert found["density_median"] == pytest.approx(1 / (4 * np.pi))
+    assert found["outliers"] == 0
+    line = density(np.arange(5.0)[:, None] * [1, 0, 0])
+    assert line["density_q95"] == pytest.approx(4 / np.pi * np.quantile([1 / 4, 1 / 9], 0.8))
+
+
+def test_of_many_points_some_are_measured_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without one of 201 points, a quantile moves by no more than one place."""
+    points = np.random.default_rng(5).standard_t(3, (201, 3))
+    spacing = np.sort(np.sort(cdist(points, points), axis=1)[:, 1])
+    monkeypatch.setattr(measured_density, "QUERIES", 200)
+    found = density(points)
+    for name, place in (("q05", 10), ("median", 100), ("q95", 190)):
+        assert spacing[place - 1] <= found[f"spacing_{name}"] <= spacing[place + 1]
+    assert found["spacing_q05"] not in spacing
+    assert density(points) == found
+
+
 def test_outliers_are_two_standard_deviations_beyond_the_mean() -> None:
     points = np.random.default_rng(6).standard_t(3, (201, 3))
     means = np.sort(cdist(points, points), axis=1)[:, 1:17].mean(axis=1)
@@ -158,6 +259,8 @@ def test_elongation_of_a_turned_box() -> None:
     sides = oracle.get_oriented_bounding_box().extent
     assert oriented_elongation(turned) == pytest.approx(min(sides) / max(sides), rel=1e-6)
     assert oriented_elongation(GRID) == 0
+    assert elongation(np.zeros((1, 3))) == 0
+    assert elongation(np.array([[0.0, 0, 0], [0.2, 0.4, 0.8]])) == pytest.approx(0.25)
 
 
 def test_evaluate_measures_pictures_and_colours(

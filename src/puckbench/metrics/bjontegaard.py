@@ -37,7 +37,7 @@ class Curve:
 
     log_rate: Floats
     quality: Floats
-    dropped: int = 0
+    dropped: int
 
 
 @dataclass(frozen=True)
