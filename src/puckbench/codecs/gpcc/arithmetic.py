@@ -1,8 +1,9 @@
-"""Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9, clause 9), in both directions.
+"""Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
 A kernel written with `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes
 with a `Decoder`: each function takes the bit to code (a decoder ignores it) and returns the bit
-coded or read. Probabilities are those of a zero, in 16 bits, as in TMC13's `schroArith` coder.
+coded or read. Probabilities are those of a zero, in 16 bits, as in the Schroedinger coder
+(`schroarith`) that TMC13 uses.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """One level of the geometry octree: planar modes, direct positions or occupancy of every node.
 
-Nodes are coded in breadth-first order (ISO/IEC 23090-9, clauses 7.3 and 9; TMC13's
-`GeometryOctreeEncoder` and `GeometryOctreeDecoder`). The same kernel encodes, given an `Encoder`
-and a `Source`, and decodes, given a `Decoder` and None.
+Nodes are coded in breadth-first order, as TMC13's `GeometryOctreeEncoder` and
+`GeometryOctreeDecoder` do. The same kernel encodes, given an `Encoder` and a `Source`, and decodes,
+given a `Decoder` and None.
 """
 
 from __future__ import annotations

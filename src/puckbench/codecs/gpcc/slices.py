@@ -1,7 +1,7 @@
 """Slices: octree geometry of a geometry data unit, encoded and decoded.
 
-A geometry data unit (ISO/IEC 23090-9, clause 7.3) is a header, the arithmetic-coded octree, and a
-footer with the number of points.
+A geometry data unit is a header, the arithmetic-coded octree, and a footer with the number of
+points (in TMC13: `GeometryBrickHeader`, `GeometryBrickFooter`).
 """
 
 from __future__ import annotations

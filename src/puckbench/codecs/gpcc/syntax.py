@@ -1,8 +1,8 @@
 """High-level syntax of G-PCC geometry: parameter sets, tile inventory, data unit, encapsulation.
 
-Names and order are those of ISO/IEC 23090-9, first edition, clause 7.3 (in TMC13: hls.h,
-io_hls.cpp); type-length-value encapsulation is its Annex B. Points lie in the coding axis order;
-x, y, z below are in the order of the file.
+Names and order of the syntax elements are those of TMC13 (`hls.h`, `io_hls.cpp`), the reference
+software of ISO/IEC 23090-9; type-length-value encapsulation is that standard's Annex B. Points lie
+in the coding axis order; x, y, z below are in the order of the file.
 """
 
 from __future__ import annotations
