@@ -46,7 +46,8 @@ def room(tmp_path: Path) -> Path:
 @pytest.fixture
 def cloud(tmp_path: Path) -> Path:
     path = tmp_path / "cloud.ply"
-    write_cloud(path, PointCloud(np.random.default_rng(0).random((500, 3)) * 1023))
+    points = np.random.default_rng(0).random((500, 3)) * 1023
+    write_cloud(path, PointCloud(points, about={"size": 1024}))
     return path
 
 

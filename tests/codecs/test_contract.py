@@ -168,6 +168,23 @@ def test_every_point_comes_back_within_the_finest_rate(codec: Codec, points: np.
     assert len(decoded) <= len(points)
 
 
+FAR = np.array([500_000.0, 5_000_001.0, -3_000_000.0])
+
+
+def test_a_cloud_far_away_decodes_to_the_shifted_decode_of_the_near_one(codec: Codec) -> None:
+    near = np.rint(_cloud(codec))
+    near -= near.min(axis=0)
+    for rate in codec.rates:
+        decoded = [codec.decode(codec.encode(cloud, rate)) for cloud in (near, near + FAR)]
+        assert np.array_equal(_sorted(decoded[0] + FAR), _sorted(decoded[1]))
+
+
+def test_a_cloud_at_the_origin_is_coded_as_it_is(codec: Codec) -> None:
+    points = _cloud(codec)
+    rate = next(iter(codec.rates))
+    assert codec.encode(points, rate) == codec._encode(points, codec.rates[rate])
+
+
 @cache
 def _stream(codec: Codec) -> bytes:
     return codec.encode(_surface(300), next(iter(codec.rates)))

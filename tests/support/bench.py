@@ -49,7 +49,7 @@ class Box(Codec):
         low, high = np.frombuffer(stream[:48]).reshape(2, 3)
         return low + np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1) * (high - low)
 
-    def decode_mesh(self, stream):
+    def _decode_mesh(self, stream):
         if stream.endswith(b"points"):
             raise InputError("no surface")
         vertices = self._decode(stream)

@@ -19,6 +19,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--raw", action="store_true", help="G-PCC: a bare stream, as the reference software's"
     )
+    parser.add_argument(
+        "--frame", choices=["scaled"], help="of a cloud without a description beside it"
+    )
+    parser.add_argument(
+        "--prepare", type=Path, metavar="PLY", help="prepare the cloud, write it here and code it"
+    )
     codec_arguments(parser, required=True)
 
 
@@ -27,4 +33,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     chosen = timed_options(options)
     if options.raw:
         chosen["changes"] = with_options(chosen["changes"], raw=True)
-    return Encode.given(rate=options.rate, **chosen).run(options.cloud, options.out)
+    job = Encode.given(rate=options.rate, frame=options.frame, **chosen)
+    return job.run(options.cloud, options.out, options.prepare)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.cli.types import chosen, whole
+from puckbench.cli.types import chosen, tell, whole
 from puckbench.jobs.evaluate import Evaluate
 
 
@@ -27,7 +27,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--clean", type=Path, help="clean scan of the same rays, instead of --visible"
     )
     parser.add_argument(
-        "--peak", type=float, help="of the PSNRs (default: the reference's size less 1, or 1023)"
+        "--peak",
+        type=float,
+        help="of the PSNRs (default: size - 1 of the reference's JSON)",
     )
     parser.add_argument(
         "--views", type=whole(0), default=0, help="pixels of six pictures to compare (default: 0)"
@@ -41,4 +43,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Measure; the answer is the result row."""
     job = Evaluate.given(**chosen(options, "dataset", "peak", "views"), **timed_options(options))
     files = chosen(options, "row", "truth", "visible", "clean")
-    return job.run(options.reference, options.decoded, **files)
+    row = job.run(options.reference, options.decoded, **files)
+    if row["d1_mse"] > 0 and "d1_psnr" not in row:
+        tell(f"{options.reference}: no size in a description beside it: no d1_psnr without --peak")
+    return row

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import Any
 
 
@@ -32,3 +33,8 @@ def whole(low: int) -> Any:
 def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     """Some of a command's options by name, as fields of the job that it runs."""
     return {name: getattr(options, name) for name in names}
+
+
+def tell(line: str) -> None:
+    """Say on standard error what is no part of the answer."""
+    print(f"puckbench: {line}", file=sys.stderr)  # noqa: T201

@@ -27,9 +27,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats, check_points
+from puckbench.codecs.common.shift import moved, shift_of, shifted, unshifted
+from puckbench.core.errors import InputError, naming
+from puckbench.core.models import Model, closest, parsed
+from puckbench.geometry.cloud import Floats, Frame, check_points
 from puckbench.geometry.mesh import Mesh
 
 Parameters = Mapping[str, Any]
@@ -110,6 +111,8 @@ class Codec(ABC):
     grid: float = 0.0
     """Spacing of the grid that coordinates are rounded to at the finest rate, in units of the
     input; 0 for a codec that adapts to the extent of the cloud."""
+    shifts_far_clouds: bool = True
+    """Whether clouds far from the origin are shifted to it before coding (`common.shift`)."""
 
     def __init__(
         self, name: str, rates: Mapping[str, Parameters] | None = None, **options: Any
@@ -122,6 +125,11 @@ class Codec(ABC):
     def version(self) -> str:
         """Version of the implementation, for the results table; a class may just assign it."""
         return ""
+
+    @property
+    def needs_scaled(self) -> bool:
+        """Whether rates are steps of a scaled cloud's grid: not where an option `unit` is given."""
+        return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     @property
     def thesis_role(self) -> str:
@@ -147,6 +155,35 @@ class Codec(ABC):
         """What the last call cost, for a codec that runs outside this process; else None."""
         return None
 
+    def check_frame(self, frame: Frame | None) -> None:
+        """Refuse a cloud whose frame is not that of the rates; None: it is not known.
+
+        Raises
+        ------
+        InputError
+            Rates are steps of a scaled cloud's grid, and this is none.
+        """
+        if not self.needs_scaled or frame == "scaled":
+            return
+        is_what = "is in metres" if frame else "does not say whether it is scaled"
+        lengths = hasattr(self.options, "unit")
+        metric = ", or give the codec a unit in metres (--entry)" if lengths else ""
+        raise InputError(
+            f"codec {self.name}: its rates are steps of a scaled cloud's grid, and the cloud "
+            f"{is_what}: prepare it (puckbench prepare, or encode --prepare), or say that it is "
+            f"(--frame scaled){metric}"
+        )
+
+    def parameters_of(self, rate: str) -> Parameters:
+        """The parameters of a rate; InputError when there is none of the name."""
+        if rate not in self.rates:
+            known = list(self.rates)
+            raise InputError(
+                f"codec {self.name}: unknown rate '{rate}' (known: {', '.join(known)})"
+                f"{closest(rate, known)}"
+            )
+        return self.rates[rate]
+
     def encode(self, points: Floats, rate: str) -> bytes:
         """Code points at a named rate.
 
@@ -167,11 +204,13 @@ class Codec(ABC):
         InputError
             An unknown rate, an empty cloud, or coordinates that are not finite.
         """
-        if rate not in self.rates:
-            known = ", ".join(self.rates)
-            raise InputError(f"codec {self.name}: unknown rate '{rate}' (known: {known})")
+        parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
-        return self._encode(np.ascontiguousarray(points, dtype=np.float64), self.rates[rate])
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        shift = shift_of(points) if self.shifts_far_clouds else None
+        if shift is None:
+            return self._encode(points, parameters)
+        return shifted(self._encode(points - shift, parameters), shift)
 
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in the coordinates of the input cloud, in any order.
@@ -181,7 +220,10 @@ class Codec(ABC):
         InputError
             The stream is not this codec's, or damaged.
         """
-        return self._decode(stream)
+        with naming(f"codec {self.name}"):
+            own, shift = unshifted(stream)
+        points = self._decode(own)
+        return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Triangles in the coordinates of the input cloud, where a codec codes surfaces.
@@ -195,6 +237,15 @@ class Codec(ABC):
         InputError
             As for `decode`, for a codec that has no surfaces, and for a stream without one.
         """
+        from puckbench.metrics.primitives import surface_in_metres
+
+        with naming(f"codec {self.name}"):
+            own, shift = unshifted(stream)
+        mesh = self._decode_mesh(own)
+        return mesh if shift is None else surface_in_metres(mesh, 1.0, shift)
+
+    def _decode_mesh(self, stream: bytes) -> Mesh:
+        """The surfaces of a stream, where a codec codes surfaces; InputError as for `_decode`."""
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     @abstractmethod

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs.base import Codec
+from puckbench.codecs.common.shift import unshifted
 from puckbench.core.errors import InputError
 from puckbench.core.registry import Registry, load
 
@@ -123,6 +124,7 @@ def memory_mb(name: str, points: int, changes: Entry | None = None) -> int:
 
 def codec_of(stream: bytes) -> str:
     """Name of the first codec by rank whose magic the stream begins with; else InputError."""
+    stream = unshifted(stream).stream
     for name, found in codecs().items():
         if found.magic and stream.startswith(found.magic):
             return name

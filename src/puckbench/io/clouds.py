@@ -10,7 +10,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json, written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
-from puckbench.io.ply import read_ply, write_vertices
+from puckbench.io.ply import has_faces, read_ply, write_vertices
 
 
 def sidecar(path: Path) -> Path:
@@ -44,11 +44,14 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
 
 
 def read_cloud(path: str | Path) -> PointCloud:
-    """Read the vertices of any PLY file, and the JSON beside it where there is one.
+    """Read the points of any PLY file, and the JSON beside it where there is one.
 
-    Raises InputError when the file is missing, damaged, empty or has points that are not finite.
+    Raises InputError when the file is missing, damaged, empty, a mesh, or has points that are not
+    finite.
     """
     path = Path(path)
+    if has_faces(path):
+        raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
     vertices = read_ply(path)
     values: dict[str, Any] = {}
     for name, (axes, kind) in _FIELDS.items():

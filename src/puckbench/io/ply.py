@@ -39,6 +39,17 @@ def read_elements(path: Path) -> Any:
         raise InputError(f"{path}: not a readable PLY file ({error})") from error
 
 
+def has_faces(path: Path) -> bool:
+    """Whether the header of a PLY file announces faces."""
+    try:
+        with path.open("rb") as stream:
+            header = stream.read(1 << 16).split(b"end_header", 1)[0]
+    except OSError as error:
+        raise unreadable(path, error) from error
+    counts = [line.split()[2:] for line in header.splitlines() if line.startswith(b"element face")]
+    return any(count != [b"0"] for count in counts)
+
+
 def read_ply(path: Path) -> dict[str, NDArray[Any]]:
     """Read the properties of the vertices of a PLY file, (n,) each, by name."""
     elements = read_elements(path)

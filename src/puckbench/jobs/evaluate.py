@@ -13,7 +13,7 @@ from puckbench.jobs.codecs import record_file
 from puckbench.jobs.decode import Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
-from puckbench.metrics.measures import measures, peak_of, picture_measures, truth_measures
+from puckbench.metrics.measures import measures, picture_measures, truth_measures
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
 """What a result row keeps of the reference's description."""
@@ -23,7 +23,8 @@ _KEPT = ("name", "group", "scale", "diameter", "elongation")
 class Evaluate(Decoding):
     """Measure a decoded cloud or a stream against the cloud that was coded, and the truth.
 
-    dataset: its name, for the row. peak: of the PSNRs; that of the cloud's scale if not given.
+    dataset: its name, for the row. peak: of the PSNRs; by default the cloud's own, and none where
+    its description tells no size.
     views: pixels of six pictures to compare; 0 for none.
     """
 
@@ -57,7 +58,7 @@ class Evaluate(Decoding):
         """
         reference = read_cloud(cloud)
         points, record = self._decoded(decoded)
-        found = measures(reference, points.xyz, self.peak or peak_of(reference))
+        found = measures(reference, points.xyz, self.peak)
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
             **{key: reference.about[key] for key in _KEPT if key in reference.about},

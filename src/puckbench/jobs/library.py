@@ -12,7 +12,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import ready
-from puckbench.metrics.measures import measures, peak_of
+from puckbench.metrics.measures import measures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,22 +27,40 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     return preparation.prepare(cloud, size, neighbours)
 
 
-def compare(cloud: PointCloud, codecs: Iterable[Codec], repeats: int = 1) -> pd.DataFrame:
+def compare(
+    cloud: PointCloud, codecs: Iterable[Codec], repeats: int = 1, peak: float | None = None
+) -> pd.DataFrame:
     """One row for each codec and rate, with the columns of a run's ``metrics.csv``.
 
-    cloud: as `prepare` gives it; one without normals has no distances to planes. repeats: timed
-    calls, whose median counts. The peak of the PSNRs is ``size - 1`` of the cloud's preparation, or
-    else 1023. InputError for a codec that cannot run here, or cannot code the cloud.
+    Parameters
+    ----------
+    cloud
+        As `prepare` gives it; one without normals has no distances to planes. A scaled cloud from
+        elsewhere says so: ``PointCloud(points, about={"size": 1024})``.
+    codecs
+        As `open_codec` gives them.
+    repeats
+        Timed calls, whose median counts.
+    peak
+        Of MPEG's PSNRs; by default ``size - 1`` of the cloud, without which they are left out.
+
+    Raises
+    ------
+    InputError
+        A codec cannot run here, or cannot code the cloud.
     """
     import pandas as pd
 
-    rows = [
-        _row(cloud, codec, rate, repeats) for codec in map(ready, codecs) for rate in codec.rates
-    ]
-    return pd.DataFrame(rows)
+    chosen = list(codecs)
+    for codec in chosen:
+        codec.check_frame(cloud.frame)
+    cells = [(codec, rate) for codec in map(ready, chosen) for rate in codec.rates]
+    return pd.DataFrame([_row(cloud, *cell, repeats, peak) for cell in cells])
 
 
-def _row(cloud: PointCloud, codec: Codec, rate: str, repeats: int) -> dict[str, object]:
+def _row(
+    cloud: PointCloud, codec: Codec, rate: str, repeats: int, peak: float | None
+) -> dict[str, object]:
     coded = measured(lambda: codec.encode(cloud.xyz, rate), repeats, codec.cost)
     decoded = measured(lambda: codec.decode(coded.result), repeats, codec.cost)
     return {
@@ -52,5 +70,5 @@ def _row(cloud: PointCloud, codec: Codec, rate: str, repeats: int) -> dict[str, 
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
         **decoded.costs("decode"),
-        **measures(cloud, decoded.result, peak_of(cloud)),
+        **measures(cloud, decoded.result, peak),
     }

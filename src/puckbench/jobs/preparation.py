@@ -30,7 +30,7 @@ class Returns:
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
         """The true points with their true normals, scaled as `prepared` was."""
-        about = {key: prepared.about[key] for key in ("scale", "offset")}
+        about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)
 

@@ -14,7 +14,6 @@ from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.jobs.surfaces import has_faces
 
 if TYPE_CHECKING:
     from puckbench.jobs.preparation import Returns
@@ -87,8 +86,6 @@ def _returns(path: Path, clean: bool) -> Returns:
     from puckbench.jobs.preparation import Returns
 
     if path.suffix != ".parquet":
-        if has_faces(path):
-            raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
         cloud = read_cloud(path)
         return Returns(cloud, clean=cloud)
     from puckbench.lidar.scan_table import read_scan

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import unreadable
 from puckbench.datasets.captured_rooms import read_capture
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes import read_mesh
+from puckbench.io.ply import has_faces
 
 
 def read_surface(path: Path) -> Mesh:
@@ -26,14 +26,3 @@ def read_truth(path: Path) -> Mesh | PointCloud:
     if path.suffix == ".ply" and not has_faces(path):
         return read_cloud(path)
     return read_surface(path)
-
-
-def has_faces(path: Path) -> bool:
-    """Whether the header of a PLY file announces faces."""
-    try:
-        with path.open("rb") as stream:
-            header = stream.read(1 << 16).split(b"end_header", 1)[0]
-    except OSError as error:
-        raise unreadable(path, error) from error
-    counts = [line.split()[2:] for line in header.splitlines() if line.startswith(b"element face")]
-    return any(count != [b"0"] for count in counts)

@@ -9,7 +9,7 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 
 
-def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, float]:
+def measures(reference: PointCloud, decoded: Floats, peak: float | None = None) -> dict[str, float]:
     """All distortions in the reference's frame, as PSNRs and in metres.
 
     Parameters
@@ -19,7 +19,8 @@ def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, f
     decoded : (m, 3)
         The decoded points, in the reference's frame.
     peak
-        Peak of MPEG's PSNRs, in the reference's units. A PSNR without error is left out.
+        Peak of MPEG's PSNRs, in the reference's units; by default its own. Where it is not known
+        they are left out, as is a PSNR without error.
     """
     from puckbench.metrics.geometry import distortion
     from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
@@ -27,13 +28,9 @@ def measures(reference: PointCloud, decoded: Floats, peak: float) -> dict[str, f
 
     found = distortion(reference, decoded)
     width = reference.about.get("diameter") or _diameter(reference)
-    psnrs = _finite({**mpeg_psnr(found, peak), **cd_psnr(found, width)})
+    peak = peak or reference.peak
+    psnrs = _finite({**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, width)})
     return {**found, **psnrs, **in_metres(found, reference.about.get("scale", 1.0))}
-
-
-def peak_of(reference: PointCloud) -> float:
-    """The peak of PSNRs: what the coordinates of a prepared cloud reach at most, else 1023."""
-    return float(reference.about.get("size") or 1024) - 1
 
 
 def picture_measures(

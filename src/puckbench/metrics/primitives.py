@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Primitive
+from puckbench.geometry.mesh import Mesh, Primitive
 
 Parameters = dict[str, Any]
 
@@ -38,6 +39,15 @@ def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
     if "normal" in moved:
         moved["offset"] = float(moved["offset"] / scale + np.dot(moved["normal"], offset))
     return Primitive(primitive.kind, moved)
+
+
+def surface_in_metres(surface: Mesh, scale: float, offset: Floats) -> Mesh:
+    """Transform a labelled mesh and its primitives from a scaled frame, as `in_metres` does."""
+    vertices = surface.vertices / scale + offset
+    if surface.labels is None:
+        return replace(surface, vertices=vertices)
+    placed = tuple(in_metres(one, scale, offset) for one in surface.labels.primitives)
+    return replace(surface, vertices=vertices, labels=replace(surface.labels, primitives=placed))
 
 
 def distances(primitive: Primitive, points: Floats) -> Floats:

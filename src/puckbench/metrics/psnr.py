@@ -7,8 +7,13 @@ from collections.abc import Mapping
 
 
 def psnr(mse: float, peak: float, factor: float = 1.0) -> float:
-    """``10 log10(factor * peak^2 / mse)`` in dB, infinite where there is no error."""
-    return math.inf if mse == 0 else 10 * math.log10(factor * peak**2 / mse)
+    """``10 log10(factor * peak^2 / mse)`` in dB, infinite where there is no error.
+
+    Minus infinity for a peak of 0, the diameter of points that are all the same.
+    """
+    if mse == 0:
+        return math.inf
+    return 10 * math.log10(factor * peak**2 / mse) if peak else -math.inf
 
 
 def cd_psnr(values: Mapping[str, float], diameter: float) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Labels, Mesh, Primitive
-from puckbench.metrics.primitives import COMPARABLE, differences, distances, in_metres
+from puckbench.metrics.primitives import COMPARABLE, differences, distances, surface_in_metres
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -44,13 +44,10 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
     cloud: points on the true surface, with the scale and offset that brought them into the frame.
     """
-    assert surface.labels is not None  # noqa: S101 (of all codecs that decode surfaces)
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
-    own = surface.labels.primitives
-    moved = tuple(in_metres(one, scale, np.asarray(offset)) for one in own)
-    placed = replace(surface, vertices=cloud.to_metres(surface.vertices))
-    labels = replace(surface.labels, primitives=moved)
-    return decoded_segmentation(placed, labels, cloud.to_metres(cloud.xyz))
+    placed = surface_in_metres(surface, scale, np.asarray(offset))
+    assert placed.labels is not None  # noqa: S101 (of all codecs that decode surfaces)
+    return decoded_segmentation(placed, placed.labels, cloud.to_metres(cloud.xyz))
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:

@@ -166,7 +166,7 @@ class CodecConfig(Model):
     options: Options = Field({}, description="Changes to the codec's options.")
     surfaces: bool | None = Field(
         None,
-        description="Whether `decode_mesh` of a codec of your own gives labelled primitives.",
+        description="Whether `_decode_mesh` of a codec of your own gives labelled primitives.",
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,

@@ -37,17 +37,17 @@ class Reader:
         """All bytes that are left."""
         return self.take(len(self.body) - self.at)
 
-    def number(self) -> int:
-        """A number of `base_128`; InputError when it has no end."""
+    def number(self, longest: int = _LONGEST_NUMBER) -> int:
+        """A number of `base_128`; InputError when it has more than `longest` bytes."""
         number = 0
-        for k in range(_LONGEST_NUMBER):
+        for k in range(longest):
             byte = self.take(1)[0]
             number |= (byte & 127) << 7 * k
             if byte < 128:
                 return number
         raise InputError("the stream is damaged (a number)")
 
-    def signed(self) -> int:
+    def signed(self, longest: int = _LONGEST_NUMBER) -> int:
         """A number of `signed_128`."""
-        twice = self.number()
+        twice = self.number(longest)
         return -(twice + 1 >> 1) if twice & 1 else twice >> 1

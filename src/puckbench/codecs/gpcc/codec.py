@@ -37,7 +37,12 @@ class GridOptions(Model):
     duplicates: Literal["merged", "kept"] = Field(
         "merged", description="points of one grid position: one, or all of them"
     )
-    unit: float = Field(1.0, gt=0, description="step of the input's grid, which scale 1 keeps")
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
+        "clouds",
+    )
     raw: bool = Field(False, description="write bare streams, as the reference software does")
 
 
@@ -55,7 +60,12 @@ class GridCodec(Codec):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self.options.unit / finest
+        self.grid = self._unit / finest
+        self.shifts_far_clouds = not self.options.raw
+
+    @property
+    def _unit(self) -> float:
+        return self.options.unit or 1.0
 
     @property
     def thesis_role(self) -> str:
@@ -64,7 +74,7 @@ class GridCodec(Codec):
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         scale = float(parameters["scale"])
-        frame = frame_of(points, self.options.unit, scale)
+        frame = frame_of(points, self._unit, scale)
         if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 Rounding = Literal["nearest", "truncate"]
 ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
@@ -34,7 +34,7 @@ class Quantised(NamedTuple):
 
 def frame_of(points: Floats, unit: float, scale: float) -> Frame:
     """The input's own frame, or one moved to a cloud that is too far away."""
-    ends = _ends(points)
+    ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return Frame(unit)
     x, y, z = ends[0]
@@ -63,7 +63,7 @@ def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) ->
     """
     with np.errstate(over="ignore"):
         units = points if frame == Frame() else (points - frame.offset) / frame.unit
-        ends = _ends(units)
+        ends = bounds(units)
         widest = float(np.ptp(ends, axis=0).max()) * scale
     if not widest < 2**MOST_BITS - 1:
         raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}")
@@ -71,12 +71,6 @@ def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) ->
     origin = _rounded(ends, scale, rounding)[0]  # rounding keeps the order
     positions -= origin
     return Quantised(positions, origin)
-
-
-def _ends(points: Floats) -> Floats:
-    """Least and greatest coordinates (2, 3); ten times faster than NumPy's along an axis."""
-    columns = [points[:, axis] for axis in range(3)]
-    return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:

@@ -63,8 +63,7 @@ class Primitives(Codec):
 
         return encode(points, rate_settings(parameters))
 
-    def decode_mesh(self, stream: bytes) -> Mesh:
-        """The surfaces of a stream as triangles, each labelled with its primitive."""
+    def _decode_mesh(self, stream: bytes) -> Mesh:
         from puckbench.codecs.primitives.mesh_reconstruction import decode_mesh
 
         with naming(f"codec {self.name}"):

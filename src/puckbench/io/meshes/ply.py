@@ -23,7 +23,7 @@ def read_ply(path: Path) -> Polygons:
     """Read the faces of a PLY file, and its labels where the JSON beside it explains them."""
     elements = read_elements(path)
     if not {"vertex", "face"} <= {element.name for element in elements}:
-        raise InputError(f"{path}: the PLY file has no vertices and faces")
+        raise InputError(f"{path}: a cloud, not a mesh: the PLY file has no faces")
     faces = np.asarray(elements["face"].data)
     corners, sizes = _face_corners(path, faces)
     labels = _labels(path, faces)

@@ -32,7 +32,12 @@ class OctreeNetOptions(LearnedOptions):
     weights: str = Field(
         "sparse_octree_net_rooms", description="a shipped set's name, a file, or a folder"
     )
-    unit: float = Field(1.0, gt=0, description="step of the input's grid, which scale 1 keeps")
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
+        "clouds",
+    )
 
 
 @CODECS.register("sparse_octree_net")
@@ -55,7 +60,11 @@ class SparseOctreeNet(Learned["Weights"]):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self.options.unit / finest
+        self.grid = self._unit / finest
+
+    @property
+    def _unit(self) -> float:
+        return self.options.unit or 1.0
 
     def load(self) -> None:
         """Load the weights, and compile what is compiled on first use, at a scale that uses it."""
@@ -71,7 +80,7 @@ class SparseOctreeNet(Learned["Weights"]):
         from puckbench.codecs.learned.octree_net.stream import Coded
         from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
-        frame = frame_of(points, self.options.unit, scale)
+        frame = frame_of(points, self._unit, scale)
         positions, origin = quantised(points, frame, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")

@@ -1,0 +1,150 @@
+"""What a cloud's coordinates are: rates and PSNRs that hang on it, and files that are no clouds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import read_cloud, write_cloud
+from puckbench.io.meshes import read_mesh, write_mesh
+from puckbench.jobs.library import compare, open_codec
+
+UTM = np.array([500_000.0, 5_000_000.0, 120.0])
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
+
+
+@pytest.fixture
+def sphere(tmp_path: Path) -> Path:
+    """A cloud of a unit sphere in metres, without a description."""
+    points = np.random.default_rng(0).normal(size=(2000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    path = tmp_path / "sphere.ply"
+    write_cloud(path, PointCloud(points), describe=False)
+    return path
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> Path:
+    (tmp_path / "mesh.obj").write_text(OBJ)
+    write_mesh(tmp_path / "mesh.ply", read_mesh(tmp_path / "mesh.obj"))
+    return tmp_path / "mesh.ply"
+
+
+def _json(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
+    capsys.readouterr()
+    assert main([*map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def _refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    capsys.readouterr()
+    assert main([*map(str, words)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize("codec", ["gpcc", "sparse_octree_net", "pcgcv2_plus"])
+def test_rates_in_grid_units_need_a_scaled_cloud(
+    codec: str, sphere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = sphere.with_suffix(".bin")
+    fault = _refused(capsys, "encode", sphere, out, "--codec", codec, "--rate", "r4")
+    assert "sphere.ply: codec" in fault
+    assert all(way in fault for way in ("puckbench prepare", "--prepare", "--frame scaled"))
+    assert not out.exists()
+
+
+def test_a_prepared_cloud_a_unit_or_a_word_tell_the_frame(
+    sphere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ready, out = sphere.with_name("ready.ply"), sphere.with_suffix(".bin")
+    coding = [out, "--codec", "gpcc", "--rate", "r4"]
+    found = _json(capsys, "encode", sphere, *coding, "--prepare", ready)
+    assert found["bytes"] > 3000
+    row = _json(capsys, "evaluate", ready, out)
+    assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / row["d1_mse"]))
+    assert _json(capsys, "encode", ready, *coding)["bytes"] == found["bytes"]
+    said = json.dumps({"options": {"unit": 0.001}})
+    assert _json(capsys, "encode", sphere, *coding, "--entry", said)["bytes"] > 3000
+    assert np.abs(read_cloud(sphere).xyz).max() < 1.1
+    assert _json(capsys, "encode", sphere, *coding, "--frame", "scaled")["bytes"] < 100
+
+
+def test_a_metric_cloud_is_no_scaled_one(sphere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    metric = sphere.with_name("metric.ply")
+    _json(capsys, "prepare", sphere, metric, "--scale", 0)
+    out = sphere.with_suffix(".bin")
+    fault = _refused(capsys, "encode", metric, out, "--codec", "gpcc", "--rate", "r4")
+    assert "the cloud is in metres" in fault
+    assert _json(capsys, "encode", metric, out, "--codec", "draco", "--rate", "r8")["bytes"]
+    assert "d1_psnr" not in _json(capsys, "evaluate", metric, out)
+
+
+def test_the_peak_of_a_psnr_is_not_assumed(
+    sphere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = sphere.with_suffix(".bin")
+    _json(capsys, "encode", sphere, out, "--codec", "draco", "--rate", "r4")
+    assert main(["evaluate", str(sphere), str(out), "--json"]) == 0
+    told = capsys.readouterr()
+    row = json.loads(told.out.splitlines()[-1])
+    assert "d1_psnr" not in row
+    assert "no d1_psnr without --peak" in told.err
+    row = _json(capsys, "evaluate", sphere, out, "--peak", 2)
+    assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 4 / row["d1_mse"]))
+
+
+def test_a_library_compares_scaled_clouds_alone_by_rates_in_grid_units() -> None:
+    points = np.random.default_rng(0).random((500, 3))
+    with pytest.raises(InputError, match="codec gpcc: its rates are steps of a scaled"):
+        compare(PointCloud(points), [open_codec("draco"), open_codec("gpcc")])
+    scaled = PointCloud(1023 * points, about={"size": 1024})
+    assert "d1_psnr" in compare(scaled, [open_codec("gpcc", {"rates": ["r4"]})])
+    draco = [open_codec("draco", {"rates": ["r4"]})]
+    assert "d1_psnr" not in compare(PointCloud(points), draco)
+    assert "d1_psnr" in compare(PointCloud(points), draco, peak=1.0)
+
+
+def test_surveyed_coordinates_keep_their_precision(
+    sphere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = sphere.with_name("utm.ply")
+    points = read_cloud(sphere).xyz + UTM
+    write_cloud(far, PointCloud(points), describe=False)
+    out, back = sphere.with_suffix(".bin"), sphere.with_name("back.ply")
+    _json(capsys, "encode", far, out, "--codec", "draco", "--rate", "r8")
+    assert _json(capsys, "decode", out, back)["codec"] == "draco"
+    assert cKDTree(read_cloud(back).xyz).query(points)[0].max() < 3**0.5 * 2 / 2047
+
+
+def test_a_mesh_is_no_cloud(sphere: Path, mesh: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = sphere.with_suffix(".bin")
+    for words in (
+        ["encode", mesh, out, "--codec", "draco", "--rate", "r4"],
+        ["evaluate", sphere, mesh],
+        ["evaluate", mesh, sphere],
+        ["prepare", mesh, out],
+    ):
+        assert "mesh.ply: a mesh, not a cloud: sample or scan it first" in _refused(capsys, *words)
+    fault = _refused(capsys, "sample", sphere, sphere.with_name("s.ply"))
+    assert "sphere.ply: a cloud, not a mesh" in fault
+
+
+def test_points_that_are_all_the_same_have_no_psnr_of_their_diameter(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same, out = tmp_path / "same.ply", tmp_path / "same.bin"
+    write_cloud(same, PointCloud(np.full((1000, 3), 0.3), about={"size": 1024}))
+    _json(capsys, "encode", same, out, "--codec", "gpcc", "--rate", "r4")
+    row = _json(capsys, "evaluate", same, out)
+    assert row["cd_point"] > 0
+    assert "cd_psnr_point" not in row
