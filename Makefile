@@ -17,10 +17,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 .NOTPARALLEL:
 
 run: learned
-	$(IN_VENV) snakemake --quiet rules host reason --cores $(CORES)
-	@echo
-	@echo "Figures: results/figures/   Tables: results/tables/ (metrics.csv holds every number)"
-	@echo "Report:  results/report.html, one file for any browser"
+	$(IN_VENV) snakemake --cores $(CORES)
 
 setup:
 	@envs/setup.sh

@@ -19,8 +19,8 @@ def workflow(**settings: Any) -> Workflow:
 
 
 def test_a_scan_from_anywhere_is_asked_for() -> None:
-    assert not Scan.model_validate_json(workflow().clouds.scan("d").record).anywhere
-    assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d").record).anywhere
+    assert not Scan.model_validate_json(workflow().clouds.scan("d", "c").record).anywhere
+    assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d", "c").record).anywhere
 
 
 def test_the_peak_of_a_grid_is_each_clouds_own() -> None:

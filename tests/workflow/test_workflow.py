@@ -239,7 +239,9 @@ def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) ->
 
 
 def test_snakemakes_own_report_is_one_file(finished: Bench) -> None:
-    finished.made("--report", "report.html")
+    command = finished.command("--report", "report.html")
+    at = command.index("--cores")  # which no command needs that runs nothing
+    subprocess.run(command[:at] + command[at + 2 :], cwd=finished.folder, check=True)
     report = (finished.folder / "report.html").read_text(encoding="utf-8")
     for text in ("Medians per compression rate", "fig_6_5", "metrics.csv", "Tables", "fig_5_18"):
         assert text in report

@@ -14,7 +14,7 @@ rule encode:
         record=lambda w: coding.encode(w.codec, w.rate).record,
         code=lambda w: coding.encode(w.codec, w.rate).code,
         timed=coding.threads_environment,
-    threads: coding.cores(workflow.cores)
+    threads: coding.cores(CORES)
     resources:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=30,

@@ -12,7 +12,8 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
-from puckbench.planning.running import check_room, check_storage, failures, hold_results, now
+from puckbench.planning.closing import closing_lines
+from puckbench.planning.running import check_room, check_storage, failures, hold_results, left_out_lines, now
 from puckbench.planning.workflow import Workflow, run_jobs_with
 
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
@@ -39,10 +40,11 @@ def files_of(files):
     return " ".join(f"{key}={file}" for key, file in files.items())
 
 
-bench = or_stop(Workflow, config)
+bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
+CORES = workflow.resource_settings.cores  # not workflow.cores, an error where nothing runs (--report)
 
 
 or_stop(check_storage, workflow.storage_settings.default_storage_provider)
@@ -54,10 +56,17 @@ BEGUN = now()
 
 onstart:
     or_stop(hold_results, plan.results)
+    for line in left_out_lines(plan.left_out):
+        print(line, file=sys.stderr, flush=True)
     # To keep to so many submissions a second, Snakemake weighs the jobs that wait once a second for
     # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
     if workflow.local_exec:
         workflow.scheduler.job_rate_limiter = None
+
+
+onsuccess:
+    for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
+        print(line, flush=True)
 
 
 onerror:

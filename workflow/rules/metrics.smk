@@ -11,7 +11,7 @@ rule evaluate:
         code=lambda w: coding.evaluate(w.dataset, w.codec, w.rate).code,
         truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
         timed=coding.threads_environment,
-    threads: coding.cores(workflow.cores)
+    threads: coding.cores(CORES)
     resources:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=30,

@@ -6,8 +6,8 @@ rule scan:
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     params:
-        record=lambda w: clouds.scan(w.dataset).record,
-        code=lambda w: clouds.scan(w.dataset).code,
+        record=lambda w: clouds.scan(w.dataset, w.cloud).record,
+        code=lambda w: clouds.scan(w.dataset, w.cloud).code,
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,

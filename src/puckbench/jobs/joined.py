@@ -46,6 +46,22 @@ class CloudsTable(Job):
         return {"rows": len(table)}
 
 
+@JOBS.register("left_out")
+class LeftOut(Job):
+    """Scenes that could not be used: data set -> scene -> why."""
+
+    faults: dict[str, dict[str, str]]
+
+    def run(self, csv: Path, parquet: Path) -> dict[str, Any]:
+        """Write the table."""
+        from puckbench.io.tables import write_table
+        from puckbench.jobs import result_tables
+
+        table = result_tables.left_out(self.faults)
+        write_table(table, csv, parquet)
+        return {"rows": len(table)}
+
+
 @JOBS.register("rows_table")
 class RowsTable(Job):
     """Scans' own errors, or recovered primitives: all result rows of that kind."""

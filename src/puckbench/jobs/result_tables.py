@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,6 +105,15 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
+
+
+@TABLES.register("left_out", title="Scenes left out", rule="left_out_table")
+def left_out(faults: Mapping[str, Mapping[str, str]]) -> pd.DataFrame:
+    """The scenes that could not be used, and why: no result counts them."""
+    import pandas as pd
+
+    rows = [(dataset, *fault) for dataset, found in faults.items() for fault in found.items()]
+    return pd.DataFrame(rows, columns=["dataset", "scene", "reason"])
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", rule="scan_errors_table")

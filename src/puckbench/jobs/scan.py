@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,29 +50,42 @@ class Scan(Job):
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         """Write the scan table (Parquet)."""
-        sensor, sweep = load_sensor(self.sensor), open_sweep(self.sweep)
-        model = open_error_model(self.errors, self.error_options)
-        surface = read_surface(mesh)
-        origin, vouched = self._origin(mesh, surface)
-        job = ScanJob(surface, sensor, sweep, model, origin, self.anywhere or vouched)
+        job = self._job(read_surface(mesh), _described(mesh))
         rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
-        if sweep.frames * sweep.steps(sensor) * sensor.lasers > _RAYS_IN_MEMORY:
+        if job.rays > _RAYS_IN_MEMORY:
             rows = write_scan_portions(table, job.portions(rng, progress))
         else:
             returns = job.table(rng, progress)
             write_scan(table, returns)
             rows = len(returns)
-        return {"returns": rows, "origin": [float(x) for x in origin], "errors": self.errors}
+        origin = [float(x) for x in job.origin]
+        return {"returns": rows, "origin": origin, "errors": self.errors}
 
-    def _origin(self, path: Path, mesh: Mesh) -> tuple[Floats | list[float], bool]:
+    def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
+        """Raise InputError where the sensor cannot stand or move as the scan asks.
+
+        described: position that the scene's description names, in m.
+        """
+        self._job(surface, described).check()
+
+    def _job(self, surface: Mesh, described: Sequence[float] | None) -> ScanJob:
+        model = open_error_model(self.errors, self.error_options)
+        origin, vouched = self._origin(surface, described)
+        anywhere = self.anywhere or vouched
+        return ScanJob(
+            surface, load_sensor(self.sensor), open_sweep(self.sweep), model, origin, anywhere
+        )
+
+    def _origin(
+        self, surface: Mesh, described: Sequence[float] | None
+    ) -> tuple[Floats | Sequence[float], bool]:
         """The sensor's position, and whether a scene's description vouches for it."""
         if self.origin is not None:
-            return list(self.origin), False
-        described = _described(path)
+            return self.origin, False
         if described is not None:
             return described, True
         inside = {"inside": 0.0} if self.anywhere else {}
-        return free_origin(mesh, self.height_m, **inside), False
+        return free_origin(surface, self.height_m, **inside), False
 
 
 def _described(mesh: Path) -> list[float] | None:

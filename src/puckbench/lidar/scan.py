@@ -51,6 +51,11 @@ class ScanJob:
     anywhere: bool = True
     threads: int = 0
 
+    @property
+    def rays(self) -> int:
+        """How many rays are fired."""
+        return self.sweep.frames * self.sweep.steps(self.sensor) * self.sensor.lasers
+
     def table(
         self,
         rng: np.random.Generator,
@@ -85,14 +90,21 @@ class ScanJob:
         if rows == 0:
             raise scanner.no_return()
 
+    def check(self) -> None:
+        """Raise InputError where nothing can be scanned, or the sensor cannot stand or move so."""
+        self._caster()
+
     def _scanner(self, rng: np.random.Generator) -> _Scanner:
+        return _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng))
+
+    def _caster(self) -> RayCaster:
         check_mesh(self.mesh, "the mesh to scan")
         caster = RayCaster(self.mesh, _checked_origin(self.origin), self.threads)
         times, places = self.sweep.way()
         check_untouched(caster, places)
         if not self.anywhere:
             check_free(caster, times, places)
-        return _Scanner(caster, self.sensor, self.sweep, self.model, Draws(rng))
+        return caster
 
 
 def scan(

@@ -8,12 +8,12 @@ from functools import cache
 from puckbench.datasets.registry import LOADERS
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.sample import Sample
-from puckbench.jobs.scan import Scan
 from puckbench.jobs.scene import WriteScene
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.lidar.errors import module_of_model
 from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.scene_checks import scan_record
 
 _BYTES_PER_POINT = 1_000
 """Generous estimate of a job's memory for each point that it handles."""
@@ -68,19 +68,11 @@ class CloudJobs:
         return planned(Sample(points=data.settings.points, seed=data.seed))
 
     @cache  # noqa: B019
-    def scan(self, dataset: str) -> PlannedJob:
+    def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Scan the mesh of a scene; the sensor's and the sweep's files count as code."""
         data = self.dataset(dataset)
         settings = data.settings
-        record = Scan(
-            sensor=settings.sensor,
-            errors=settings.errors,
-            error_options=settings.error_options,
-            sweep=settings.sweep,
-            height_m=settings.height_m,
-            anywhere=settings.anywhere,
-            seed=data.seed,
-        )
+        record = scan_record(settings, cloud, data.seed)
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
         also = f"{model} {load_sensor(settings.sensor)} {sweep}"

@@ -39,6 +39,7 @@ RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
 Seed = Annotated[int, Field(ge=0)]
+Place = tuple[float, float, float]
 
 
 class SceneSource(Model):
@@ -94,6 +95,11 @@ class DataSetConfig(Model):
         gt=0,
         description="Height of the sensor above the floor where the scene names no position, in m.",
     )
+    origin: Place | dict[str, Place] | None = Field(
+        None,
+        description="Where the sensor stands, `[x, y, z]` in m, or a table of scenes and places; "
+        "where none is named, at the scene's own place, else at a free one near the middle.",
+    )
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
         description="Crop a scan to the room's box by its `clean` coordinates, by its `noisy` ones "
@@ -145,6 +151,10 @@ class DataSetConfig(Model):
     def is_scan(self) -> bool:
         """Whether the virtual sensor makes the clouds."""
         return self.make == "scan"
+
+    def origin_in(self, scene: str) -> Place | None:
+        """Where the sensor stands in a scene, if that is configured."""
+        return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
     @property
     def has_truth(self) -> bool:
@@ -356,6 +366,11 @@ class Config(Model):
         description="Use the generated data that stand in for those on disk, wherever any are "
         "named.",
     )
+    strict: bool = Field(
+        False,
+        description="Stop before anything runs where a scene cannot be used (a damaged mesh, no "
+        "room for the sensor); else it is left out and named in the table `left_out`.",
+    )
     scenes: dict[Name, SceneSetConfig] = Field(
         description="Scene sets by name: where the geometry comes from."
     )
@@ -421,10 +436,10 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
     changed.
     """
     changed: Options = copy.deepcopy(dict(config))
-    wanted = changed.get("stand_in")
-    if wanted in ("true", "false"):  # as Snakemake's --config hands it over
-        wanted = changed["stand_in"] = wanted == "true"
-    if wanted is not True:
+    for key in ("stand_in", "strict"):
+        if changed.get(key) in ("true", "false"):  # as Snakemake's --config hands it over
+            changed[key] = changed[key] == "true"
+    if changed.get("stand_in") is not True:
         return changed
     changed["results"] = f"{changed.get('results', 'results')}_stand_in"
     for scenes in _mappings(changed.get("scenes")):

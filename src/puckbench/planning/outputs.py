@@ -20,7 +20,7 @@ from puckbench.figures.registry import (
 )
 from puckbench.figures.style import FigureStyle
 from puckbench.jobs.figure import Figure
-from puckbench.jobs.joined import CloudsTable, MetricsTable, RowsTable
+from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable, RowsTable
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
 from puckbench.metrics.registry import (
@@ -67,6 +67,8 @@ class OutputJobs:
             rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
             job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
             found["clouds"] = self._joined("clouds", job, rows)
+        if plan.left_out:
+            found["left_out"] = self._joined("left_out", LeftOut(faults=plan.left_out), [])
         for kind, rows in self.coding.rows().items():
             found[kind] = self._joined(kind, RowsTable(kind=kind), rows)
         return found
@@ -180,6 +182,11 @@ class OutputJobs:
         }
         base = {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}
         return {**base, **self._own_codecs()}, *changes
+
+    @property
+    def titles(self) -> FigureStyle:
+        """The style that all figures share, for the titles of data sets and codecs."""
+        return FigureStyle.from_config(*self._style(self.config.figures.style))
 
     def _own_codecs(self) -> dict[str, dict[str, str]]:
         """Titles and colours of codecs of a user's own files, known to figures by name alone."""

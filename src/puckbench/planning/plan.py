@@ -29,6 +29,7 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
+from puckbench.planning.scene_checks import scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -119,13 +120,18 @@ class TrainingPlan:
 
 
 class Plan:
-    """Everything that a checked configuration asks for; InputError names what does not exist."""
+    """Everything that a checked configuration asks for; InputError names what does not exist.
 
-    def __init__(self, config: Config) -> None:
-        self.config = config
+    check_scenes: whether meshes are read, to leave out those that cannot be used.
+    """
+
+    def __init__(self, config: Config, check_scenes: bool = False) -> None:
+        self.config, self._check_scenes = config, check_scenes
         self.scenes = {
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
+        self.left_out: dict[str, dict[str, str]] = {}
+        """Data set -> scenes that cannot be used -> why."""
         self.datasets = {
             name: self._dataset(name, value) for name, value in config.datasets.items()
         }
@@ -225,7 +231,21 @@ class Plan:
             )
         seed = self.config.seed if value.seed is None else value.seed
         points = _points(f"datasets.{name}", value)
-        return DataSetPlan(name, scenes.name, seed, scenes.chosen, points, value)
+        return DataSetPlan(name, scenes.name, seed, self._usable(name, scenes), points, value)
+
+    def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
+        """The scenes that a data set can use; InputError where none is left, or all must be."""
+        if not self._check_scenes:
+            return scenes.chosen
+        kept = self.results / "checks" / f"{name}.json"
+        faults = scene_faults(scenes.scenes, scenes.chosen, self.config.datasets[name], kept)
+        usable = tuple(scene for scene in scenes.chosen if scene not in faults)
+        if faults and (self.config.strict or not usable):
+            scene, fault = next(iter(faults.items()))
+            raise InputError(f"datasets.{name}: scene {scene}: {fault}")
+        if faults:
+            self.left_out[name] = faults
+        return usable
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:

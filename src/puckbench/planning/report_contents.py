@@ -21,11 +21,13 @@ def planned_contents(
     """The contents of the report of a plan with these figures and tables."""
     chosen = plan.config.report
     folder = plan.results / "tables"
-    of_datasets = FIRST_TABLES if plan.datasets else ()
+    first = FIRST_TABLES if plan.datasets else ()
+    if plan.left_out:
+        first = (*first, "left_out")
     return Contents(
         title=chosen.title,
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
-        tables={name: str(folder / f"{name}.csv") for name in (*of_datasets, *tables)},
+        tables={name: str(folder / f"{name}.csv") for name in (*first, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
         examples=tuple(_examples(plan, chosen.rates)),
         configuration=plan.config.as_json(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TextIO
@@ -62,6 +62,13 @@ def check_storage(provider: str | None) -> None:
             f"default storage provider {provider}: jobs must share the folder of the run itself,"
             " see docs/how-to/run_on_a_cluster.md"
         )
+
+
+def left_out_lines(left_out: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """Lines that name the scenes which a run goes without: data set -> scene -> why."""
+    for dataset, faults in left_out.items():
+        for scene, fault in faults.items():
+            yield f"{_PREFIX}left out: {dataset}/{scene}: {fault}"
 
 
 def failures(logs: Path, since: float) -> Iterator[str]:

@@ -20,15 +20,20 @@ from puckbench.planning.training import TrainingJobs
 class Workflow:
     """A configuration's plan, and its jobs by stage.
 
+    Parameters
+    ----------
+    check_scenes
+        Whether meshes are read, to leave out those that cannot be used.
+
     Raises
     ------
     InputError
         The configuration is not valid, or names something that does not exist.
     """
 
-    def __init__(self, config: Mapping[str, Any]) -> None:
+    def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
         self.config = checked(config)
-        self.plan = Plan(self.config)
+        self.plan = Plan(self.config, check_scenes)
         self.clouds = CloudJobs(self.plan)
         self.coding = CodingJobs(self.clouds)
         self.study = StudyJobs(self.plan)

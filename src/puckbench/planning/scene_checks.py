@@ -1,0 +1,85 @@
+"""Scenes that a data set cannot use, found before anything runs.
+
+A scene that is read from mesh files may be damaged, or leave a sensor no room. Each is looked at
+once: what was found is kept beside the results until its files or the scan's settings change.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, write_json
+from puckbench.core.progress import Progress
+from puckbench.datasets.scene import SceneSet
+from puckbench.jobs.scan import Scan
+from puckbench.planning.config import DataSetConfig
+from puckbench.planning.planned_job import planned
+
+
+def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
+    """The scan of a scene that a data set's settings ask for."""
+    return Scan(
+        sensor=settings.sensor,
+        errors=settings.errors,
+        error_options=settings.error_options,
+        sweep=settings.sweep,
+        origin=settings.origin_in(scene),
+        height_m=settings.height_m,
+        anywhere=settings.anywhere,
+        seed=seed,
+    )
+
+
+def scene_faults(
+    scenes: SceneSet, chosen: Iterable[str], settings: DataSetConfig, kept: Path
+) -> dict[str, str]:
+    """Why a data set cannot use a scene, by the scene's name; only those with a fault.
+
+    Parameters
+    ----------
+    chosen
+        Names of the scenes. Generated ones and captured clouds are not looked at.
+    kept
+        File of what was found before.
+    """
+    if settings.make == "cloud":
+        return {}
+    states = {
+        name: _state(scenes.files(name), settings, name) for name in chosen if scenes.files(name)
+    }
+    known = read_json(kept) if states and kept.exists() else {}
+    stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
+    progress = Progress(f"{kept.stem}: meshes looked at:")
+    for done, name in enumerate(stale, start=1):
+        known[name] = {"state": states[name], "fault": _fault(scenes, name, settings)}
+        progress(done, len(stale))
+    if stale:
+        write_json(kept, known)
+    return {name: known[name]["fault"] for name in states if known[name]["fault"]}
+
+
+def _state(files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
+    """Digest of all that the check's outcome depends on."""
+    job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
+    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in files if (stat := path.stat())]
+    return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
+
+
+def _fault(scenes: SceneSet, name: str, settings: DataSetConfig) -> str | None:
+    from puckbench.geometry.mesh import check_mesh
+
+    try:
+        scene = scenes.load(name)
+        if scene.mesh is None:
+            return (
+                f"it holds points, which are taken as they are (make: cloud, not {settings.make})"
+            )
+        check_mesh(scene.mesh, "its mesh")
+        if settings.is_scan:
+            scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+    except InputError as error:
+        return " ".join(str(error).split())
+    return None

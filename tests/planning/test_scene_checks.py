@@ -1,0 +1,94 @@
+"""Meshes that a data set cannot use are found before a run, left out and named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from puckbench.core.errors import InputError
+from puckbench.planning.config import checked
+from puckbench.planning.plan import Plan
+from puckbench.planning.running import left_out_lines
+
+
+@pytest.fixture
+def meshes(tmp_path: Path) -> Path:
+    """A room, a block with no room inside, and a file that ends too early."""
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    room = trimesh.creation.box((5, 4, 3))
+    room.invert()
+    room.export(folder / "room.off")
+    trimesh.creation.box((0.5, 0.5, 0.5)).export(folder / "solid.off")
+    (folder / "torn.off").write_text("OFF\n8 12 0\n0 0\n")
+    return folder
+
+
+def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
+    scanned = {"scenes": "mine", "make": "scan", **(data or {})}
+    scenes = {"mine": {"loader": "mesh_folder", "options": {"path": str(meshes)}}}
+    results = str(meshes.parent / "results")
+    config = {"results": results, "scenes": scenes, "datasets": {"scanned": scanned}, **top}
+    return Plan(checked(config), check_scenes=True)
+
+
+def test_scenes_that_cannot_be_scanned_are_left_out_and_named(meshes: Path) -> None:
+    planned = plan(meshes)
+    assert planned.clouds == (("scanned", "room"),)
+    solid, torn = left_out_lines(planned.left_out)
+    assert solid.startswith("puckbench: left out: scanned/solid: the scene has no free spot 1.3 m")
+    assert "torn.off: truncated" in torn
+
+
+def test_a_block_can_be_sampled(meshes: Path) -> None:
+    planned = plan(meshes, {"make": "sample", "points": 10})
+    assert [cloud for _, cloud in planned.clouds] == ["room", "solid"]
+
+
+def test_a_strict_run_stops_at_the_first_of_them(meshes: Path) -> None:
+    with pytest.raises(InputError, match=r"^datasets.scanned: scene solid: .* no free spot"):
+        plan(meshes, strict=True)
+
+
+def test_a_data_set_without_a_usable_scene_is_an_error(meshes: Path) -> None:
+    (meshes / "room.off").unlink()
+    with pytest.raises(InputError, match=r"^datasets.scanned: scene solid"):
+        plan(meshes)
+
+
+def test_a_configured_place_is_used_and_checked(meshes: Path) -> None:
+    where = {"room": [1.0, 1.0, 0.0], "solid": [0.0, 0.0, 0.0]}
+    planned = plan(meshes, {"origin": where})
+    assert planned.clouds == (("scanned", "room"),)
+    assert "is shut in" in planned.left_out["scanned"]["solid"]
+    with pytest.raises(InputError, match=r"room: the sensor at .* is outside the scene"):
+        plan(meshes, {"origin": [9.0, 0.0, 0.0]})
+
+
+def test_points_are_not_taken_for_a_mesh(meshes: Path) -> None:
+    (meshes / "points.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 0\n"
+    )
+    assert "points" in plan(meshes).left_out["scanned"]
+
+
+def test_a_mesh_is_looked_at_again_only_when_it_changed(
+    meshes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan(meshes)
+    looked: list[str] = []
+    from puckbench.datasets.mesh_folder import MeshFolder
+
+    load = MeshFolder.load
+    monkeypatch.setattr(
+        MeshFolder, "load", lambda self, name: looked.append(name) or load(self, name)
+    )
+    plan(meshes)
+    assert looked == []
+    (meshes / "torn.off").write_text((meshes / "room.off").read_text())
+    assert len(plan(meshes).clouds) == 2
+    assert looked == ["torn"]
