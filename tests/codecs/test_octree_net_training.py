@@ -103,7 +103,9 @@ def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
 
 
 def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
-    with pytest.raises(InputError, match="no cube of 8 voxels' side holds 5000"):
+    with pytest.raises(
+        InputError, match="no cube of 8 voxels' side holds 5000 voxels: give denser clouds"
+    ):
         Examples([_room()], cube_size=8, min_voxels=5000).batch(0)
 
 

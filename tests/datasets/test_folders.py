@@ -61,6 +61,10 @@ def make_capod(root: Path) -> Path:
 def test_capod_names_groups_and_counts(tmp_path: Path) -> None:
     capod = Capod(path=str(make_capod(tmp_path / "CAPOD")))
     assert capod.names() == ["m001", "m002", "m003"]
+    assert [count.line() for count in capod.counts()] == [
+        "2 of 15 published, which differs",
+        "3 of 180 published, which differs",
+    ]
     scene = capod.load("m003")
     assert scene.group == "Desktop_computer"
     assert scene.about["skipped"] == {"polylines": 1}

@@ -9,6 +9,7 @@ from pathlib import Path
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
+from puckbench.datasets.counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 
@@ -16,6 +17,8 @@ _CREDIT = (
     'P. Papadakis, "The Canonically Posed 3D Objects Dataset", '
     "Eurographics Workshop on 3D Object Retrieval, 2014"
 )
+
+_CLASSES, _OBJECTS = 15, 180
 
 
 @LOADERS.register("capod")
@@ -47,6 +50,14 @@ class Capod(MeshFolderSet):
         }
         _check_complete(folder, list(table.values()))
         return dict(sorted(table.items()))
+
+    def counts(self) -> list[Count]:
+        """Objects and classes that there are beside those of the paper."""
+        numbers = self._objects_of.values()
+        return [
+            Count("classes", len(self._objects_of), _CLASSES),
+            Count("objects", sum(map(len, numbers)), _OBJECTS),
+        ]
 
     def _group(self, path: Path) -> str:
         index = int(path.parent.name.removeprefix("class"))

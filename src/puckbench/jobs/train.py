@@ -53,6 +53,7 @@ class Train(Job):
         with training.trainer() as trainer:
             self._begin(trainer, training, clouds)
             self._resume(trainer, checkpoint)
+            _say(f"{training.steps} steps on cubes of {len(clouds)} prepared clouds")
             examples = training.examples([read_cloud(path).xyz for path in clouds])
             curve = Curve(trainer, weights.with_suffix(".csv"), self.every)
 

@@ -13,6 +13,7 @@ from puckbench.codecs.learned.training.loop import Trainer
 from puckbench.core.files import write_bytes
 
 _DIGITS = 5
+_SECONDS_BETWEEN_LINES = 20.0
 
 
 class Curve:
@@ -21,6 +22,7 @@ class Curve:
     def __init__(self, trainer: Trainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
         self._start = time.perf_counter() - self.seconds
+        self._told = 0.0
 
     @property
     def seconds(self) -> float:
@@ -34,8 +36,10 @@ class Curve:
         row = {"step": step, **self.trainer.row(loss), "seconds": seconds}
         self.trainer.curve.append(row)
         if step % self.every == 0:
-            self._tell()
             self.write()
+        if step % self.every == 0 or time.perf_counter() - self._told > _SECONDS_BETWEEN_LINES:
+            self._told = time.perf_counter()
+            self._tell()
 
     def write(self) -> None:
         """Write the table."""

@@ -57,7 +57,11 @@ class Examples:
             keys = self._crop(self.clouds[int(rng.integers(len(self.clouds)))], rng)
             if keys is not None:
                 return keys
-        raise InputError(f"no cube of {self.cube_size} voxels' side holds {self.min_voxels} voxels")
+        raise InputError(
+            f"no cube of {self.cube_size} voxels' side holds {self.min_voxels} voxels: give denser "
+            'clouds, or options with coarser grids ("mean_occupied_children": [2], where the codec '
+            'has it) or larger cubes ("cube_size": 256)'
+        )
 
     def _crop(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
         """A cube somewhere in a cloud; None where it has too few voxels."""
