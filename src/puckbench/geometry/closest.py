@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
+from puckbench.core.open3d_library import open3d
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
@@ -59,7 +60,7 @@ def closest_surface_points(mesh: Mesh, points: Floats) -> SurfacePoints:
 
 
 def _closest_triangles(corners: Floats, points: Floats) -> NDArray[np.int64]:
-    import open3d as o3d
+    o3d = open3d()
 
     middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
     soup = (corners - middle).reshape(-1, 3).astype(np.float32)
