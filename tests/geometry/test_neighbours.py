@@ -5,7 +5,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from puckbench.geometry.neighbours import Points
+from puckbench.geometry.neighbours import Points, _sort_by_distance
 
 CORNERS = sorted(
     {
@@ -33,3 +33,15 @@ def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_search
     assert found.exact.tolist() == [equal]
     assert found.starts.tolist() == [0, counted]
     assert set(found.index[:equal]) == set(range(equal))
+
+
+def test_neighbours_are_sorted_by_their_exact_distances() -> None:
+    """Whatever order a search in lower precision finds them in; ties stay as they were found."""
+    random = np.random.default_rng(0)
+    points, queries = random.integers(0, 9, (40, 3)).astype(float), random.random((5, 3)) * 9
+    index = np.array([random.permutation(40) for _ in queries], dtype=np.uint32)
+    distances = ((queries[:, None] - points[index]) ** 2).sum(axis=2)
+    order = np.argsort(distances, axis=1, kind="stable")
+    expected = np.take_along_axis(index, order, axis=1)
+    np.testing.assert_allclose(_sort_by_distance(queries, points, index), np.sort(distances))
+    np.testing.assert_array_equal(index, expected)

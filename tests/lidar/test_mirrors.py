@@ -27,7 +27,7 @@ def upright(y: float, half: float = 500.0) -> Mesh:
 
 def scanned(mesh: Mesh, errors: str = "none", **options: Any) -> ScanTable:
     model = open_error_model(errors, {"receiver": {"mirrors": ["mirror"]}, **options})
-    return scan(mesh, VLP16, SWEEP, model, [0.1, 0, 0.2], np.random.default_rng(1))
+    return scan(mesh, VLP16, SWEEP, model, [0.1, 0.3, 0.2], np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("errors", ["none", "beam_footprint", "vlp16_divergence"])
@@ -57,8 +57,15 @@ def test_a_path_over_two_mirrors_is_twice_folded() -> None:
     assert table["y_noisy"][into] == pytest.approx(10, abs=1e-7)
 
 
+def test_a_path_is_followed_over_eight_mirrors() -> None:
+    """Between mirrors at y = -1 and 1 what is seen in n of them lies 2 n - 1 to 2 n + 1 aside."""
+    sides = [(upright(y), "mirror") for y in (-1, 1)]
+    table = scanned(labelled(*sides, (quad([5, -1, -500], [0, 2, 0], [0, 0, 1000]), "wall")))
+    assert 15 < np.abs(table["y_noisy"]).max() < 17
+
+
 def test_the_path_counts_for_the_greatest_range() -> None:
-    table = scanned(labelled((upright(3), "mirror"), (upright(-94), "wall")))
+    table = scanned(labelled((upright(3), "mirror"), (upright(-94.5), "wall")))
     assert not (table.object_id == 0).any()
 
 

@@ -43,7 +43,7 @@ def returned(seen: Hits, **receiver: Any) -> NDArray[np.bool_]:
     "errors", sorted(set(error_model_names()) - {"calibrated", "distance_table"})
 )
 def test_a_receiver_as_it_stands_changes_no_byte(errors: str) -> None:
-    seen = hits([1.0, 49.0, 99.0, np.inf])
+    seen = hits([1.0, 49.0, 99.0, np.inf], incidence=0.7)
     bare = open_error_model(errors).perturb_ranges(seen, VLP16, Draws(np.random.default_rng(3)))
     assert np.array_equal(through(seen, errors), bare)
 
@@ -54,6 +54,7 @@ def test_a_dark_thing_returns_from_as_far_as_blensors_line_allows() -> None:
     seen = returned(near_and_far, default_reflectivity=0.2)
     assert seen.tolist() == [True, True, True, True, False, False]
     assert returned(hits([49.9, 50.0]), default_reflectivity=0.0).tolist() == [True, False]
+    assert returned(hits([50.0, 50.1]), default_reflectivity=0.1).tolist() == [True, False]
 
 
 def test_reflectivity_goes_by_name_then_class_then_default() -> None:

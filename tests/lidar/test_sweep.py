@@ -181,3 +181,23 @@ def test_firing_needs_a_sensor_that_states_its_times() -> None:
         sweep.rays(silent, range(1))
     with pytest.raises(InputError, match="VLP-16 does not state its firing_sequence_us"):
         sweep.rays(silent.replaced(firing_sequence_us=None), range(1))
+
+
+def test_a_sensor_that_stays_has_one_place_and_a_pose_for_each_step() -> None:
+    times, places = Sweep().way()
+    assert times.tolist() == [0]
+    assert places.tolist() == [[0, 0, 0]]
+    poses = Sweep().poses(VLP16, range(2))
+    assert poses.rotations.shape == (2, 150, 3, 3)
+    assert poses.positions.shape == (2, 150, 3)
+    assert not poses.positions.any()
+
+
+def test_a_moving_sensor_goes_straight_between_the_poses_of_its_sweep() -> None:
+    rows = [(float(t), float(t**2), 0.0, 1.0, 0.0, 0.0, 0.0) for t in (0, 1, 2, 3)]
+    times, places = open_sweep({"trajectory": rows, "duration_s": 2.5}).way()
+    assert times.tolist() == [0, 1, 2, 2.5]
+    assert places.tolist() == [[0, 0, 1], [1, 0, 1], [4, 0, 1], [6.5, 0, 1]]
+    assert open_sweep({"trajectory": rows}).duration_s == 3
+    fixed = open_sweep({"trajectory": rows[:1], "duration_s": 1.0}).way()
+    assert [values.tolist() for values in fixed] == [[0], [[0, 0, 1]]]

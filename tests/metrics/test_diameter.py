@@ -1,16 +1,27 @@
 """Diameters against closed forms and all pairs."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import cdist, pdist
 
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.metrics.diameter import diameter
+from puckbench.metrics.diameter import (
+    BLOCK,
+    ROUNDING,
+    _box_squared,
+    _boxes,
+    _cap_squared,
+    _largest_squared,
+    _pairs_squared,
+    diameter,
+)
 
 POINTS = st.integers(2, 60).flatmap(
     lambda n: arrays(np.float64, (n, 3), elements=st.floats(-1e3, 1e3, width=32))
@@ -64,3 +75,35 @@ def test_a_single_point_has_no_diameter() -> None:
 def test_no_points_are_refused() -> None:
     with pytest.raises(InputError, match="empty"):
         diameter(np.zeros((0, 3)))
+
+
+def blocks(points: Floats) -> list[Floats]:
+    return [points[start : start + BLOCK] for start in range(0, len(points), BLOCK)]
+
+
+def test_bounds_of_pairs_of_blocks_are_those_of_their_boxes() -> None:
+    """Three blocks, of which the last is not full, as numpy has them."""
+    points = generator(7, "blocks").normal(size=(150, 3)) * [1, 2, 4] + np.arange(150)[:, None] / 20
+    boxes, parts = _boxes(points), blocks(points)
+    corners = [
+        np.array(list(product(*zip(p.min(axis=0), p.max(axis=0), strict=True)))) for p in parts
+    ]
+    np.testing.assert_array_equal(boxes, [[p.min(axis=0), p.max(axis=0)] for p in parts])
+    for i, j in product(range(3), repeat=2):
+        farthest = cdist(parts[i], parts[j]).max() ** 2
+        assert _pairs_squared(points, i, j) == pytest.approx(farthest, rel=1e-12)
+        assert _box_squared(boxes, i, j) == pytest.approx(cdist(corners[i], corners[j]).max() ** 2)
+        assert _cap_squared(points, boxes, i, j) >= farthest * (1 - ROUNDING)
+        if i == j:
+            continue
+        line = unit((boxes[i].mean(axis=0) - boxes[j].mean(axis=0))[None])[0]
+        along = (parts[i] @ line).max() - (parts[j] @ line).min()
+        across = (pdist(boxes[i])[0] + pdist(boxes[j])[0]) / 2
+        assert _cap_squared(points, boxes, i, j) == pytest.approx(along**2 + across**2, rel=1e-11)
+        assert _cap_squared(points, boxes, i, j) >= along**2 + across**2
+
+
+def test_a_farther_pair_than_any_other_is_not_looked_for() -> None:
+    points = generator(7, "blocks").normal(size=(150, 3))
+    assert _largest_squared(points, 1e6) == 1e6
+    assert _largest_squared(points, 0.0) == pytest.approx(pdist(points).max() ** 2)

@@ -5,8 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.metrics.recovery import Segmentation, decoded_segmentation, recovery
+from puckbench.metrics.recovery import (
+    Segmentation,
+    decoded_in_metres,
+    decoded_segmentation,
+    recovery,
+)
 
 FLOOR = Primitive("plane", {"normal": [0.0, 0.0, 1.0], "offset": 0.0})
 WALL = Primitive("plane", {"normal": [1.0, 0.0, 0.0], "offset": 2.0})
@@ -102,3 +108,50 @@ def test_a_segments_primitive_has_most_of_its_area() -> None:
     )
     mesh = Mesh(vertices, np.array([[0, 1, 2], [3, 4, 5]]))
     assert decoded_segmentation(mesh, labels, vertices).primitives == [FLOOR]
+
+
+@pytest.mark.parametrize(("points", "counted"), [(1000, 1), (1001, 0)])
+def test_a_primitive_counts_with_a_thousandth_of_the_points(points: int, counted: int) -> None:
+    numbers = np.repeat([0, 1], [points - 1, 1])
+    both = Segmentation(numbers, (FLOOR, BALL))
+    rows = {row["kind"]: row for row in recovery(both, both, np.zeros((points, 3)))}
+    assert (rows["all"]["true"], rows["all"]["found"]) == (1 + counted, 1 + counted)
+    assert ("sphere" in rows) == bool(counted)
+
+
+@pytest.mark.parametrize(("shared", "matched"), [(50, 0), (51, 1), (55, 1)])
+def test_a_match_shares_more_than_half_of_the_points_that_either_has(
+    shared: int, matched: int
+) -> None:
+    """100 points on a wall, of which some are found with it; the others are found on nothing."""
+    true = Segmentation(np.zeros(100, np.int64), (WALL,))
+    found = Segmentation(np.repeat([0, 1], [shared, 100 - shared]), (WALL, PLANT))
+    (row, *_) = recovery(true, found, np.zeros((100, 3)))
+    assert row["matched"] == matched
+    assert row["label_accuracy"] == matched * shared / 100
+
+
+@pytest.mark.parametrize(("freeform", "found"), [(5, 1), (6, 0)])
+def test_what_is_found_mostly_on_freeform_surfaces_does_not_count(
+    freeform: int, found: int
+) -> None:
+    true = Segmentation(np.repeat([0, 1], [20 - freeform, freeform]), (FLOOR, PLANT))
+    made = Segmentation(np.repeat([0, 1], [10, 10]), (FLOOR, WALL))
+    (row, *_) = recovery(true, made, np.zeros((20, 3)))
+    assert row["found"] == 1 + found
+
+
+def test_a_decoded_surface_is_compared_in_metres() -> None:
+    """Of a cube of 100 units per metre whose corner is at (1, 2, 3) m; or as it is."""
+    vertices = np.array([[0.0, 0, 50], [400, 0, 50], [0, 400, 50]])
+    plane = Primitive("plane", {"normal": [0.0, 0.0, 1.0], "offset": 50.0})
+    labels = Labels(
+        np.zeros(1, np.int32), np.zeros(1, np.int32), (SceneObject("a", "b"),), (plane,)
+    )
+    mesh = Mesh(vertices, np.array([[0, 1, 2]]), labels)
+    about = {"scale": 100.0, "offset": [1.0, 2.0, 3.0]}
+    found = decoded_in_metres(mesh, PointCloud(vertices, about=about))
+    assert found.numbers.tolist() == [0, 0, 0]
+    assert found.primitives[0].parameters["offset"] == pytest.approx(3.5)
+    own = decoded_in_metres(mesh, PointCloud(vertices))
+    assert own.primitives[0].parameters["offset"] == 50

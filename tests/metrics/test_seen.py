@@ -99,8 +99,9 @@ def test_a_view_of_colours_shows_luminance() -> None:
 
 
 def test_a_point_that_moved_out_of_the_box_is_still_seen() -> None:
-    cloud = PointCloud(np.array([[190, 20.5, 70.5]]))
-    assert view(cloud, 0, CORNERS, 104, 0, coloured=False)[31, 22] == 0
+    before, behind = (PointCloud(np.array([[x, 20.5, 70.5]])) for x in (190.0, -90.0))
+    assert view(before, 0, CORNERS, 104, 0, coloured=False)[31, 22] == 0
+    assert view(behind, 0, CORNERS, 104, 0, coloured=False)[31, 22] == 200
 
 
 def test_a_single_point_is_seen_in_the_middle() -> None:

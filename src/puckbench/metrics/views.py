@@ -18,8 +18,8 @@ from puckbench.metrics.ssim import WINDOW, ssim
 
 PIXELS = 1920
 """PCC Arena's width and height."""
-_NEAR, _FAR = 0.0, 200.0
-"""Grey of a cloud without colour at the near and the far side of its box; around it is 255."""
+_FAR = 200.0
+"""Grey of a cloud without colour at the far side of its box; the near is 0, around it is 255."""
 _AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -121,7 +121,7 @@ def _depth_grey(points: Floats, direction: Floats, bounds: Floats) -> Image:
     along = bounds @ direction
     near, depth = along.max(), float(np.ptp(along)) or 1.0
     share = np.clip((near - points @ direction) / depth, 0, 1)
-    return np.asarray(np.round(_NEAR + (_FAR - _NEAR) * share), dtype=np.uint8)
+    return np.asarray(np.round(_FAR * share), dtype=np.uint8)
 
 
 def _luminance(cloud: PointCloud) -> Image:

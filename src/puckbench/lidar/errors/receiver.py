@@ -62,7 +62,7 @@ class Receiver(Model):
         return np.where(lost, np.inf, measured)
 
     def _too_dark(self, hits: Hits) -> NDArray[np.bool_]:
-        beyond = np.maximum(hits.distance - self.attenuation_from_m, 0)
+        beyond = hits.distance - self.attenuation_from_m
         far = np.isfinite(hits.distance) & (hits.distance >= self.attenuation_from_m)
         needed = self.attenuation_limit + self.attenuation_slope_per_m * beyond
         return np.asarray(far & (self._reflectivity(hits, far) < needed))

@@ -1,0 +1,375 @@
+"""The rules of the claims at their limits: what is just within, and what is just beyond."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from puckbench.thesis.claims.evidence import Evidence
+from puckbench.thesis.claims.parts import FAILS, HOLDS, IN_PART, wanted
+from puckbench.thesis.claims.roles import RATES
+from puckbench.thesis.claims.statements import CLAIMS
+from puckbench.thesis.published_rates import median_rows
+from tests.thesis.test_claims import BPP, CODECS, DATASETS, Curve, falling, result, run, statistics
+
+
+def holds(number: int, evidence: Evidence, statement: str) -> bool | None:
+    """Whether the part of a claim with this statement holds; None where it was not tested."""
+    found = {part.statement: part.holds for part in CLAIMS[number - 1].test(evidence)}
+    verdict = found.get(statement)
+    return None if verdict is None else bool(verdict)
+
+
+def needed(number: int, evidence: Evidence) -> str:
+    return wanted(CLAIMS[number - 1].test(evidence))
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "expected"),
+    [
+        (-0.0049, 0.0140, HOLDS),
+        (0.0055, 0.0140, IN_PART),
+        (0.0, 0.01445, HOLDS),
+        (0.0, 0.01355, HOLDS),
+        (0.0, 0.01455, IN_PART),
+    ],
+)
+def test_1_the_mean_is_zero_to_a_centimetre_and_the_std_is_14_mm(
+    mean: float, std: float, expected: str
+) -> None:
+    rows = [("real", surface, "all", "all", mean, std) for surface in ("all", "wall", "floor")]
+    assert result(1, Evidence(residual_statistics=statistics(*rows)))[0] == expected
+    floors = Evidence(residual_statistics=statistics(rows[0], rows[2]))
+    assert needed(1, floors) == "a capture with a wall"
+
+
+def noise(std: float, moved: Mapping[str, float], real: float | None = None) -> Evidence:
+    rows = [("hdl64e", "all", "all", "all", 0.0, std)]
+    rows += [("real", "all", "all", "all", 0.0, real)] if real else []
+    quantity = "earth mover's distance to the real residuals, 1 to 5 m"
+    numbers = pd.DataFrame({"quantity": quantity, "model": list(moved), "here_m": moved.values()})
+    return Evidence(residual_statistics=statistics(*rows), thesis_numbers=numbers)
+
+
+def test_2_far_too_wide_is_twice_the_real_spread() -> None:
+    moved = {"hdl64e": 0.04, "vlp16": 0.0044}
+    assert result(2, noise(0.0280, moved))[0] == HOLDS
+    assert result(2, noise(0.0270, moved))[0] == IN_PART
+    assert result(2, noise(0.0390, moved, real=0.0200))[0] == IN_PART
+    assert result(2, noise(0.0410, moved, real=0.0200))[0] == HOLDS
+    assert result(2, noise(0.0280, {"hdl64e": 0.0044, "vlp16": 0.0044}))[0] == IN_PART
+
+
+def test_2_names_the_models_that_it_needs() -> None:
+    assert needed(2, Evidence()).endswith("with the error model hdl64e")
+    for model in ("hdl64e", "vlp16"):
+        lacking = needed(2, noise(0.03, {model: 0.01}))
+        assert lacking.endswith("with the error models hdl64e and vlp16")
+
+
+@pytest.mark.parametrize(("half", "expected"), [(0.002, HOLDS), (0.001, FAILS), (np.nan, FAILS)])
+def test_3_spreads_within_the_intervals_of_repeated_scans_are_alike(
+    half: float, expected: str
+) -> None:
+    """They differ by 2.4 mm; two half widths of 2 mm are together 2.8 mm."""
+    rows = [
+        (model, "all", distance, "all", 0.0, std)
+        for distance in ("5", "30")
+        for model, std in (("vlp16", 0.0186), ("vlp16_divergence", 0.0210))
+    ]
+    table = statistics(*rows).assign(std_half_m=half)
+    assert result(3, Evidence(residual_statistics=table))[0] == expected
+
+
+def incidence(along: Curve, off: Curve) -> Evidence:
+    """Three bins, the last first."""
+    low = {"low_rad": [1.2, 0.0, 0.6][: len(along)]}
+    columns = {"range_error_std_m": along, "surface_distance_std_m": off}
+    return Evidence(incidence_effect=pd.DataFrame({"model": "vlp16_incidence", **low, **columns}))
+
+
+@pytest.mark.parametrize(("last", "expected"), [(0.0143, HOLDS), (0.0146, IN_PART)])
+def test_4_the_real_residuals_rise_by_1_44_from_the_first_bin_to_the_last(
+    last: float, expected: str
+) -> None:
+    """Half of the rise from 11.8 to 24.6 mm, in the logarithm."""
+    assert result(4, incidence((0.03, 0.017, 0.01), (last, 0.01, 0.05)))[0] == expected
+
+
+def test_4_needs_two_bins_of_which_the_last_has_the_greater_error() -> None:
+    level = incidence((0.017, 0.017, 0.03), (0.01, 0.01, 0.01))
+    assert holds(4, level, "range error rises") is False
+    two = incidence((0.03, 0.017), (0.01, 0.01))
+    assert result(4, two)[0] == HOLDS
+    assert result(4, incidence((0.03,), (0.01,)))[0].startswith("not tested")
+
+
+def flatness(stds: Sequence[float], counts: int = 100, far: float | None = None) -> Evidence:
+    """Walls from distances of 1 m, 2 m, ... and from 30 m."""
+    rows = [("vlp16_divergence", "wall", str(i + 1), "all", 0.0, s) for i, s in enumerate(stds)]
+    rows += [("vlp16_divergence", "wall", "30", "all", 0.0, far)] if far else []
+    rows += [("vlp16_divergence", "wall", "all", "all", 0.0, 0.1)]
+    return Evidence(residual_statistics=statistics(*rows).assign(count=counts))
+
+
+@pytest.mark.parametrize(
+    ("odd", "flat"), [(0.0183, True), (0.0185, False), (0.0108, True), (0.0106, False)]
+)
+def test_5_a_spread_up_to_1_31_of_the_median_is_no_dependence(odd: float, flat: bool) -> None:
+    """The ninth bin of Figure 5.15 over the median of all ten: 17.5 over 13.35 mm."""
+    found = flatness([0.0140, 0.0140, odd], far=0.09)
+    assert holds(5, found, "vlp16_divergence, wall: not on the distance") is flat
+
+
+def test_5_needs_two_groups_of_a_hundred_residuals() -> None:
+    statement = "vlp16_divergence, wall: not on the distance"
+    assert holds(5, flatness([0.0140, 0.0141]), statement) is True
+    assert holds(5, flatness([0.0140]), statement) is None
+    assert holds(5, flatness([0.0140, 0.0141], counts=99), statement) is None
+    assert needed(5, flatness([0.0140, 0.0141])).startswith("captures of a real VLP-16")
+    real = [("real", "wall", "all", laser, 0.0, 0.014) for laser in ("0", "1")]
+    real += [("real", "all", "all", "all", 0.0, 0.014)]
+    captured = Evidence(residual_statistics=statistics(*real))
+    assert needed(5, captured) == "captures of one wall from several distances"
+
+
+@pytest.mark.parametrize(
+    ("curve", "levels"),
+    [((9, 5, 1.9, 1.5, 1.2, 1.0), True), ((9, 5, 2.2, 1.9, 1.2, 1.0), False)],
+)
+def test_6_a_curve_levels_off_whose_upper_half_does_not_halve_it(
+    curve: Curve, levels: bool
+) -> None:
+    evidence = run({name: {"cd_plane": curve} for name in CODECS})
+    assert holds(6, evidence, "PCGCv1 levels off") is levels
+    assert holds(6, evidence, "Draco does not level off") is not levels
+
+
+@pytest.mark.parametrize(("last", "improves"), [(1.0, False), (0.7, True)])
+def test_6_a_codec_improves_when_its_last_error_is_below_its_first(
+    last: float, improves: bool
+) -> None:
+    evidence = run({"draco": {"cd_plane": (1.0, 5.0, 0.1, 5.0, 5.0, last)}})
+    assert holds(6, evidence, "Draco improves") is improves
+    assert "the codec gpcc_arena" in needed(6, evidence)
+
+
+def test_a_curve_without_error_or_of_one_rate_is_none() -> None:
+    perfect = run({"draco": {"cd_plane": (5.0, 4.0, 3.0, 2.0, 1.0, 0.0)}})
+    assert needed(6, perfect).startswith("more rates or data sets of Draco")
+    small = run({"draco": {"cd_plane": [0.9 * value for value in (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)]}})
+    assert holds(6, small, "Draco improves") is True
+    table = small.metrics
+    assert table is not None
+    single = replace(small, metrics=table[table["rate"] == "r1"])
+    assert holds(6, single, "Draco improves") is None
+    two = replace(small, metrics=table[table["rate"].isin(["r1", "r2"])])
+    assert holds(6, two, "Draco improves") is True
+
+
+def beside(ratios: Sequence[float], column: str = "cd_plane", **changes: Curve) -> Evidence:
+    """PCGCv2 at these ratios of G-PCC's error."""
+    base = np.array(falling(4))
+    more = {name: {column: tuple(base * np.array(values))} for name, values in changes.items()}
+    curves = {"gpcc_as_run": {column: base}, "pcgcv2": {column: base * np.array(ratios)}}
+    evidence = run(curves)
+    table = evidence.metrics
+    assert table is not None
+    for dataset, values in more.items():
+        rows = (table["dataset"] == dataset) & (table["codec"] == "pcgcv2")
+        table.loc[rows, column] = list(values[column])
+    return evidence
+
+
+@pytest.mark.parametrize(
+    ("ratios", "matches"),
+    [
+        ((1.2,) * 6, True),
+        ((1.4,) * 6, False),
+        ((2.0, 1.1, 1.1, 9, 9, 9), True),
+        ((1.1, 1.4, 1.4, 0.1, 0.1, 0.1), False),
+    ],
+)
+def test_7_a_codec_matches_within_a_decibel_over_the_lower_half_of_its_rates(
+    ratios: Sequence[float], matches: bool
+) -> None:
+    assert holds(7, beside(ratios), "PCGCv2 matches G-PCC as run") is matches
+
+
+def test_7_needs_bits_that_both_can_do_with() -> None:
+    evidence = beside((1.0,) * 6)
+    table = evidence.metrics
+    assert table is not None
+    table.loc[table["codec"] == "pcgcv2", "bpp"] *= 1000
+    assert "rates of both in a common range" in needed(7, evidence)
+
+
+@pytest.mark.parametrize(("last", "loses"), [(1.5, True), (1.0, False), (0.9, False)])
+def test_11_the_highest_rate_decides(last: float, loses: bool) -> None:
+    ratios = (0.5, 0.5, 0.5, 0.5, 0.5, last) if loses else (3, 3, 3, 3, 3, last)
+    assert holds(11, beside(ratios), "PCGCv2 loses to G-PCC as run") is loses
+
+
+@pytest.mark.parametrize(("ratio", "lags"), [(1.5, True), (1.0, False), (0.9, False)])
+def test_8_a_codec_lags_whose_median_ratio_is_above_one(ratio: float, lags: bool) -> None:
+    evidence = beside((ratio, ratio, ratio, ratio, 9, 0.1), "hausdorff_sq_plane")
+    assert holds(8, evidence, "PCGCv2 lags behind G-PCC as run") is lags
+    assert holds(8, evidence, "PCGCv2 lags more on scans") is False
+
+
+def test_8_lags_more_on_scans_than_on_objects_on_every_set() -> None:
+    column, statement = "hausdorff_sq_plane", "PCGCv2 lags more on scans"
+    more = {"clean": (3.0,) * 6, "noisy": (2.0,) * 6}
+    assert holds(8, beside((1.5,) * 6, column, **more), statement) is True
+    assert holds(8, beside((2.5,) * 6, column, **more), statement) is False
+    for kinds in (["objects"], ["clean"]):
+        evidence = beside((1.5,) * 6, column)
+        alone = replace(evidence, datasets={name: DATASETS[name] for name in kinds})
+        assert "an object set and scans" in needed(8, alone)
+
+
+def times(growth: Mapping[str, float]) -> Evidence:
+    names = ("encode_s", "decode_s")
+    return run(
+        {k: {name: np.geomspace(1, v, len(BPP)) for name in names} for k, v in growth.items()}
+    )
+
+
+def test_9_hardly_is_up_to_17_over_11() -> None:
+    slow = times({"draco": 1.6, "pcgcv2": 1.6})
+    assert holds(9, slow, "Draco grows") is True
+    assert holds(9, slow, "PCGCv2 hardly grows") is False
+    fast = times({"draco": 1.5, "pcgcv2": 1.5})
+    assert holds(9, fast, "Draco grows") is False
+    assert holds(9, fast, "PCGCv2 hardly grows") is True
+
+
+def test_9_the_most_is_among_several_codecs_of_which_one_is_gpcc() -> None:
+    statement = "G-PCC grows most"
+    assert holds(9, times({"gpcc_as_run": 9, "draco": 3}), statement) is True
+    assert holds(9, times({"gpcc_as_run": 2, "gpcc": 9, "draco": 3}), statement) is True
+    assert holds(9, times({"gpcc_as_run": 2, "draco": 3}), statement) is False
+    assert holds(9, times({"gpcc_as_run": 9}), statement) is None
+    assert holds(9, times({"gpcc": 9, "draco": 3}), statement) is None
+
+
+@pytest.mark.parametrize(
+    ("factors", "alike"),
+    [
+        ((1.9,) * 6, True),
+        ((2.2,) * 6, False),
+        ((1, 1, 1, 1, 9, 9), True),
+        ((9, 9, 9, 9, 1, 1), False),
+    ],
+)
+def test_10_alike_is_within_a_factor_of_two_at_most_rates(
+    factors: Sequence[float], alike: bool
+) -> None:
+    changed = {"cd_plane": np.array(falling(4)) * factors}
+    names = ["objects", "noisy"]
+    evidence = run({"draco": {"cd_plane": falling(4)}}, datasets=names, noisy=changed)
+    assert holds(10, evidence, "Draco alike") is alike
+    for name in names:
+        alone = replace(evidence, datasets={name: DATASETS[name]})
+        assert needed(10, alone) == "scans and a data set of another kind"
+
+
+def duplicates(scan_bpp: float, scan_share: float, rate: str = "r1") -> Evidence:
+    """Draco on objects, half of whose points fall together, and on scans: so many, at one rate."""
+    evidence = run({"draco": {"cd_plane": falling(4)}}, datasets=["objects", "noisy"])
+    table = evidence.metrics
+    assert table is not None
+    scan = table["dataset"] == "noisy"
+    table["bpp"] *= np.where(scan, scan_bpp, 1)
+    table["points_out"] = 1000
+    table["points_b"] = (
+        np.where(scan, np.where(table["rate"] == rate, 1 - scan_share, 1), 0.5) * 1000
+    )
+    return evidence
+
+
+@pytest.mark.parametrize(
+    ("bpp", "share", "expected"),
+    [(2.2, 0.556, HOLDS), (2.2, 0.545, IN_PART), (1.9, 0.556, IN_PART), (1.9, 0.4, FAILS)],
+)
+def test_12_twice_the_bits_and_a_twentieth_more_duplicates(
+    bpp: float, share: float, expected: str
+) -> None:
+    assert result(12, duplicates(bpp, share))[0] == expected
+
+
+def test_12_is_of_the_first_rate_of_draco_on_objects_and_scans() -> None:
+    assert result(12, duplicates(2.2, 0.9, rate="r6"))[0] == IN_PART
+    evidence = duplicates(2.2, 0.9)
+    for name in ("objects", "noisy"):
+        alone = replace(evidence, datasets={name: DATASETS[name]})
+        assert needed(12, alone) == "an object set and scans"
+    assert needed(12, replace(evidence, codecs={})) == "the codec draco"
+    assert evidence.metrics is not None
+    uncounted = replace(evidence, metrics=evidence.metrics.drop(columns="points_b"))
+    assert needed(12, uncounted) == "counts of the decoded points"
+
+
+@pytest.mark.parametrize(("reversed_", "none"), [(12, False), (13, True)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_13_a_rank_correlation_of_a_half_is_visible(reversed_: int, none: bool, sign: int) -> None:
+    """Twenty ranks of which the first m are reversed: 1 - 2 m (m^2 - 1) / (20 * 399)."""
+    evidence = run({"draco": {"cd_plane": falling(4)}}, datasets=["rooms"], clouds=20)
+    table = evidence.metrics
+    assert table is not None
+    order = np.concatenate([np.arange(reversed_)[::-1], np.arange(reversed_, 20)])
+    number = table["cloud"].str[1:].astype(int)
+    table["elongation"] = number / 20
+    table["cd_plane"] = 100 + sign * order[number]
+    assert holds(13, evidence, "Draco: none") is none
+
+
+def test_13_sixteen_rooms_are_enough_and_rooms_all_alike_have_no_effect() -> None:
+    evidence = run({"draco": {"cd_plane": falling(4)}}, datasets=["rooms"], clouds=16)
+    assert evidence.metrics is not None
+    evidence.metrics["elongation"] = 0.5
+    assert holds(13, evidence, "Draco: none") is True
+    assert "the codec gpcc" in needed(13, evidence)
+
+
+@pytest.mark.parametrize(
+    ("scans", "narrower", "higher"),
+    [
+        ((1000, 1000, 1000, 1999), True, True),
+        ((0, 1200, 1200, 1210), False, True),
+        ((500, 700, 900, 1100), False, False),
+        ((790, 800, 801, 810), True, True),
+    ],
+)
+def test_14_quartiles_and_medians_of_point_counts(
+    scans: Sequence[int], narrower: bool, higher: bool
+) -> None:
+    counts = {"rooms": (500, 700, 900, 1100), "noisy": scans}
+    rows = [{"dataset": name, "points": n} for name, values in counts.items() for n in values]
+    evidence = Evidence(clouds=pd.DataFrame(rows), datasets={k: DATASETS[k] for k in counts})
+    assert holds(14, evidence, "noisy narrower than rooms") is narrower
+    assert holds(14, evidence, "noisy higher than rooms") is higher
+    fewer = replace(evidence, clouds=pd.DataFrame(rows[:-1]))
+    assert needed(14, fewer).startswith("captured rooms as clouds")
+
+
+def test_a_base_of_two_rates_tells_nothing() -> None:
+    evidence = beside((1.0,) * 6)
+    table = evidence.metrics
+    assert table is not None
+    for rates, ratios in ((["r2", "r3"], 0), (["r2", "r3", "r4"], 3)):
+        few = table[(table["codec"] == "pcgcv2") | table["rate"].isin(rates)]
+        shuffled = few.sample(frac=1, random_state=1)
+        found = replace(evidence, metrics=shuffled).at_equal_rate(
+            "objects", "pcgcv2", "gpcc_as_run", "cd_plane"
+        )
+        np.testing.assert_allclose(found["ratio"], np.ones(ratios))
+
+
+def test_the_thesis_s_rates_are_those_of_its_figure() -> None:
+    assert {row["rate"] for row in median_rows()} <= RATES
+    assert len(RATES) == 8
