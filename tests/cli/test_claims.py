@@ -22,11 +22,11 @@ def results(tmp_path: Path) -> Path:
     metrics = pd.DataFrame(
         {
             "dataset": "objects",
-            "cloud": "chair",
+            "cloud": [cloud for cloud in ("chair", "table", "lamp", "plane") for _ in range(4)],
             "codec": "draco",
-            "rate": ["r1", "r2"],
-            "bpp": [0.1, 1.0],
-            "cd_plane": [10.0, 1.0],
+            "rate": 4 * ["r1", "r2", "r3", "r4"],
+            "bpp": 4 * [0.1, 0.2, 0.5, 1.0],
+            "cd_plane": 4 * [10.0, 5.0, 2.0, 1.0],
         }
     )
     metrics.to_csv(tmp_path / "metrics.csv", index=False)
@@ -48,7 +48,10 @@ def test_claims_are_printed_for_a_terminal(
     assert [line.split()[0] for line in lines if line[:1].isdigit()] == [
         str(number) for number in range(1, 15)
     ]
-    assert "    - Draco improves: yes (CD falls 10 times from first to last rate)" in lines
+    assert (
+        "    - Draco improves: yes (CD falls 10 times from first to last rate) [4 clouds, 4 rates]"
+        in lines
+    )
     assert "    HOLDS IN PART" in lines
 
 

@@ -148,3 +148,16 @@ def test_points_that_are_all_the_same_have_no_psnr_of_their_diameter(
     row = _json(capsys, "evaluate", same, out)
     assert row["cd_point"] > 0
     assert "cd_psnr_point" not in row
+
+
+def test_points_have_no_primitives_to_recover(
+    sphere: Path, mesh: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, labelled = sphere.with_suffix(".bin"), sphere.with_name("labelled.ply")
+    _json(capsys, "encode", sphere, out, "--codec", "draco", "--rate", "r4")
+    points = read_cloud(sphere).xyz
+    write_cloud(labelled, PointCloud(points, labels=np.zeros(len(points), np.int32)))
+    scene = sphere.with_name("scene.ply")
+    _json(capsys, "scene", "embedded_objects", "chair_01", scene)
+    fault = _refused(capsys, "recovery", out, labelled, scene)
+    assert "sphere.bin: codec draco codes points, and no surfaces" in fault

@@ -234,7 +234,7 @@ def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> N
     roles = verdict_options(plan)["claims"]
     columns = {name: falling(3) for name in ("cd_plane", "hausdorff_sq_plane")}
     columns |= {name: falling(0.8) for name in ("encode_s", "decode_s")}
-    metrics = run(dict.fromkeys(plan.codecs, columns), datasets=tuple(plan.datasets)).metrics
+    metrics = run(dict.fromkeys(plan.codecs, columns), tuple(plan.datasets), clouds=5).metrics
     table = claims(metrics, datasets=roles["datasets"], codecs=roles["codecs"]).set_index("number")
     for number in (6, 7, 8, 9, 10, 11):
         assert "pcgc" not in table.not_tested[number].lower()
@@ -247,7 +247,7 @@ def test_8_learned_lag_in_hausdorff_more_so_on_scans() -> None:
     column = "hausdorff_sq_plane"
     classical = {key: {column: falling(4)} for key in ("gpcc", "gpcc_as_run")}
     learned = {key: {column: falling(4, 300.0)} for key in ("pcgcv1", "pcgcv2")}
-    table = run({**classical, **learned}).metrics
+    table = run({**classical, **learned}, clouds=2).metrics
     assert table is not None
     scan = table["dataset"].isin(["clean", "noisy"]) & table["codec"].str.startswith("pcgc")
     more = table.assign(**{column: np.where(scan, 10, 1) * table[column]})
@@ -262,7 +262,7 @@ def _times(growth: Mapping[str, float]) -> Evidence:
         codec: {name: np.geomspace(1, factor, len(BPP)) for name in ("encode_s", "decode_s")}
         for codec, factor in growth.items()
     }
-    return run(curves)
+    return run(curves, clouds=5)
 
 
 def test_9_times() -> None:
@@ -273,12 +273,41 @@ def test_9_times() -> None:
     assert result(9, _times(none))[0] == FAILS
 
 
+def test_9_needs_timed_calls_over_clouds_and_repetitions() -> None:
+    table = _times({"draco": 5.0}).metrics
+    assert table is not None
+    assert "20 clouds, 6 rates, 5 timed calls" in _told_of_9(table)
+    few = table[table["cloud"].isin(["c0", "c1"])]
+    assert _told_of_9(few) == ""
+    assert "10 timed calls" in _told_of_9(few.assign(repeats=5))
+
+
+def _told_of_9(table: pd.DataFrame) -> str:
+    return result(9, Evidence(table, datasets=DATASETS, codecs={"draco": "draco"}))[1]
+
+
+@pytest.mark.parametrize(("rates", "clouds"), [(3, 2), (6, 0.5)])
+def test_verdicts_show_their_sample_and_need_rates_and_clouds(rates: int, clouds: float) -> None:
+    table = run({name: {"cd_plane": FALLING} for name in CODECS}, clouds=2).metrics
+    assert table is not None
+    whole = Evidence(table, datasets=DATASETS, codecs=CODECS)
+    for number in (6, 7, 10, 11):
+        parts = CLAIMS[number - 1].test(whole)
+        assert all("8 clouds, 6 rates" in part.sample for part in parts)
+    some = table["rate"].isin([f"r{n}" for n in range(1, rates + 1)])
+    if clouds < 1:
+        some &= table["dataset"].isin(["objects", "noisy"]) & (table["cloud"] == "c0")
+    for number in (6, 7, 10, 11):
+        verdict_, _ = result(number, Evidence(table[some], datasets=DATASETS, codecs=CODECS))
+        assert verdict_.startswith("not tested: needs 4 rates")
+
+
 def test_10_alike_on_all_data() -> None:
     curves = {name: {"cd_plane": FALLING} for name in CODECS}
     assert result(10, run(curves))[0] == HOLDS
     apart = run(curves, noisy={"cd_plane": falling(4, 1000.0)})
     assert result(10, apart)[0] == FAILS
-    alone = run(curves, datasets=["objects"])
+    alone = run(curves, datasets=["objects"], clouds=4)
     assert result(10, alone)[0].startswith("not tested: needs scans")
 
 
@@ -290,7 +319,7 @@ def test_10_on_the_thesis_s_medians_holds_for_the_classical_codecs_alone() -> No
 
 
 def _draco(scan_bpp: float, scan_points: int) -> Evidence:
-    evidence = run({"draco": {"cd_plane": FALLING}}, datasets=["objects", "noisy"])
+    evidence = run({"draco": {"cd_plane": FALLING}}, datasets=["objects", "noisy"], clouds=2)
     table = evidence.metrics
     assert table is not None
     scan = table["dataset"] == "noisy"

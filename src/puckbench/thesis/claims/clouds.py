@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.claims.evidence import Evidence
+from puckbench.thesis.claims.evidence import LEAST_CLOUDS, Evidence
 from puckbench.thesis.claims.parts import Part, needs
 from puckbench.thesis.claims.rates import TITLES, TWICE, WANTED
 from puckbench.thesis.claims.roles import (
@@ -28,8 +28,6 @@ VISIBLE = 0.5
 (5 %). Less does not show in a scatter plot, which is what the thesis looked at."""
 MORE_DUPLICATES = 0.05
 """Of the points: with fewer more, duplicates cannot double the bits."""
-LEAST_CLOUDS = 4
-"""For quartiles of point counts."""
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
@@ -44,12 +42,15 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
     objects, scans = evidence.named(OBJECTS), evidence.named(*SCANS)
     if not objects or not scans:
         return [needs("an object set and scans")]
+    if not evidence.enough_clouds((*objects, *scans), DRACO):
+        return [needs(f"{LEAST_CLOUDS} clouds or more")]
     bpp = {name: evidence.rates(name, DRACO, "bpp") for name in (*objects, *scans)}
     highest = max(bpp[name][0] for name in objects)
     found = ", ".join(f"{name} {_ends(values)} bpp" for name, values in bpp.items())
     shifted = all(bpp[name][0] > TWICE * highest for name in scans)
     shares = {name: _coinciding(evidence, name) for name in bpp}
-    parts = [Part("shifted to more bits on scans", shifted, found)]
+    sample = "" if evidence.of_medians else f"{evidence.clouds_of(bpp, DRACO)} clouds"
+    parts = [Part("shifted to more bits on scans", shifted, found, sample=sample)]
     if any(np.isnan(share) for share in shares.values()):
         return [*parts, needs("counts of the decoded points")]
     most = max(shares[name] for name in objects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,8 +17,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
-LEAST_RATES = 3
-"""Points that a rate-distortion curve needs for values between them."""
+LEAST_RATES = 4
+"""Of a curve that has an upper and a lower half, and values between its points."""
+LEAST_CLOUDS = 4
+"""Of all data sets that a part is tested on: as many as quartiles need."""
+LEAST_CALLS = 5
+"""Timed calls for each rate and data set, over clouds and repetitions, for a median of times."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Evidence:
         Role -> the codec that plays it.
     stand_ins
         Role -> a codec that changes the one of this role, and does not play it.
+    of_medians
+        Whether rows are medians over more clouds than can be counted here.
     """
 
     metrics: pd.DataFrame | None = None
@@ -45,6 +51,7 @@ class Evidence:
     datasets: Mapping[str, str] = field(default_factory=dict)
     codecs: Mapping[str, str] = field(default_factory=dict)
     stand_ins: Mapping[str, str] = field(default_factory=dict)
+    of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
         """The same, where a changed codec stands in for each of the thesis's that is absent."""
@@ -85,6 +92,27 @@ class Evidence:
         places = {rate: place for place, rate in enumerate(ordered_rates(set(medians["rate"])))}
         return medians.assign(number=medians["rate"].map(places))
 
+    def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
+        """Clouds of some data sets that every one of some codecs, by their roles, has coded."""
+        if self.metrics is None:
+            return 0
+        rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
+        own = rows["dataset"] + "/" + rows["cloud"]
+        coded = [set(own[rows["codec"] == self.codecs.get(codec)]) for codec in codecs]
+        return len(set.intersection(*coded))
+
+    def enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
+        """Whether data sets have `LEAST_CLOUDS` of some codecs together."""
+        return self.of_medians or self.clouds_of(datasets, *codecs) >= LEAST_CLOUDS
+
+    def calls(self, codec: str) -> int:
+        """Timed calls of a codec for each rate and data set, at least."""
+        if self.metrics is None:
+            return 0
+        rows = self.metrics[self.metrics["codec"] == self.codecs.get(codec)]
+        repeats = rows["repeats"] if "repeats" in rows else rows["rate"].map(lambda _: 1)
+        return int(repeats.groupby([rows["dataset"], rows["rate"]]).sum().min())
+
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
         """Medians of a column from the first to the last rate, (n,); those without one left out."""
         rows = self.medians
@@ -95,12 +123,12 @@ class Evidence:
         """A codec's medians over another's at the same bits per point, by rising ``bpp``.
 
         Columns ``bpp`` and ``ratio``. The base's values are interpolated between the logarithms
-        of its rates; nothing is extrapolated, and a base of fewer than three rates tells nothing.
+        of its rates; nothing is extrapolated, and curves of fewer than `LEAST_RATES` tell nothing.
         """
         import pandas as pd
 
         one, other = (self._curve(dataset, codec, column) for codec in (tested, base))
-        if len(other) < LEAST_RATES:
+        if min(len(one), len(other)) < LEAST_RATES:
             return pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
         one = one[one["bpp"].between(other["bpp"].iloc[0], other["bpp"].iloc[-1])]
         logs = np.log(other.to_numpy(dtype=float))

@@ -23,12 +23,15 @@ class Part:
         What was measured.
     stand_in
         Title of the codec that it was measured on where that is not the thesis's own.
+    sample
+        How much it was measured on, "7 clouds, 8 rates".
     """
 
     statement: str
     holds: bool | None
     found: str
     stand_in: str = ""
+    sample: str = ""
 
 
 def needs(what: str, statement: str = "") -> Part:
@@ -65,9 +68,10 @@ def wanted(parts: Sequence[Part]) -> str:
 
 
 def told(parts: Sequence[Part]) -> str:
-    """The parts that were tested, with what was found and whether they hold."""
+    """The parts that were tested: whether they hold, what was found, and on how much."""
     return "; ".join(
         f"{part.statement}: {'yes' if part.holds else 'no'} ({part.found})"
+        f"{f' [{part.sample}]' if part.sample else ''}"
         for part in parts
         if part.holds is not None
     )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.claims.evidence import Evidence
+from puckbench.thesis.claims.evidence import LEAST_CALLS, LEAST_CLOUDS, LEAST_RATES, Evidence
 from puckbench.thesis.claims.parts import Part, needs
 from puckbench.thesis.claims.roles import (
     CLASSICAL,
+    DATASETS,
     DRACO,
     GPCC,
     GPCC_AS_RUN,
@@ -62,11 +63,12 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
         whole = [curve[0] / curve[-1] for curve in curves]
         upper = [curve[(len(curve) - 1) // 2] / curve[-1] for curve in curves]
         improved = f"CD falls {_times(whole)} from first to last rate"
-        parts.append(Part(f"{TITLES[codec]} improves", min(whole) > 1, improved))
+        sample = _sample(evidence, evidence.named(*DATASETS), [codec])
+        parts.append(Part(f"{TITLES[codec]} improves", min(whole) > 1, improved, sample=sample))
         says = "does not level off" if codec == DRACO else "levels off"
         holds = min(upper) >= TWICE if codec == DRACO else max(upper) < TWICE
         found = f"CD falls {_times(upper)} over the upper half of the rates"
-        parts.append(Part(f"{TITLES[codec]} {says}", holds, found))
+        parts.append(Part(f"{TITLES[codec]} {says}", holds, found, sample=sample))
     return parts
 
 
@@ -106,9 +108,11 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
     for codec in LEARNED:
         if codec not in evidence.codecs:
             continue
-        found = [_ratios(evidence, codec, GPCC_AS_RUN, column, np.median, names)
-                 for names in (objects, scans)]  # fmt: skip
-        on_objects, on_scans = (list(ratios.values()) for ratios in found)
+        ratios = _ratios(evidence, codec, GPCC_AS_RUN, column, [*objects, *scans])
+        on_objects, on_scans = (
+            [float(np.median(ratios[name])) for name in names if name in ratios]
+            for names in (objects, scans)
+        )
         if not on_objects or not on_scans:
             parts.append(needs("an object set and scans, coded by gpcc_arena as well"))
             continue
@@ -116,7 +120,8 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
         more = min(on_scans) > max(on_objects)
         other = evidence.stand_in(codec)
         statement = f"{other or TITLES[codec]} lags more on scans"
-        parts.append(Part(statement, more, text, other))
+        sample = _sample(evidence, ratios, [codec, GPCC_AS_RUN], map(len, ratios.values()))
+        parts.append(Part(statement, more, text, other, sample))
     return parts
 
 
@@ -125,7 +130,8 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
     A codec's growth is its median time at the last rate over that at the first, and of that the
     median over encoding, decoding and the data sets. "Hardly" is up to `HARDLY_SLOWER`. G-PCC grows
-    most when the greatest growth is its own.
+    most when the greatest growth is its own. A codec counts with `LEAST_CALLS` timed calls or more
+    for each rate and data set, over clouds and repetitions.
     """
     parts, most = [], {}
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -133,11 +139,17 @@ def time_grows(evidence: Evidence) -> list[Part]:
         if not growth:
             parts.append(_lacking(evidence, codec))
             continue
+        calls = evidence.calls(codec)
+        if calls < LEAST_CALLS:
+            parts.append(needs(f"{LEAST_CALLS} timed calls for each rate (timing: repeats)"))
+            continue
         most[codec] = float(np.median(growth))
         says = "hardly grows" if codec == PCGCV2 else "grows"
         holds = (most[codec] > HARDLY_SLOWER) != (codec == PCGCV2)
         found = f"{_times(growth)} the time, median {most[codec]:.3g}"
-        parts.append(Part(f"{TITLES[codec]} {says}", holds, found))
+        sample = _sample(evidence, evidence.named(*DATASETS), [codec])
+        sample += f", {calls} timed calls for each"
+        parts.append(Part(f"{TITLES[codec]} {says}", holds, found, sample=sample))
     if len(most) > 1 and GPCC_AS_RUN in most:
         top = max(most, key=lambda codec: most[codec])
         found = f"{TITLES[top]} grows most, {most[top]:.3g} times"
@@ -165,22 +177,42 @@ def alike_on_all_data(evidence: Evidence) -> list[Part]:
         table = np.array([curve[:least] for curve in curves])
         apart = table.max(axis=0) / table.min(axis=0)
         found = f"CD differs {_times(apart)} at one rate, median {np.median(apart):.2g}"
-        parts.append(Part(f"{TITLES[codec]} alike", bool(np.median(apart) < TWICE), found))
+        alike, sample = (
+            bool(np.median(apart) < TWICE),
+            _sample(evidence, evidence.named(*DATASETS), [codec]),
+        )
+        parts.append(Part(f"{TITLES[codec]} alike", alike, found, sample=sample))
     return parts
 
 
 def _lacking(evidence: Evidence, codec: str) -> Part:
     """What a codec's part needs: the codec itself, or more of its results."""
-    there = codec in evidence.codecs
-    return needs(f"more rates or data sets of {TITLES[codec]}" if there else WANTED[codec])
+    if codec not in evidence.codecs:
+        return needs(WANTED[codec])
+    return needs(f"{LEAST_RATES} rates and {LEAST_CLOUDS} clouds or more of {TITLES[codec]}")
+
+
+def _sample(
+    evidence: Evidence, datasets: Iterable[str], codecs: Sequence[str], rates: Iterable[int] = ()
+) -> str:
+    """On how many clouds, and at how many rates of each data set, codecs were measured."""
+    if evidence.of_medians:
+        return ""
+    counts = list(rates) or [
+        len(evidence.rates(name, codec, "bpp")) for name in datasets for codec in codecs
+    ]
+    least, most = min(counts), max(counts)
+    numbers = f"{most}" if least == most else f"{least} to {most}"
+    clouds = evidence.clouds_of(datasets, *codecs)
+    return f"{clouds} clouds, {numbers} rate{'s' if most > 1 else ''}"
 
 
 def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
-    """Positive medians per rate of each data set where the codec has two rates or more."""
-    if codec not in evidence.codecs:
+    """Positive medians per rate of each data set where a codec has enough rates and clouds."""
+    if codec not in evidence.codecs or not evidence.enough_clouds(evidence.datasets, codec):
         return []
     found = [evidence.rates(name, codec, column) for name in evidence.datasets]
-    return [curve for curve in found if len(curve) > 1 and curve.min() > 0]
+    return [curve for curve in found if len(curve) >= LEAST_RATES and curve.min() > 0]
 
 
 def _growth(evidence: Evidence, codec: str) -> list[float]:
@@ -204,31 +236,30 @@ def _beside(
     for codec in LEARNED:
         for base in bases:
             lacking = [role for role in (codec, base) if role not in evidence.codecs]
-            ratios = _ratios(evidence, codec, base, column, summary, list(evidence.datasets))
+            ratios = _ratios(evidence, codec, base, column, list(evidence.datasets))
             if lacking or not ratios:
-                wanted = WANTED[lacking[0]] if lacking else "rates of both in a common range"
+                common = f"{LEAST_RATES} rates of both and {LEAST_CLOUDS} clouds in a common range"
+                wanted = WANTED[lacking[0]] if lacking else common
                 parts.append(needs(wanted))
                 continue
-            sets = ", ".join(f"{name} {ratio:.3g}" for name, ratio in ratios.items())
+            found = {name: float(summary(some)) for name, some in ratios.items()}
+            sets = ", ".join(f"{name} {ratio:.3g}" for name, ratio in found.items())
             other = evidence.stand_in(codec)
             statement = f"{other or TITLES[codec]} {says} {TITLES[base]}"
-            ok = all(map(holds, ratios.values()))
-            parts.append(Part(statement, ok, f"ratio at equal bpp: {sets}", other))
+            ok = all(map(holds, found.values()))
+            sample = _sample(evidence, ratios, [codec, base], map(len, ratios.values()))
+            parts.append(Part(statement, ok, f"ratio at equal bpp: {sets}", other, sample))
     return parts
 
 
 def _ratios(
-    evidence: Evidence,
-    codec: str,
-    base: str,
-    column: str,
-    summary: Callable[[Floats], float],
-    datasets: Sequence[str],
-) -> dict[str, float]:
-    """The summary of the ratios at equal bits per point, of each data set that has some."""
+    evidence: Evidence, codec: str, base: str, column: str, datasets: Sequence[str]
+) -> dict[str, Floats]:
+    """The ratios at equal bits per point of each data set that has some, if clouds are enough."""
     tables = {name: evidence.at_equal_rate(name, codec, base, column) for name in datasets}
     found = {name: table["ratio"].to_numpy(dtype=float) for name, table in tables.items()}
-    return {name: float(summary(ratios)) for name, ratios in found.items() if len(ratios)}
+    found = {name: ratios for name, ratios in found.items() if len(ratios)}
+    return found if evidence.enough_clouds(found, codec, base) else {}
 
 
 def _lower_half(ratios: Floats) -> float:

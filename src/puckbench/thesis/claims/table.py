@@ -49,7 +49,7 @@ def claims(
     pd.DataFrame
         ``number``, ``section`` and ``claim`` of the thesis, ``verdict`` (see
         `puckbench.thesis.claims.parts`), ``here``: each part tested, whether it holds, and our
-        numbers; ``not_tested``: what the other parts need; ``thesis``: its own numbers;
+        numbers and sample sizes; ``not_tested``: what the others need; ``thesis``: its own numbers;
         ``thesis_verdict``; ``figure``: ours, by name; ``thesis_figure``: the thesis's.
     """
     import pandas as pd
@@ -76,7 +76,7 @@ def thesis_evidence() -> Evidence:
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})
     datasets, codecs = (list(dict.fromkeys(table[name])) for name in ("dataset", "codec"))
     return Evidence(table, datasets={name: name for name in datasets},
-                    codecs={name: name for name in codecs})  # fmt: skip
+                    codecs={name: name for name in codecs}, of_medians=True)  # fmt: skip
 
 
 def _row(number: int, claim: Claim, found: Evidence, own: Evidence) -> dict[str, object]:
