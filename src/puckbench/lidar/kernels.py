@@ -21,9 +21,19 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Unit normal and distance from `origin` of each triangle's plane, (t, 4).
+    """Compute the plane of each triangle.
 
-    The normal of a triangle without area is zero.
+    Parameters
+    ----------
+    vertices
+        (v, 3) metres.
+    triangles
+        (t, 3) indices into `vertices`.
+    origin
+        (3,) the scan's origin.
+    planes
+        (t, 4), filled: unit normal, and distance of the plane from `origin` along it. The normal
+        of a triangle without area is zero.
     """
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
@@ -45,10 +55,18 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Fill `directions` (n, 3) and the last three columns of `rays` (n, 6) with world directions.
+    """Turn yaw and pitch of rays into directions in the world.
 
-    yaw, pitch: sines and cosines of the angles, (frames, steps, lasers). rotations: (frames, steps,
-    3, 3).
+    Parameters
+    ----------
+    yaw, pitch
+        Sines and cosines of the angles, each (frames, steps, lasers).
+    rotations
+        (frames, steps, 3, 3), from the sensor's frame to the world's.
+    directions
+        (n, 3), filled with unit vectors, in double precision.
+    rays
+        (n, 6), the last three columns filled with the same, as Embree takes them.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -77,11 +95,27 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Distance to the plane of each ray's triangle, and the cosine of the incidence angle.
+    """Compute exact distances along the rays from the planes of the triangles that were hit.
 
-    nearest: Embree's distances, inf for a miss. planes: unit normal and distance from the scan's
-    origin, (t, 4). starts: where the rays of each step start, from that origin, (steps, 3). A miss,
-    or a hit outside `limits`, gets distance inf and cosine nan.
+    A miss, or a hit outside `limits`, gets the distance inf and the cosine nan. Of a ray that
+    grazes its plane the distance remains Embree's.
+
+    Parameters
+    ----------
+    directions
+        (n, 3) unit vectors.
+    nearest
+        (n,) Embree's distances, metres; inf for a miss.
+    triangles
+        (n,) the triangles that were hit.
+    planes
+        (t, 4) unit normals and distances from the scan's origin, of `fill_planes`.
+    starts
+        (steps, 3) where the rays of each step start, from that origin.
+    limits
+        Shortest and longest distance that the sensor measures, metres.
+    distances, cosines
+        (n,), filled: distance to the plane, and cosine of the angle of incidence.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -107,10 +141,25 @@ def fill_rays(
     start: int,
     out: tuple[Any, ...],
 ) -> int:
-    """Write frame, laser, timestamp, yaw and pitch of the rays that returned; the row after them.
+    """Write frame, laser, timestamp, yaw and pitch of the rays that returned.
 
-    rows: which rays returned, (frames, steps, lasers). nominal: timestamp, yaw and pitch of each
-    ray. out: the five columns, written from row `start`.
+    Parameters
+    ----------
+    rows
+        (frames, steps, lasers), which rays returned.
+    nominal
+        Timestamp, yaw and pitch of each ray, in the same shape.
+    first_frame
+        Number of the first of these frames.
+    start
+        Row of the columns at which writing begins.
+    out
+        The five columns, filled.
+
+    Returns
+    -------
+    int
+        The row after the last that was written.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -136,9 +185,22 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distance and x, y, z (`out`) of the rays that returned, from row `start`.
+    """Write distance and coordinates of the rays that returned.
 
-    origins: where the rays of each step start, (steps, 3).
+    Parameters
+    ----------
+    rows
+        (n,) which rays returned.
+    origins
+        (steps, 3) where the rays of each step start, in the world.
+    directions
+        (n, 3) unit vectors.
+    distances
+        (n,) metres.
+    start
+        Row of the columns at which writing begins.
+    out
+        The columns distance, x, y and z, filled.
     """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
@@ -161,10 +223,20 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write what the returned rays hit, normals turned to the sensor, from row `start`.
+    """Write which surface the returned rays hit, with normals turned to the sensor.
 
-    hits: directions (n, 3), triangles and incidence of all rays. surface: planes (t, 4), object
-    and primitive of each triangle. out: incidence, triangle, object, primitive, nx, ny, nz.
+    Parameters
+    ----------
+    rows
+        (n,) which rays returned.
+    hits
+        Directions (n, 3), triangles (n,) and incidence (n,) of all rays.
+    surface
+        Planes (t, 4), object and primitive of each triangle.
+    start
+        Row of the columns at which writing begins.
+    out
+        The columns incidence, triangle, object, primitive, nx, ny and nz, filled.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -186,11 +258,20 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """The echo that returns from each beam: its mean distance, and the ray nearest to that.
+    """Find the echo that returns from each beam: its mean distance, and the ray nearest to that.
 
-    apart: distances of the rays of each beam, (beams, rays), inf for a miss. Rays no farther than
-    `gap` from the next in range share an echo. choice: 0 the first, 1 that of most rays, 2 the
-    last, 3 all rays together. A beam without a hit gets distance inf.
+    Parameters
+    ----------
+    apart
+        (beams, rays) distances of the rays of each beam, metres; inf for a miss.
+    gap
+        Rays no farther than this from the next in range share an echo, metres.
+    choice
+        0 for the first echo, 1 for that of most rays, 2 for the last, 3 for all rays together.
+    distance
+        (beams,), filled; inf for a beam without a hit.
+    middle
+        (beams,), filled with the number of the ray nearest to that distance.
     """
     beams, rays = apart.shape
     for beam in range(beams):

@@ -17,7 +17,7 @@ from puckbench.geometry.cloud import Floats
 
 
 class DracoToolOptions(DracoOptions):
-    """Where Draco's tools are."""
+    """Draco's options, and the names or paths of its two command-line tools."""
 
     encoder: str = "draco_encoder"
     decoder: str = "draco_decoder"
@@ -25,7 +25,7 @@ class DracoToolOptions(DracoOptions):
 
 @CODECS.register("draco_cli")
 class DracoCli(ExternalCodec):
-    """``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
+    """Draco's tools ``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
 
     title = "Draco (reference tool)"
     colour = "#56B4E9"

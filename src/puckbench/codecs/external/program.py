@@ -29,10 +29,11 @@ _SECONDS_PER_BYTE = 1e-4
 
 
 class ExternalCodec(Codec):
-    """A codec that runs programs of others on files in a temporary folder.
+    """A codec that runs other people's programs on files in a temporary folder.
 
-    Its cost is that of the programs' processes, from their start to their end: they read and
-    write files, as whoever uses them must, and hold no memory of ours.
+    A class names its `programs`, and its `_encode` and `_decode` call `run` with a command line.
+    The cost is that of the programs' processes, from their start to their end, with their own
+    reading and writing of files, and without the memory of this process.
     """
 
     said: str = ""
@@ -55,7 +56,20 @@ class ExternalCodec(Codec):
     _cost: Cost | None = None
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
-        """Run a program that reads `source`; InputError when it fails or exceeds its limits."""
+        """Run a program under limits of time and memory that grow with its input.
+
+        Parameters
+        ----------
+        command
+            Program and arguments.
+        source
+            The file that the program reads, whose size sets the limits.
+
+        Raises
+        ------
+        InputError
+            The program fails or exceeds its limits; its last line is in the message.
+        """
         size = source.stat().st_size
         limits = (_MEMORY_BYTES + size * _MEMORY_PER_BYTE, _SECONDS + size * _SECONDS_PER_BYTE)
         words = [sys.executable, "-I", "-S", launch.__file__, *(str(int(x)) for x in limits)]
@@ -79,7 +93,17 @@ def folder() -> Iterator[Path]:
 
 
 def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
-    """Binary PLY of points (n, 3) alone, of type ``float32`` or ``float64``."""
+    """Write points as binary PLY without any other property.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    points
+        (n, 3) coordinates.
+    kind
+        ``float32`` or ``float64``, the names that programs read.
+    """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {kind} {axis}" for axis in "xyz"]
     rows = np.ascontiguousarray(points, dtype=np.dtype(kind).newbyteorder("<"))
@@ -87,7 +111,25 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 
 
 def read_points(path: Path, what: str) -> Floats:
-    """Points (m, 3) of the PLY file that a program wrote; InputError when it wrote none."""
+    """Read the points that a program wrote.
+
+    Parameters
+    ----------
+    path
+        Of a PLY file.
+    what
+        The codec and its program, for the message.
+
+    Returns
+    -------
+    Floats
+        (m, 3) coordinates.
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it holds no points.
+    """
     try:
         return read_cloud(path).xyz
     except InputError as error:

@@ -36,14 +36,14 @@ PROFILES: dict[str, tuple[str, ...]] = {
 
 
 class Tmc13Options(GridOptions):
-    """Options of G-PCC, and where the program is."""
+    """G-PCC's options, and the name or path of TMC13's program."""
 
     program: str = "tmc3"
 
 
 @CODECS.register("tmc13")
 class Tmc13(ExternalCodec, GridCodec):
-    """The program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
+    """MPEG's program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
 
     title = "TMC13 (reference tool)"
     colour = "#000000"

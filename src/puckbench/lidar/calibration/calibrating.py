@@ -27,14 +27,24 @@ FRAME, SPOT = "frame", "spot"
 class Settings:
     """How residuals are read.
 
-    cells: what shares a bias besides the laser and the scan. ``"frame"``: one laser in one frame,
-    as virtual scans draw it. ``"spot"``: one laser in one direction, for the recordings of a sensor
-    that stands still. Then `frame_sigma_m` is the unevenness of the walls, and the planes follow
-    the means of the rings alone: the shape of a wall along a ring must not pass for an error of the
-    sensor. The lasers' mean bias moves a wall as a whole, then, and is taken to be zero.
+    Parameters
+    ----------
+    cells
+        What shares a bias besides the laser and the scan. ``"frame"``: one laser in one frame, as
+        virtual scans draw it. ``"spot"``: one laser in one direction, for the recordings of a
+        sensor that stands still. Then `frame_sigma_m` is the unevenness of the walls, the planes
+        follow the means of the rings alone (the shape of a wall along a ring must not pass for an
+        error of the sensor), and the lasers' mean bias, which moves a wall as a whole, is taken to
+        be zero.
+    parameters
+        Names of the `Sigmas` to estimate; the others are zero.
+    quantum_m
+        Steps of the ranges, metres: 0.002 for a VLP-16, 0 for virtual scans without a receiver.
 
-    parameters: those to estimate, the others are zero. quantum_m: steps of the ranges (2 mm for a
-    VLP-16, 0 for virtual scans without a receiver).
+    Raises
+    ------
+    InputError
+        Cells of another kind, or steps below zero.
     """
 
     cells: str = FRAME
@@ -50,7 +60,15 @@ class Settings:
 
 @dataclass(frozen=True)
 class Domain:
-    """What the residuals span: the greatest incidence, and the shortest and longest range."""
+    """The range of what the residuals cover.
+
+    Parameters
+    ----------
+    most_incidence_rad
+        Greatest angle of incidence.
+    ranges_m
+        Shortest and longest range.
+    """
 
     most_incidence_rad: float
     ranges_m: tuple[float, float]
@@ -58,11 +76,27 @@ class Domain:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The estimates: each with its 95 % interval.
+    """Estimated parameters of the range errors, each with its 95 % interval.
 
-    sigmas: by name (`Sigmas`), those that were estimated. biases: of each laser less the mean of
-    all, m, for one device, in the order of laser_ids; none for several. mean: of the lasers'
-    biases, m; None where the planes hide it.
+    Parameters
+    ----------
+    sigmas
+        By name (`Sigmas`), those that were estimated.
+    biases
+        Of each laser less the mean of all, metres, in the order of `laser_ids`; none for several
+        devices.
+    mean
+        Of the lasers' biases, metres; None where the planes hide it.
+    shape
+        Of the rays' noise.
+    settings
+        How the residuals were read.
+    laser_ids
+        Of the lasers that have residuals.
+    domain
+        Incidence and ranges of the residuals.
+    counts
+        Numbers of devices, lasers, surfaces, rings, cells and residuals.
     """
 
     sigmas: dict[str, Estimate]
@@ -76,9 +110,24 @@ class Calibration:
 
 
 def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) -> Calibration:
-    """Maximum-likelihood parameters of the range errors in residual tables, one per device.
+    """Estimate the parameters of range errors by restricted maximum likelihood.
 
-    Raises InputError for tables that do not determine them; see `observations` and `Settings`.
+    Parameters
+    ----------
+    tables
+        Plane residuals, one table per device; columns as `observations` needs them.
+    settings
+        How they are read; the defaults are those for virtual scans.
+
+    Raises
+    ------
+    InputError
+        The tables do not determine the parameters; see `observations` and `Settings`.
+
+    References
+    ----------
+    H. D. Patterson and R. Thompson, "Recovery of inter-block information when block sizes are
+    unequal", Biometrika 58 (1971).
     """
     settings = settings or Settings()
     seen = observations(tables, cells=settings.cells)

@@ -27,9 +27,24 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """The rows of one model in each table, and which one: `model`, or the only one that there is.
+    """Read the rows of one model in each of some residual tables.
 
-    Raises InputError, with the file's name, for a table without such rows or with several models.
+    Parameters
+    ----------
+    paths
+        Of the tables.
+    model
+        Whose rows; None for the only model that there is.
+
+    Returns
+    -------
+    tables, model
+        A table for each path, and the model's name.
+
+    Raises
+    ------
+    InputError
+        A table has no such rows, or several models and none is chosen.
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -51,7 +66,14 @@ def settings_for(
 ) -> Settings:
     """Settings for the residuals of a model: spots and steps of 2 mm for those of recordings.
 
-    What is not None is as given.
+    Parameters
+    ----------
+    model
+        The model's name in the tables; `REAL` for recordings.
+    cells, parameters
+        As in `Settings`; None for what the model asks for.
+    quantum_mm
+        Steps of the ranges, millimetres; None for what the model asks for.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -66,7 +88,12 @@ _DIGITS = 6
 def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The content of a model file: parameters, 95 % intervals, and provenance.
 
-    sources: name and hash of each table, as `described_table` gives them.
+    Parameters
+    ----------
+    found
+        The calibration.
+    sources
+        Name and hash of each table, as `described_table` gives them.
     """
     return {
         "format": FORMAT,
@@ -88,7 +115,22 @@ def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict
 
 
 def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) -> dict[str, Any]:
-    """Write the model file of a calibration by the given tables; its content."""
+    """Write the model file of a calibration.
+
+    Parameters
+    ----------
+    path
+        Of the file, YAML.
+    found
+        The calibration.
+    tables
+        Paths of the residual tables that it was estimated from, for the provenance.
+
+    Returns
+    -------
+    dict
+        The content of the file.
+    """
     content = model_file(found, [described_table(table) for table in tables])
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=100)
     write_bytes(path, text.encode())

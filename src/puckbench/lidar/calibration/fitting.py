@@ -31,7 +31,15 @@ _MOST_CONDITION = 1e4
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and the ends of its 95 % interval, in one unit."""
+    """A value and its 95 % interval, in one unit.
+
+    Parameters
+    ----------
+    value
+        The estimate.
+    low, high
+        The ends of the interval.
+    """
 
     value: float
     low: float
@@ -39,9 +47,21 @@ class Estimate:
 
 
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
-    """Those of `wanted` that can be estimated: a scan's bias needs two scans of a laser.
+    """Choose the parameters that the observations can determine.
 
-    Raises InputError for a name that is no parameter, or if incidence and range go together.
+    The sigma of a scan's bias, for example, needs two scans of a laser.
+
+    Parameters
+    ----------
+    seen
+        The observations.
+    wanted
+        Names of parameters (`Sigmas`).
+
+    Raises
+    ------
+    InputError
+        A name is no parameter, or incidence and range cannot be told apart.
     """
     for name in wanted:
         if name not in NAMES:
@@ -70,9 +90,22 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """The sigmas in `free` of the greatest restricted likelihood, the others as in `start`.
+    """Maximise the restricted likelihood.
 
-    Raises InputError when the search does not end.
+    Parameters
+    ----------
+    likelihood
+        Of the observations.
+    free
+        Names of the sigmas that are estimated.
+    start
+        Where the search begins, and the values of all other sigmas; None for zero and, where the
+        search begins, the spread within cells.
+
+    Raises
+    ------
+    InputError
+        The search does not end.
     """
     from scipy import optimize
 
@@ -98,11 +131,28 @@ def fit(
 def intervals(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
 ) -> dict[str, Estimate]:
-    """95 % intervals of the sigmas in `free` about the greatest likelihood `best`.
+    """95 % intervals of the estimated sigmas.
 
-    From the curvature of the likelihood (observed Fisher information); for a bias's sigma that is
-    known to no better than 10 % from its profile instead, which is not symmetric and ends at zero.
-    widening: of the rays' errors, for noise that is not Gaussian (`RayShape.widening`).
+    They come from the curvature of the likelihood (observed Fisher information); for a bias's sigma
+    that is known to no better than 10 % from its profile instead, which is not symmetric and ends
+    at zero.
+
+    Parameters
+    ----------
+    likelihood
+        Of the observations.
+    free
+        Names of the sigmas that were estimated.
+    best
+        The sigmas of the greatest likelihood.
+    widening
+        Factor on the standard errors of the rays' sigmas, for noise that is not Gaussian
+        (`RayShape.widening`).
+
+    Returns
+    -------
+    dict of str to Estimate
+        By name; metres, metres per rad^2 and metres per metre.
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -141,7 +191,7 @@ def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
 
 
 def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
-    """Every kind of noise some half of the spread within cells."""
+    """The spread of the errors within cells, for every kind of noise."""
     seen = likelihood.seen
     count = np.diff(seen.groups)
     within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)

@@ -26,10 +26,21 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Fill `sums` (g, 16): w, w b (3), w b b (6), w z, w z b (3), w z z and log variances.
+    """Sum what the normal equations need over the returns of each group.
 
-    values: errors (n,), basis (n, 3), features (n, 3). sigma: of the features, m; least: the least
-    sigma there is, and the variance added to its square.
+    Parameters
+    ----------
+    groups
+        (g + 1,) first row of each group, and the end.
+    values
+        Errors (n,), basis (n, 3) and features (n, 3) of the returns.
+    sigma
+        Coefficients of the features, whose sum is a ray's sigma, metres.
+    least
+        The least sigma that a ray may have, and the variance that is added to its square.
+    sums
+        (g, 16), filled: w, w b (3), w b b (6), w z, w z b (3), w z z and the log variances, with
+        the weight w = 1 / variance, the basis b and the error z.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -66,12 +77,26 @@ def absorb_cells(
     matrix: Floats,
     right: Floats,
 ) -> tuple[float, float]:
-    """Add ``X' V^-1 X`` to `matrix` and ``X' V^-1 z`` to `right`.
+    """Add ``X' V^-1 X`` to `matrix` and ``X' V^-1 z`` to `right`, the biases of cells left out.
 
-    V is the covariance of the errors z: the rays' variances on the diagonal and `variance` between
-    all returns of a cell, inverted by the formula of Sherman and Morrison. codes: (g,) cell,
-    surface, and the columns of laser and of laser in scan. Gives how much the cells take from
-    ``z' V^-1 z`` and what they add to ``log |V|``.
+    V is the covariance of the errors z: the rays' variances on the diagonal, and `variance` between
+    all returns of a cell. It is inverted by the formula of Sherman and Morrison.
+
+    Parameters
+    ----------
+    codes
+        (g,) cell, surface, and the columns of laser and of laser in scan, of each group.
+    sums
+        (g, 16) of `group_sums`.
+    variance
+        Of a cell's bias, m^2.
+    matrix, right
+        (p, p) and (p,), added to.
+
+    Returns
+    -------
+    float, float
+        What the cells take from ``z' V^-1 z``, and what they add to ``log |V|``.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -141,10 +166,23 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Take the biases of lasers in scans, the columns from `core` on, out of the others.
+    """Eliminate the biases of lasers in scans from the normal equations.
 
-    They have the given variance and meet no other of their kind in the equations, so that each
-    leaves by a division. Gives what `absorb_cells` gives.
+    They meet no other of their kind in the equations, so that each leaves by a division.
+
+    Parameters
+    ----------
+    core
+        Number of the columns that remain; those of lasers in scans follow.
+    variance
+        Of the bias of a laser in a scan, m^2.
+    matrix, right
+        (p, p) and (p,), changed in place.
+
+    Returns
+    -------
+    float, float
+        As of `absorb_cells`.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -162,9 +200,21 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 
 @compiled
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
-    """``log |A|`` and ``b' A^-1 b`` of a positive definite matrix; nan for another one.
+    """Determinant and quadratic form of a positive definite matrix, by Cholesky's decomposition.
 
     Threads of a linear algebra library cost more than they give for a hundred rows.
+
+    Parameters
+    ----------
+    matrix
+        (p, p) A, symmetric.
+    right
+        (p,) b.
+
+    Returns
+    -------
+    float, float
+        ``log |A|`` and ``b' A^-1 b``; nan for a matrix that is not positive definite.
     """
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)

@@ -34,9 +34,17 @@ _LEAST_SIGMA_M = 1e-6
 class Sigmas:
     """The parameters that are estimated.
 
-    laser_sigma_m, scan_sigma_m, frame_sigma_m: sigma of the bias of a laser of a device, of that
-    which is redrawn for every scan, and for every frame, m. The sigma of a ray's noise is
-    ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r`` (m, m per rad^2, m per m).
+    The sigma of a ray's noise is ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r`` with
+    the incidence theta and the range r.
+
+    Parameters
+    ----------
+    laser_sigma_m
+        Of a laser's bias, from device to device, metres.
+    scan_sigma_m, frame_sigma_m
+        Of the biases of a laser that are redrawn for every scan and for every frame, metres.
+    ray_sigma_m, ray_incidence_m, ray_range
+        Of a ray's noise: metres, metres per rad^2, metres per metre.
     """
 
     laser_sigma_m: float = 0.0
@@ -59,9 +67,16 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations, matrix (p, p) and right (p,), and what is not in them.
+    """Normal equations, and the terms of the likelihood that are not in them.
 
-    squares, log_determinant: ``z' V^-1 z`` of the errors z and ``log |V|`` of their covariance.
+    Parameters
+    ----------
+    matrix, right
+        (p, p) and (p,).
+    squares
+        ``z' V^-1 z`` of the errors z with their covariance V.
+    log_determinant
+        ``log |V|``.
     """
 
     matrix: Floats
@@ -74,8 +89,13 @@ class Equations:
 class RestrictedLikelihood:
     """The restricted likelihood of observations.
 
-    quantum_m: steps of the measured ranges, whose rounding adds ``quantum^2 / 12`` to the variance
-    of a ray (Sheppard): it matters for a ray's sigma below about the quantum.
+    Parameters
+    ----------
+    seen
+        The observations.
+    quantum_m
+        Steps of the measured ranges, metres, whose rounding adds ``quantum^2 / 12`` to the variance
+        of a ray (Sheppard): it matters for a ray's sigma below about the quantum.
     """
 
     seen: Observations
@@ -83,7 +103,13 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Minus twice the restricted log-likelihood, up to a constant."""
+        """Minus twice the restricted log-likelihood, up to a constant.
+
+        Raises
+        ------
+        InputError
+            The residuals do not separate the planes from the biases.
+        """
         found = self._mixed(sigmas)
         determinant, explained = solved(found.matrix, found.right)
         if not np.isfinite(determinant):
@@ -91,10 +117,15 @@ class RestrictedLikelihood:
         return found.log_determinant + determinant + found.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Expected biases of the lasers, (lasers,) m, the mean among them, and their covariance.
+        """Predict the biases of the lasers, given the sigmas and the residuals.
 
-        Given the sigmas and the residuals (best linear unbiased prediction): what the residuals
-        cannot determine, such as a trend over one wall that its plane could have followed, is zero.
+        This is the best linear unbiased prediction: what the residuals cannot determine, such as a
+        trend over one wall that its plane could have followed, is zero.
+
+        Returns
+        -------
+        biases, covariance
+            (lasers,) metres, their mean included, and (lasers, lasers) m^2.
         """
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)

@@ -19,10 +19,16 @@ _ROOT = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class RayShape:
-    """distribution: "gaussian" or "laplace", whichever makes the differences more likely.
+    """The shape of the rays' noise.
 
-    laplace_over_gaussian: the logarithm of the ratio of their likelihoods. kurtosis: of a ray's
-    noise, 3 for Gaussian noise and 6 for Laplace noise.
+    Parameters
+    ----------
+    distribution
+        ``"gaussian"`` or ``"laplace"``, whichever makes the differences of neighbours more likely.
+    laplace_over_gaussian
+        Logarithm of the ratio of their likelihoods.
+    kurtosis
+        Of a ray's noise: 3 for Gaussian noise and 6 for Laplace noise.
     """
 
     distribution: str
@@ -31,16 +37,30 @@ class RayShape:
 
     @property
     def widening(self) -> float:
-        """By what the errors of a sigma exceed those of Gaussian noise.
+        """The factor by which the standard errors of a sigma exceed those of Gaussian noise.
 
         The score of a scale is ``e^2 - 1``, whose variance is the kurtosis less one, 2 for Gaussian
-        noise: so Gaussian likelihood serves any noise, with this in its intervals (White 1982).
+        noise: so Gaussian likelihood serves any noise, with this factor in its intervals (White
+        1982).
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """The shape of the rays' noise, whose spread is that of `sigmas`."""
+    """Tell the shape of the rays' noise from differences of neighbouring returns.
+
+    Parameters
+    ----------
+    likelihood
+        Of the observations.
+    sigmas
+        The estimates, which give the scale of each ray's noise.
+
+    Returns
+    -------
+    RayShape
+        Gaussian where there are fewer than 30 pairs of neighbours.
+    """
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)

@@ -39,12 +39,27 @@ Codes = NDArray[np.int64]
 class Observations:
     """Range errors up to an unknown plane per surface; rows sorted by cell, then by surface.
 
-    error: (n,) m. basis: (n, 3), coefficients of the surface's plane. features: (n, 3), what a
-    ray's sigma depends on: 1, incidence squared (rad^2) and range (m). A group is what one cell saw
-    of one surface: groups is (g + 1,), its first rows and the end; surface, laser, scan, cell are
-    (g,) codes from 0. A cell is one laser in one frame (or on one spot) of one scan, `scan` one
-    laser in one scan; lasers of different devices have different codes. laser_ids: (lasers,).
-    tells_mean: whether the lasers' mean bias can be separated from the planes at all.
+    A cell is one laser in one frame (or on one spot) of one scan. A group is what one cell measured
+    of one surface. Lasers of different devices have different codes.
+
+    Parameters
+    ----------
+    error
+        (n,) metres.
+    basis
+        (n, 3) coefficients of the surface's plane.
+    features
+        (n, 3) what a ray's sigma depends on: 1, incidence squared (rad^2) and range (m).
+    groups
+        (g + 1,) first row of each group, and the end.
+    surface, laser, scan, cell
+        (g,) codes from 0; `scan` is one laser in one scan.
+    laser_ids
+        (lasers,) ids of the lasers, in the order of their codes.
+    devices
+        Number of devices.
+    tells_mean
+        Whether the lasers' mean bias can be separated from the planes at all.
     """
 
     error: Floats
@@ -79,13 +94,21 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """The range errors of residual tables, one table per device.
+    """Range errors from residual tables.
 
-    cells: ``"frame"``, or ``"spot"`` for the recordings of a sensor that stands still, where what
-    one laser sees in one direction is the same in every turn.
+    Parameters
+    ----------
+    tables
+        One per device, with the columns `NEEDED` and `PLACE`.
+    cells
+        ``"frame"``, or ``"spot"`` for the recordings of a sensor that stands still, where one laser
+        meets the same spot in one direction in every turn.
 
-    Raises InputError for no table, columns that are missing (an older table) or not finite,
-    incidences or ranges that cannot be, and too few rows.
+    Raises
+    ------
+    InputError
+        No table, a column that is missing (an older table) or not finite, incidences or ranges that
+        cannot be, or too few rows.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")

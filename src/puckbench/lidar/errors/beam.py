@@ -9,7 +9,13 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """As `Vlp16`, of a beam of these full widths; None stands for the sensor's divergence."""
+    """A model as `Vlp16` that knows the width of the laser's beam.
+
+    Parameters
+    ----------
+    yaw_width_deg, pitch_width_deg
+        Full widths of the beam, degrees; None for the sensor's divergence.
+    """
 
     yaw_width_deg: NonNegativeFloat | None = None
     pitch_width_deg: NonNegativeFloat | None = None

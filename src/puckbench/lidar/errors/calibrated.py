@@ -27,21 +27,34 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``.
+    """Range noise as `puckbench calibrate` estimated it from plane residuals.
 
-    file: a model file, or the name of one that is shipped, whose parameters stand in for those that
-    are not given.
+    ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The standard deviation
+    of a ray's noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d`` with the incidence
+    theta (rad) and the distance d (m), taken no further than they were calibrated. All sigmas are
+    standard deviations, for Laplace noise too.
 
-    The bias of a laser belongs to the device. device: 0 is the one that was measured, whose biases
-    are `bias_m` (m, one per laser id, about their mean); n > 0 is the n-th of others, drawn from
-    ``N(0, laser_sigma_m)`` and the same in every scan; None is the measured one where its biases
-    are known, and otherwise another device in every scan. A bias of `scan_sigma_m` is redrawn for
-    every scan and laser, one of `frame_sigma_m` for every frame and laser.
-
-    A ray's noise has the standard deviation ``ray_sigma_m + ray_incidence_m theta^2 + ray_range
-    d``, m, with the incidence theta (rad) and the distance d (m) taken no further than they were
-    calibrated: `most_incidence_rad` and `ranges_m`, shortest and longest. All sigmas are standard
-    deviations, for Laplace noise too.
+    Parameters
+    ----------
+    file
+        A model file, or the name of one that is shipped; its parameters hold where none is given.
+    device
+        Whose laser biases: 0 for the measured device's, `bias_m`; n > 0 for those of the n-th
+        other device, drawn from ``N(0, laser_sigma_m)`` and the same in every scan; None for the
+        measured device's where they are known, and otherwise another device's in every scan.
+    bias_m
+        Of the measured device, metres, one per laser id, about their mean.
+    laser_sigma_m, scan_sigma_m, frame_sigma_m
+        Of a laser's bias from device to device, and of those redrawn for every scan and laser,
+        and for every frame and laser, metres.
+    ray_sigma_m, ray_incidence_m, ray_range
+        Of the ray's noise: metres, metres per rad^2, metres per metre.
+    range_mean_m
+        The mean over the lasers, metres.
+    ray_distribution
+        ``"gaussian"`` or ``"laplace"``.
+    most_incidence_rad, ranges_m
+        How far the calibration went: greatest incidence, shortest and longest range.
     """
 
     title, colour = "Calibrated", "#332288"
@@ -120,14 +133,28 @@ class Calibrated(ErrorModel):
 
 
 def shipped_calibration(name: str) -> Path:
-    """Where the model file that is shipped under `name` is."""
+    """The path of a model file that is shipped.
+
+    Parameters
+    ----------
+    name
+        Of the file, without its ending, such as ``vlp16_measured``.
+    """
     return _SHIPPED / f"{name}.yaml"
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """The parameters in a model file, those that it has, as `Calibrated` takes them.
+    """Read the parameters in a model file, those that it has, as `Calibrated` takes them.
 
-    Raises InputError, one line that names the file, when it is missing or something else.
+    Parameters
+    ----------
+    file
+        Path of a YAML file, or the name of a file that is shipped.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no model file; one line that names it.
     """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)

@@ -17,10 +17,17 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("distance_table")
 class DistanceTable(ErrorModel):
-    """``d + N(mu(d), sigma(d))``, both interpolated linearly from a table over the true distance.
+    """Range noise whose mean and sigma depend on the distance: BlenSor's time-of-flight cameras.
 
-    table: rows of distance, mu and sigma, m, in the order of the distance; before the first and
-    after the last row their values hold.
+    ``d + N(mu(d), sigma(d))``, both interpolated linearly over the true distance; before the first
+    and after the last row their values hold.
+
+    Parameters
+    ----------
+    table
+        Rows of distance, mu and sigma, metres, by rising distance.
+    distribution
+        ``"gaussian"`` or ``"laplace"``.
     """
 
     title, colour = "Distance table", "#661100"

@@ -26,14 +26,32 @@ from puckbench.lidar.sweep import Rays
 class Surfaces:
     """What the triangles of a labelled mesh belong to.
 
-    object_id: (t,) index into `objects`, or -1.
+    Parameters
+    ----------
+    object_id
+        (t,) index of each triangle's object in `objects`, or -1.
+    objects
+        The labelled objects of the scene.
     """
 
     object_id: NDArray[np.int32]
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """A number for each triangle, (t,): by its object's name, or else by its class."""
+        """A number for each triangle, by the name of its object, or else by its semantic class.
+
+        Parameters
+        ----------
+        by_name
+            Name of an object, or semantic class -> number.
+        default
+            The number of all other triangles.
+
+        Returns
+        -------
+        Floats
+            (t,) numbers.
+        """
         each = [by_name.get(one.name, by_name.get(one.semantic, default)) for one in self.objects]
         return np.array([*each, default])[self.object_id]
 
@@ -42,9 +60,16 @@ class Surfaces:
 class Hits:
     """What the fired rays of some frames hit; arrays of shape (frames, steps, rays of a step).
 
-    distance: m, inf for a ray without a hit in the sensor's range. triangle: index into the
-    mesh's triangles, undefined without a hit. incidence: angle between ray and surface normal,
-    rad in [0, pi/2], nan without a hit. surfaces: None where the mesh has no labels.
+    Parameters
+    ----------
+    distance
+        Metres; inf for a ray without a hit in the sensor's range.
+    triangle
+        Index into the mesh's triangles, undefined without a hit.
+    incidence
+        Angle between ray and surface normal, radians in [0, pi/2]; nan without a hit.
+    surfaces
+        What the triangles belong to; None where the mesh has no labels.
     """
 
     distance: Floats
@@ -59,6 +84,11 @@ class Draws:
     A scan is worked on a few frames at a time. A stream goes on from one call of a hook to the
     next, so the numbers do not depend on how many frames that is, provided that a hook draws from
     each stream for one purpose only and a fixed number per ray or per frame.
+
+    Parameters
+    ----------
+    rng
+        The scan's generator, from which the key of its streams is drawn.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -96,28 +126,81 @@ class ErrorModel(Model):
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """Give the rays that are really fired; `rays` itself when they are the nominal ones.
 
-        They are as many, or (a model with `merge_hits`) k for each, one laser's after another's:
-        (frames, steps, lasers * k).
+        Parameters
+        ----------
+        rays
+            The nominal rays: yaw and pitch, (frames, steps, lasers), radians.
+        sensor
+            The virtual sensor, for its divergence and number of lasers.
+        draws
+            The scan's random streams.
+
+        Returns
+        -------
+        Rays
+            As many rays, or (of a model with `merge_hits`) k for each, one laser's after another's:
+            (frames, steps, lasers * k).
         """
         return rays
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Give one hit per laser, (frames, steps, lasers), from those of all rays fired."""
+        """Give one hit per laser from those of all rays fired.
+
+        Parameters
+        ----------
+        hits
+            Of all fired rays, (frames, steps, lasers * k).
+        sensor
+            The virtual sensor.
+
+        Returns
+        -------
+        Hits
+            (frames, steps, lasers).
+        """
         return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """Give the measured distances, m, in the shape of ``hits.distance``.
+        """Give the measured distances.
 
         A distance that is not finite is no return: a miss stays one, and a model can take returns
         away (attenuation, raydrop).
+
+        Parameters
+        ----------
+        hits
+            One per laser, with the true distances.
+        sensor
+            The virtual sensor.
+        draws
+            The scan's random streams.
+
+        Returns
+        -------
+        Floats
+            Metres, in the shape of ``hits.distance``.
         """
         return hits.distance
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """Give how far measured points move along the true normal to the sensor, m, or None.
+        """Give how far measured points move along the true normal, or None for not at all.
 
-        In the shape of ``hits.distance``; finite. The points are those of `perturb_ranges`; their
-        measured distance becomes that from the sensor after the move.
+        The points are those of `perturb_ranges`; their measured distance becomes that from the
+        sensor after the move.
+
+        Parameters
+        ----------
+        hits
+            One per laser, with the true distances.
+        sensor
+            The virtual sensor.
+        draws
+            The scan's random streams.
+
+        Returns
+        -------
+        Floats or None
+            Metres towards the sensor, in the shape of ``hits.distance``; finite for a miss too.
         """
         return None
 

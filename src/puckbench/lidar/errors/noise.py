@@ -20,9 +20,23 @@ _DRAW: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Floats]] = {
 def standard_noise(
     stream: np.random.Generator, shape: tuple[int, ...], distribution: Distribution
 ) -> Floats:
-    """Numbers of the given shape with mean 0 and scale 1.
+    """Draw noise with mean 0 and scale 1.
 
     The scale is sigma of a Gaussian and b of a Laplace distribution, whose standard deviation is
-    b times the root of two: BlenSor reads one parameter as either, and so do we.
+    b times the root of two, since BlenSor reads one parameter as either.
+
+    Parameters
+    ----------
+    stream
+        The generator that is drawn from.
+    shape
+        Of the array that is returned.
+    distribution
+        ``"gaussian"`` or ``"laplace"``.
+
+    Returns
+    -------
+    Floats
+        Independent numbers of the given shape.
     """
     return _DRAW[distribution](stream, shape)

@@ -21,23 +21,34 @@ from puckbench.lidar.sweep import Rays
 
 
 class Receiver(Model):
-    """Losses and steps of the range; as it stands it changes nothing within 140 m.
+    """What a receiver loses, and the steps in which it reports ranges; the defaults lose nothing
+    within 140 m.
 
     Attenuation, as BlenSor has it in code (equation 5.3 of the thesis misprints it): a return at a
     true distance d of `attenuation_from_m` or more needs a diffuse reflectivity of at least
     ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``; nearer ones always
-    return. reflectivity: by the name or else the semantic class of an object; all others have
-    `default_reflectivity`.
+    return. Raydrop: a return is lost with the probability ``raydrop + raydrop_incidence * (1 - cos
+    theta) + raydrop_per_m * d``, at most 1, theta being the incidence angle.
 
-    Raydrop: a return is lost with the probability ``raydrop + raydrop_incidence * (1 - cos theta)
-    + raydrop_per_m * d``, at most 1; theta is the incidence angle.
-
-    min_range_m: nearer measured distances are lost. range_quantum_mm: measured distances are
-    multiples of it.
-
-    mirrors: names or semantic classes of objects that reflect like a mirror, as in BlenSor: what is
-    seen in one is measured along the fired ray, at the length of the path; the mirror itself never
-    returns. The true values of such a row are those of the mirror. Glass is opaque, as in BlenSor.
+    Parameters
+    ----------
+    reflectivity
+        By the name or else the semantic class of an object, from 0 to 1.
+    default_reflectivity
+        Of all other objects.
+    attenuation_from_m, attenuation_limit, attenuation_slope_per_m
+        As in the formula above.
+    raydrop, raydrop_incidence, raydrop_per_m
+        As in the formula above.
+    min_range_m
+        Nearer measured distances are lost.
+    range_quantum_mm
+        Measured distances are multiples of it; None for any distance.
+    mirrors
+        Names or semantic classes of objects that reflect like a mirror, as in BlenSor: an object
+        in the mirror is measured along the fired ray, at the length of the path; the mirror itself
+        never returns. The true values of such a row are those of the mirror. Glass is opaque, as
+        in BlenSor.
     """
 
     reflectivity: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
@@ -53,7 +64,27 @@ class Receiver(Model):
     mirrors: tuple[str, ...] = ()
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
-        """`measured` distances in steps, inf where a return is lost."""
+        """Let measured distances through.
+
+        Parameters
+        ----------
+        measured
+            Metres, in the shape of ``hits.distance``.
+        hits
+            What the rays really met.
+        draws
+            The scan's random streams.
+
+        Returns
+        -------
+        Floats
+            Metres, in steps of the range quantum; inf where a return is lost.
+
+        Raises
+        ------
+        InputError
+            Reflectivity is given by object, but the mesh has no labels.
+        """
         lost = self._too_dark(hits) | self._dropped(hits, draws)
         if self.range_quantum_mm is not None:
             quantum = self.range_quantum_mm * 1e-3
@@ -85,7 +116,15 @@ class Receiver(Model):
 
 
 class Received(ErrorModel):
-    """An error model whose returns go through a receiver."""
+    """An error model whose returns go through a receiver.
+
+    Parameters
+    ----------
+    model
+        Of the rays and ranges.
+    receiver
+        What the returns go through.
+    """
 
     model: ErrorModel
     receiver: Receiver
@@ -113,9 +152,24 @@ class Received(ErrorModel):
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Which triangles are mirrors to the model's receiver, (t,); None when it knows none.
+    """Find the triangles that are mirrors to a model's receiver.
 
-    Raises InputError when it does and the mesh has no labels.
+    Parameters
+    ----------
+    model
+        Any error model, with a receiver or without.
+    surfaces
+        What the triangles belong to; None for a mesh without labels.
+
+    Returns
+    -------
+    NDArray of bool or None
+        (t,); None when the receiver knows no mirrors.
+
+    Raises
+    ------
+    InputError
+        The receiver knows mirrors, but the mesh has no labels.
     """
     names = model.receiver.mirrors if isinstance(model, Received) else ()
     if not names:

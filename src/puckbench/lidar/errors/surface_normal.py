@@ -14,11 +14,19 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """A measured point is off its surface by ``N(0, normal_sigma_m)`` along the true normal.
+    """A measured point is off its surface by noise along the true normal, not along the ray.
 
-    So plane residuals have that sigma at any incidence, as the real wall and floor have (0.014 m),
-    where noise along the ray makes them shrink with the cosine. The noise along the ray of `Vlp16`
-    can be added; it is off here.
+    So plane residuals have the sigma `normal_sigma_m` at any incidence, as the real wall and floor
+    have (0.014 m), where noise along the ray makes them shrink with the cosine. The noise along
+    the ray of `Vlp16` can be added; it is off here. The thesis proposes this model and does not
+    try it.
+
+    Parameters
+    ----------
+    normal_sigma_m
+        Scale of the noise along the normal, metres.
+    normal_distribution
+        ``"gaussian"`` or ``"laplace"``.
     """
 
     title, colour = "Surface normal", "#882255"

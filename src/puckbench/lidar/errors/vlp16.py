@@ -16,13 +16,23 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("vlp16")
 class Vlp16(ErrorModel):
-    """``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``.
+    """Each range has a bias of its laser and noise of its ray (thesis equation 5.4).
 
-    The biases are redrawn at the start of every frame (``bias_redrawn="frame"``, as BlenSor's
-    range scan does, which makes the streaks of Figures 5.6-5.9) or kept for the whole scan
-    (``"scan"``). The default sigmas are those of the thesis's section 5.4 and its code; Table 5.1
-    prints others. Either noise is ``"gaussian"`` or ``"laplace"``, whose b is then the sigma given;
-    BlenSor offers Laplace for the bias only.
+    ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``. The
+    default sigmas are those of the thesis's section 5.4 and its code; Table 5.1 prints others.
+
+    Parameters
+    ----------
+    bias_sigma_m, ray_sigma_m
+        Scales of the bias and of the ray's noise, metres.
+    bias_redrawn
+        ``"frame"``: at the start of every frame, as BlenSor's range scan does, which makes the
+        streaks of Figures 5.6-5.9. ``"scan"``: kept for the whole scan.
+    bias_distribution, ray_distribution
+        ``"gaussian"``, or ``"laplace"``, whose b is then the sigma given; BlenSor offers Laplace
+        for the bias only.
+    ray_mean_m
+        Mean of the ray's noise, metres.
     """
 
     title, colour = "VLP-16", "#0072B2"

@@ -16,15 +16,18 @@ from puckbench.lidar.sweep import Rays
 
 @ERROR_MODELS.register("vlp16_divergence")
 class Vlp16Divergence(BeamOfWidth):
-    """As `Vlp16`, each ray first turned at random within the beam.
+    """As `Vlp16`, and each ray is first turned at random within the beam (thesis section 5.5.3).
 
-    Yaw and pitch change by uniform numbers within half the beam's width (None: the sensor's
-    divergence). The reported yaw and pitch stay nominal.
+    Yaw and pitch change by uniform numbers within half the beam's width. The reported yaw and
+    pitch stay nominal.
 
-    ``returns_along="fired"`` puts a noisy point on the ray that was fired, which is what BlenSor
-    does and the thesis ran. Such a point leaves its surface by range noise alone, so divergence
-    cannot widen plane residuals, whatever the distance. ``"nominal"`` puts the measured distance
-    on the nominal ray, as a real sensor does, which knows no other direction.
+    Parameters
+    ----------
+    returns_along
+        ``"fired"`` puts a noisy point on the ray that was fired, as BlenSor does and the thesis
+        ran. Such a point leaves its surface by range noise alone, so that divergence cannot widen
+        plane residuals, whatever the distance. ``"nominal"`` puts the measured distance on the
+        nominal ray, as a real sensor does, which knows no other direction.
     """
 
     title, colour = "Beam divergence", "#009E73"

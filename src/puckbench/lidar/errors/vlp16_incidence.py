@@ -13,10 +13,16 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):
-    """As `Vlp16`, with ``ray_sigma_m + (incidence_factor * theta)^2`` metres as a ray's sigma.
+    """As `Vlp16`, and the noise of a ray grows with the angle of incidence (thesis section 5.5.4).
 
-    theta is the angle between ray and surface normal in radians: 0 adds nothing, 45 degrees 6.2 mm,
-    60 degrees 11.0 mm and a grazing ray 24.7 mm.
+    The sigma of a ray is ``ray_sigma_m + (incidence_factor * theta)^2`` metres, theta being the
+    angle between ray and surface normal in radians: 0 adds nothing, 45 degrees 6.2 mm, 60 degrees
+    11.0 mm and a grazing ray 24.7 mm.
+
+    Parameters
+    ----------
+    incidence_factor
+        Root of metres per radian.
     """
 
     title, colour = "Incidence", "#E69F00"
