@@ -44,10 +44,23 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Medians of two columns of one codec on one data set, by rising x.
+    """Medians of two columns of one codec on one data set.
 
-    In the thesis's bins; of fewer clouds than bins these would hold a rate of some clouds and
-    another rate of the others, so that the line would follow the clouds: then medians of each rate.
+    The bins are the thesis's. With fewer clouds than bins, a bin would hold one rate of some clouds
+    and another rate of the others, so that the line would follow the clouds: then each rate has a
+    median.
+
+    Parameters
+    ----------
+    rows
+        Result rows of one codec and data set.
+    x, y
+        Columns.
+
+    Returns
+    -------
+    x, y
+        (m,) float medians, by rising x.
     """
     if rows["cloud"].nunique() >= BINS:
         return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
@@ -56,12 +69,25 @@ def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]
 
 
 def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Median of `column` per dataset, codec and rate, missing values left out."""
+    """Median of a column over the clouds of each data set, codec and rate.
+
+    Parameters
+    ----------
+    table
+        Result rows.
+    column
+        What is measured; rows without a value are left out.
+
+    Returns
+    -------
+    pd.DataFrame
+        Columns ``dataset``, ``codec``, ``rate`` and the one given.
+    """
     present = table.dropna(subset=[column])
     medians = present.groupby(["dataset", "codec", "rate"], observed=True)[column].median()
     return medians.reset_index()
 
 
 def ordered_rates(rates: set[str]) -> list[str]:
-    """Rates by their number: r2 before r10."""
+    """Rates in the order of their numbers: r2 before r10."""
     return sorted(rates, key=lambda rate: (*map(int, re.findall(r"\d+", rate)), rate))

@@ -13,7 +13,22 @@ if TYPE_CHECKING:
 
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """InputError unless the table has rows, these columns, and a value in each of them."""
+    """Check that a table has rows, and columns with a value in each.
+
+    Parameters
+    ----------
+    table
+        Input of a figure.
+    columns
+        Needed ones.
+    what
+        Name of the table, for the message.
+
+    Raises
+    ------
+    InputError
+        There is no row, no such column, or a column without any value.
+    """
     missing = [name for name in columns if name not in table.columns]
     if missing:
         raise InputError(f"{what} table: no column {missing[0]!r}")
@@ -25,7 +40,22 @@ def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> No
 
 
 def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """InputError unless the columns hold numbers, none below zero and none infinite."""
+    """Check that columns hold numbers that a logarithmic axis can show, or zero.
+
+    Parameters
+    ----------
+    table
+        Input of a figure.
+    columns
+        Needed ones.
+    what
+        Name of the table, for the message.
+
+    Raises
+    ------
+    InputError
+        A column has values that are no numbers, below zero or infinite.
+    """
     for name in columns:
         if table[name].dtype.kind not in "fiu":
             raise InputError(f"{what} table: column {name!r} has values that are not numbers")

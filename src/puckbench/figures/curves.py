@@ -24,7 +24,13 @@ Lines = dict[str, tuple[Floats, Floats]]
 
 
 def check_curves(metrics: pd.DataFrame, quantity: Quantity) -> None:
-    """InputError unless the table has what a curve of `quantity` against bpp needs."""
+    """Check that a table of results has what curves of a quantity against bits per point need.
+
+    Raises
+    ------
+    InputError
+        A column is missing or empty, or has values that a logarithmic axis cannot show.
+    """
     numbers = (BPP.column, quantity.column)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *numbers), "metrics")
     require_numbers(metrics, numbers, "metrics")
@@ -35,7 +41,22 @@ def check_curves(metrics: pd.DataFrame, quantity: Quantity) -> None:
 def binned_curves(
     metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Medians per data set and codec, of all rates; data sets and codecs in drawing order."""
+    """Medians of a quantity and of bits per point for each data set and codec.
+
+    Parameters
+    ----------
+    metrics
+        Result rows.
+    quantity
+        What is drawn upwards.
+    style
+        Gives the order of data sets and codecs.
+
+    Returns
+    -------
+    dict of str to Lines
+        Data set -> codec -> medians of bpp and of the quantity.
+    """
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
         rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, quantity.column])
@@ -46,14 +67,26 @@ def binned_curves(
 
 
 def codecs_of(curves: Iterable[Lines], style: FigureStyle) -> list[str]:
-    """The codecs that have a line somewhere, in legend order."""
+    """The codecs that have a line in any panel, in the order of the legend."""
     return style.ordered_codecs(codec for lines in curves for codec in lines)
 
 
 def draw_curves(
     axes: Axes, lines: Lines, x_limits: Range, y_limits: Range, style: FigureStyle
 ) -> None:
-    """The lines of one panel; a panel without any says so."""
+    """Draw the lines of one panel on logarithmic axes; a panel without any says "no values".
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    lines
+        Codec -> medians of bpp and of the quantity.
+    x_limits, y_limits
+        Of the axes.
+    style
+        Gives the lines' colours and markers.
+    """
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
     for codec, (bpp, values) in lines.items():
@@ -69,10 +102,20 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Limits of one quantity for all panels: bpp's from the first array of each line, or y's.
+    """Limits of one axis for all panels of a figure.
 
-    default: range of the axis where the style has none; the quantity's own if not given.
-    fitted: whether, where the style has none, the values alone give the limits.
+    Parameters
+    ----------
+    curves
+        The lines of every panel.
+    quantity
+        `BPP` for the horizontal axis, any other for the vertical one.
+    style
+        Its ranges have precedence.
+    default
+        Range where the style has none; None for the quantity's own.
+    fitted
+        Whether, where the style has none, the values alone give the limits.
     """
     which = 0 if quantity is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]

@@ -58,7 +58,15 @@ def draw_files(
 
 
 def read_input(kind: str, path: Path) -> Any:
-    """A figure's input from its file: a DataFrame or a PointCloud."""
+    """Read an input of a figure from its file.
+
+    Parameters
+    ----------
+    kind
+        ``DataFrame`` or ``PointCloud``.
+    path
+        CSV or Parquet for a table, PLY for a cloud.
+    """
     from puckbench.io.tables import read_table
 
     return read_table(path) if kind == "DataFrame" else read_cloud(path)
@@ -73,7 +81,20 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write `figure` as PDF or PNG, by the suffix; call it inside the style's context."""
+    """Write a figure; to be called inside the style's context.
+
+    Parameters
+    ----------
+    figure
+        Of matplotlib.
+    path
+        Ends in .pdf or .png, which gives the format.
+
+    Raises
+    ------
+    InputError
+        Another ending, or a file that cannot be written.
+    """
     metadata = _metadata(path)
     content = io.BytesIO()  # of a full disk matplotlib would tell what else it broke
     figure.savefig(content, format=path.suffix[1:], metadata=metadata)

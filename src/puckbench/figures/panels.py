@@ -61,7 +61,7 @@ def panel_grid(
 
 
 def figure_width(columns: int, style: FigureStyle) -> float:
-    """Width in inches of a figure by its number of panels in a row."""
+    """Width in inches of a figure with this number of panels in a row."""
     return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
 
 
@@ -71,7 +71,15 @@ def panels_abreast(panels: int) -> int:
 
 
 def log_limits(values: Floats, default: Range) -> Range:
-    """The default range, widened by whole decades until it holds every positive value."""
+    """Limits of a logarithmic axis: a default range, widened until it holds every positive value.
+
+    Parameters
+    ----------
+    values
+        (n,) that are drawn; nan and zero do not count.
+    default
+        Low and high, which are widened by whole decades.
+    """
     shown = values[np.isfinite(values) & (values > 0)]
     if len(shown) == 0:
         return default
@@ -84,7 +92,15 @@ def log_limits(values: Floats, default: Range) -> Range:
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Limits a little beyond the positive values; the default range where there is none."""
+    """Limits a little beyond the positive values.
+
+    Parameters
+    ----------
+    values
+        (n,) that are drawn; nan and zero do not count.
+    default
+        Low and high where there is no positive value.
+    """
     shown = values[np.isfinite(values) & (values > 0)]
     if len(shown) == 0:
         return default
@@ -92,9 +108,20 @@ def fitted_limits(values: Floats, default: Range) -> Range:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's line; values of zero (lossless) stand hollow at the axis's `floor`.
+    """Draw one codec's line; values of zero (lossless) stand hollow at the lower end of the axis.
 
     Markers are drawn over the frame, so that a point on the limit is whole.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    x, y
+        (n,) values.
+    plot_style
+        Colour, marker and line.
+    floor
+        Lower end of the vertical axis.
     """
     shown = np.maximum(y, floor)
     style: dict[str, Any] = {
@@ -110,7 +137,19 @@ def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: fl
 
 
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's values (rates,) side by side; a missing one (nan) leaves a gap."""
+    """Draw one codec's values side by side, one place for each rate.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    y
+        (rates,) values; a missing one (nan) leaves a gap.
+    plot_style
+        Colour, marker and line.
+    floor
+        Lower end of the vertical axis.
+    """
     known = np.flatnonzero(np.isfinite(y))
     if len(known):
         at = np.arange(known[0], known[-1] + 1)
@@ -118,7 +157,17 @@ def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) 
 
 
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
-    """Name all rates below the panels: r1, r2, ...; 1, 2, ... where these have no room."""
+    """Name the rates below the panels: r1, r2, ... or, where these have no room, 1, 2, ...
+
+    Parameters
+    ----------
+    panels
+        Whose horizontal axes have one place for each rate.
+    rates
+        Names in order.
+    abreast
+        Number of panels in a row.
+    """
     density = len(rates) * abreast
     names = rates if density <= _MOST_NAMES else [rate.removeprefix("r") for rate in rates]
     step = math.ceil(density / _MOST_NUMBERS)
@@ -128,9 +177,18 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make one axis logarithmic with these limits, with a tick and a grid line per decade.
+    """Make one axis logarithmic, with a tick and a grid line per decade.
 
-    minor: lines inside the decades too, which small panels are better without.
+    Parameters
+    ----------
+    axes
+        The panel.
+    axis
+        ``"x"`` or ``"y"``.
+    limits
+        Low and high.
+    minor
+        Whether there are lines inside the decades too, which small panels are better without.
     """
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
@@ -145,13 +203,13 @@ def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = Tr
 
 
 def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
-    """`text` broken into lines that are at most about `width_in` inches wide."""
+    """Break a text into lines that are at most about `width_in` inches wide."""
     character_in = 0.56 * style.font_size / 72
     return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
-    """Panel title, broken into lines that fit a panel with `columns` of them abreast."""
+    """Set a panel's title, broken into lines that fit `columns` panels in a row."""
     width_in = (figure_width(columns, style) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
@@ -169,14 +227,26 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Line2D] = ()
 ) -> None:
-    """One legend above all panels, in as many rows as the width asks for; `others` stand last."""
+    """Add one legend above all panels, in as many rows as the width asks for.
+
+    Parameters
+    ----------
+    figure
+        Of matplotlib.
+    codecs
+        In the legend's order.
+    style
+        Gives titles, colours and markers.
+    others
+        Lines with a label of their own, which stand last.
+    """
     handles = [*codec_handles(codecs, style), *others]
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
 
 
 def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
-    """What a legend shows of codecs: line, marker and title of each."""
+    """Lines of the codecs as a legend shows them: line, marker and title of each."""
     from matplotlib.lines import Line2D
 
     lines = [style.of_codec(codec) for codec in codecs]
@@ -188,7 +258,19 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
-    """A legend above all panels, read row by row, of equally long rows as far as possible."""
+    """Add a legend above all panels, read row by row, of equally long rows as far as possible.
+
+    Parameters
+    ----------
+    figure
+        Of matplotlib.
+    handles
+        In the order of reading.
+    most_abreast
+        Greatest number of entries in a row.
+    **options
+        Of matplotlib's ``Figure.legend``.
+    """
     rows = math.ceil(len(handles) / max(1, most_abreast))
     abreast = math.ceil(len(handles) / rows)
     by_column = [handle for column in range(abreast) for handle in handles[column::abreast]]

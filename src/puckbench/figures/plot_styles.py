@@ -11,7 +11,17 @@ from puckbench.codecs.registry import CODECS
 
 @dataclass(frozen=True)
 class PlotStyle:
-    """A codec's line: title in the legend, colour (hex), marker and line style of matplotlib."""
+    """How a codec is drawn.
+
+    Parameters
+    ----------
+    title
+        In the legend.
+    colour
+        Hexadecimal.
+    marker, line
+        Of matplotlib.
+    """
 
     title: str
     colour: str
@@ -72,6 +82,6 @@ def _of_name(codec: str) -> PlotStyle:
 
 
 def dataset_title(dataset: str) -> str:
-    """The title of a data set; one not in the table is called by its name in words."""
+    """Title of a data set: that of the table above, else its name in words."""
     words = dataset.replace("_", " ")
     return DATASET_TITLES.get(dataset, words[:1].upper() + words[1:])

@@ -9,10 +9,16 @@ from puckbench.figures.style import Range
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column of the results table and how an axis shows it.
+    """A column of the results table, and how an axis shows it.
 
-    limits: the thesis's axis range. The grid unit is that of the scaled cloud: 1/1023 of its
-    longest side.
+    Parameters
+    ----------
+    column
+        Of the table.
+    words, unit
+        Of the axis label. The grid unit is that of the scaled cloud: 1/1023 of its longest side.
+    limits
+        Range of the axis in the thesis.
     """
 
     column: str

@@ -76,7 +76,18 @@ FIGURES: Registry[FigureEntry] = Registry("figure", "figures", "thesis/figures",
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """The figure of a name, or of ``path/to/file.py:function``; InputError when there is none."""
+    """Look up a figure.
+
+    Parameters
+    ----------
+    name
+        Of a registered figure, or ``path/to/file.py:function``.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
     return FIGURES.get(name)
 
 

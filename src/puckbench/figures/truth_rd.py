@@ -94,12 +94,24 @@ def draw_hausdorff(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: Figu
 def draw_sides(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, quantity: Quantity, style: FigureStyle
 ) -> Figure:
-    """One row per scanned data set, one column per reference, the same axes in all panels.
+    """Draw a row of panels for each scanned data set, one panel for each reference.
 
-    So the columns compare by eye: a codec that keeps the scan's noise falls on the left and levels
-    off beside, at the dashed line: the scan's own error, the median over the data set's clouds. A
-    line below the axes (a scan without errors) is left out, and so is the panel of a reference that
-    the scan does not differ from: it would show the first panel again.
+    All panels have the same axes, so that the columns compare by eye: a codec that keeps the scan's
+    noise falls on the left and levels off beside, at the dashed line of the scan's own error (the
+    median over the data set's clouds). A line below the axes (a scan without errors) is left out,
+    and so is the panel of a reference that the scan does not differ from, which would show the
+    first panel again.
+
+    Parameters
+    ----------
+    metrics
+        Result rows.
+    scan_errors
+        Distances of the scans themselves to the clean scans and to the truth.
+    quantity
+        The distance to the scan; its twins have the columns ``clean_...`` and ``truth_...``.
+    style
+        Of the figure.
     """
     sides = [replace(quantity, column=f"{prefix}{quantity.column}") for prefix in _SIDES]
     for side in sides:

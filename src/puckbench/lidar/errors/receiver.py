@@ -21,8 +21,7 @@ from puckbench.lidar.sweep import Rays
 
 
 class Receiver(Model):
-    """What a receiver loses, and the steps in which it reports ranges; the defaults lose nothing
-    within 140 m.
+    """The losses of a receiver and its steps of the range; the defaults lose nothing within 140 m.
 
     Attenuation, as BlenSor has it in code (equation 5.3 of the thesis misprints it): a return at a
     true distance d of `attenuation_from_m` or more needs a diffuse reflectivity of at least

@@ -1,4 +1,4 @@
-"""The thesis's claims about what the clouds are: duplicates, elongation, point counts."""
+"""The thesis's claims about the clouds: duplicates, elongation, counts (6.1.6, 6.2)."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
     """Claim 14: scans have a narrower spread of point counts than raw rooms, and a higher median.
 
     The interquartile range of each set of scans is below that of the captured rooms, its median
-    above. Rooms whose points were sampled have the count that was asked for, and tell nothing.
+    above. Rooms whose points were sampled have the count that was asked for, and do not count.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))

@@ -1,4 +1,4 @@
-"""The tables of a run that claims are tested on, by the parts that its data and codecs play."""
+"""The tables of a run on which claims are tested, and which data set or codec has which role."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ LEAST_CALLS = 5
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, each None where there is none, and what plays which part.
-
-    The tables are those of ``results/tables`` of the same names.
+    """Tables of a run, and the roles of its data sets and codecs.
 
     Parameters
     ----------
+    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
+        Tables of the same names in ``results/tables``; None where there is none.
     datasets
-        Data set -> what it is (`roles.DATASETS`).
+        Data set -> its role, one of `roles.DATASETS`.
     codecs
-        Role -> the codec that plays it.
+        Role -> the codec of the run that has it.
     stand_ins
-        Role -> a codec that changes the one of this role, and does not play it.
+        Role -> a codec that changes the one of this role, and does not have it.
     of_medians
         Whether rows are medians over more clouds than can be counted here.
     """
@@ -54,16 +54,16 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """The same, where a changed codec stands in for each of the thesis's that is absent."""
+        """The same tables, with a changed codec in place of each of the thesis's that is absent."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Title of the codec that stands in for a role; nothing where the role is played."""
+        """Title of the codec in place of an absent one; empty where the thesis's own is there."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def named(self, *roles: str) -> list[str]:
-        """The data sets with results that are one of these."""
+        """The data sets with results that have one of these roles."""
         return [name for name, role in self.datasets.items() if role in roles and name in self.has]
 
     @cached_property
@@ -75,7 +75,7 @@ class Evidence:
     def medians(self) -> pd.DataFrame:
         """Medians over clouds, by data set, role of the codec, and rate.
 
-        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (its place) and
+        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (the rate's place) and
         those of `MEASURED`, missing ones as nan.
         """
         import pandas as pd
@@ -114,16 +114,45 @@ class Evidence:
         return int(repeats.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Medians of a column from the first to the last rate, (n,); those without one left out."""
+        """Medians of a column from the first to the last rate.
+
+        Parameters
+        ----------
+        dataset
+            Name of a data set.
+        codec
+            A role.
+        column
+            One of `MEASURED`.
+
+        Returns
+        -------
+        Floats
+            (n,); rates without a value are left out.
+        """
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """A codec's medians over another's at the same bits per point, by rising ``bpp``.
+        """Ratios of a codec's medians to another's at the same bits per point.
 
-        Columns ``bpp`` and ``ratio``. The base's values are interpolated between the logarithms
-        of its rates; nothing is extrapolated, and curves of fewer than `LEAST_RATES` tell nothing.
+        The base's values are interpolated between the logarithms of its rates. Nothing is
+        extrapolated, and curves of fewer than `LEAST_RATES` rates have no value.
+
+        Parameters
+        ----------
+        dataset
+            Name of a data set.
+        tested, base
+            Roles.
+        column
+            One of `MEASURED`.
+
+        Returns
+        -------
+        pd.DataFrame
+            Columns ``bpp`` and ``ratio``, by rising ``bpp``.
         """
         import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What a claim says, part by part, and the verdict that follows from its parts."""
+"""The parts of a claim, and the verdict that follows from them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ UNTESTED = "not tested: needs "
 
 @dataclass(frozen=True)
 class Part:
-    """One statement of a claim, what was measured about it, and whether it holds.
+    """One statement of a claim, what was measured, and whether it holds.
 
     Parameters
     ----------
     statement
         In the present tense.
     holds
-        None where the run cannot tell; `found` then names what that needs.
+        None where the run cannot decide it; `found` then names what that needs.
     found
         What was measured.
     stand_in
@@ -35,15 +35,27 @@ class Part:
 
 
 def needs(what: str, statement: str = "") -> Part:
-    """A part that the run cannot test, and what it would need."""
+    """A part that the run cannot test.
+
+    Parameters
+    ----------
+    what
+        What it would need.
+    statement
+        Of the claim.
+    """
     return Part(statement, None, what)
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """`HOLDS` when every part was tested and holds, `FAILS` when no tested one does.
+    """The verdict on a claim.
 
-    `IN_PART` when some hold and others do not, or could not be tested; ``not tested: needs ...``
-    when none could. A verdict that rests on other codecs than the thesis's says so.
+    Returns
+    -------
+    str
+        `HOLDS` when every part was tested and holds, `FAILS` when no tested one does, `IN_PART`
+        when some hold and others do not, or could not be tested; ``not tested: needs ...`` when
+        none could. A verdict that rests on other codecs than the thesis's says so.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
@@ -63,12 +75,12 @@ def _not_the_thesis_s(parts: Sequence[Part]) -> str:
 
 
 def wanted(parts: Sequence[Part]) -> str:
-    """What the parts that could not be tested need, each thing once."""
+    """What the parts that could not be tested need, each need once."""
     return "; ".join(dict.fromkeys(part.found for part in parts if part.holds is None))
 
 
 def told(parts: Sequence[Part]) -> str:
-    """The parts that were tested: whether they hold, what was found, and on how much."""
+    """The tested parts as text: whether each holds, what was measured, and on how much."""
     return "; ".join(
         f"{part.statement}: {'yes' if part.holds else 'no'} ({part.found})"
         f"{f' [{part.sample}]' if part.sample else ''}"

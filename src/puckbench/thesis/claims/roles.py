@@ -1,4 +1,4 @@
-"""The parts that data sets and codecs of a run can play: those of the thesis's."""
+"""The roles of the thesis's data sets and codecs, which those of a run can have."""
 
 from __future__ import annotations
 

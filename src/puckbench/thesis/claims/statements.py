@@ -1,6 +1,7 @@
 """The claims of the thesis: its words in short, its numbers, and the test of each.
 
-To add one: a function from an `Evidence` to its parts, the rule in its docstring, and an entry.
+To add one: a function that takes an `Evidence` and returns the claim's parts, with the rule in its
+docstring, and an entry below.
 """
 
 from __future__ import annotations
@@ -15,7 +16,23 @@ from puckbench.thesis.claims.parts import Part
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim. figures: ours that show it, by name; thesis_figure: the thesis's, by number."""
+    """One claim of the thesis.
+
+    Parameters
+    ----------
+    words
+        The claim in short.
+    section
+        Of the thesis.
+    thesis
+        The thesis's own numbers.
+    test
+        From the evidence of a run to the claim's parts.
+    figures
+        Names of our figures that show it.
+    thesis_figure
+        Number of the thesis's figure.
+    """
 
     words: str
     section: str
