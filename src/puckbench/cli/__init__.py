@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(text: str) -> None:
-    """Print; InputError when standard output cannot take it, and nothing when nobody reads on."""
+    """Print; InputError when standard output cannot take it, silence when its reader has gone."""
     try:
         print(text)  # noqa: T201
         sys.stdout.flush()

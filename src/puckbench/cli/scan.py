@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--anywhere",
         action="store_true",
-        help="scan from outside the scene, from inside a thing, or through walls too",
+        help="scan from outside the scene, from inside an object, or through walls too",
     )
     parser.add_argument("--seed", type=whole(0), default=0)
 

@@ -31,7 +31,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--validate", type=Path, nargs="+", default=[], help="clouds to measure the set on (PLY)"
     )
     parser.add_argument(
-        "--validate-every", type=whole(0), default=0, help="measure it every so many steps too"
+        "--validate-every",
+        type=whole(0),
+        default=0,
+        help="steps between measurements (default: one at the end)",
     )
     parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
     parser.add_argument(

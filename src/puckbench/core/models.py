@@ -86,7 +86,7 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """The deepest fault of a validation; branches of one union are told together."""
+        """The deepest fault of a validation; branches of one union are reported together."""
         found = [(_place(one["loc"], values, one["type"]), one) for one in error.errors()]
         where, first = max(found, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         alike = [one for place, one in found if place == where]

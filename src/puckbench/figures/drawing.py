@@ -96,7 +96,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         Another ending, or a file that cannot be written.
     """
     metadata = _metadata(path)
-    content = io.BytesIO()  # of a full disk matplotlib would tell what else it broke
+    content = io.BytesIO()  # at a full disk matplotlib would report follow-up errors of its own
     figure.savefig(content, format=path.suffix[1:], metadata=metadata)
     write_bytes(path, content.getvalue())
 

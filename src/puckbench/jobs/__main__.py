@@ -1,6 +1,6 @@
 """``python -m puckbench.jobs NAME RECORD key=FILE ...``: one job, as the workflow's rules run it.
 
-The last line of standard output tells what the job cost: see `puckbench.jobs.cost`.
+The last line of standard output is what the job cost: see `puckbench.jobs.cost`.
 """
 
 from __future__ import annotations

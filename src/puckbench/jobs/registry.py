@@ -23,7 +23,7 @@ class Job(Model):
 
     @abstractmethod
     def run(self, *args: Any, **files: Any) -> dict[str, Any]:
-        """Read the inputs, write the outputs whole or not at all, and tell what was made."""
+        """Read the inputs, write the outputs whole or not at all, and return what to print."""
 
 
 JOBS: Registry[type[Job]] = Registry("job", "jobs")

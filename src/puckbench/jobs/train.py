@@ -27,9 +27,9 @@ class Train(Job):
     """Train a codec's network.
 
     changes: to the codec's entry. options: settings of its training. start: weights to start from,
-    a shipped set's name or a file. every: steps between two savings. validate_every: measure after
-    every so many steps too. peak: of the PSNRs. code: fingerprint of the code; a checkpoint that
-    other code made is begun anew, where it is given, and else refused.
+    a shipped set's name or a file. every: steps between two savings. validate_every: steps between
+    two measurements, 0 for one at the end. peak: of the PSNRs. code: fingerprint of the code; a
+    checkpoint that other code made is begun anew, where it is given, and else refused.
     """
 
     codec: str
@@ -136,7 +136,7 @@ class Train(Job):
         weights: Path,
         validate: Sequence[Path],
     ) -> None:
-        """Tell what the set would do if the training ended here."""
+        """Print what the set would reach if the training ended here."""
         now = weights.with_name(f".{weights.name}")
         training.export(now, trainer.model, {})
         for rate, means in self._measured(training, now, validate)["rates"].items():

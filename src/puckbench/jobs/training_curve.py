@@ -17,7 +17,7 @@ _SECONDS_BETWEEN_LINES = 20.0
 
 
 class Curve:
-    """Notes what steps cost; tells of it and writes the table (CSV) every so many steps."""
+    """Records the losses of training steps; prints them and writes a CSV table at intervals."""
 
     def __init__(self, trainer: Trainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every

@@ -143,7 +143,7 @@ def _pair(
 def _row(
     kind: str, table: _Overlaps, pairs: Sequence[tuple[str, dict[str, float]]]
 ) -> dict[str, Any]:
-    """What is said of one kind, or of all."""
+    """The row of one kind of primitive, or of all."""
     of_kind = table.kinds == kind if kind != ALL else table.kinds != FREEFORM
     true = int(np.count_nonzero((table.true_kinds == kind) | (kind == ALL)))
     found = int(np.count_nonzero((table.found_kinds == kind) | (kind == ALL)))

@@ -1,6 +1,6 @@
 """The checklist of the thesis's figures and tables: what is there, what is left, what is missing.
 
-What is there is told from files and their times, in seconds however large the configuration. That
+What is there is read off files and their times, in seconds however large the configuration. That
 code or parameters have changed since, only Snakemake knows.
 """
 

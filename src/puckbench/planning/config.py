@@ -185,7 +185,7 @@ class CodecConfig(Model):
     )
 
     def changes(self) -> Options:
-        """What is said of the codec, as `puckbench.codecs.registry.entry` takes it."""
+        """The keys given for the codec, as `puckbench.codecs.registry.entry` takes them."""
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
@@ -205,7 +205,7 @@ class TrainingConfig(Model):
         description="Data sets on whose clouds the weights are measured, for the model card.",
     )
     validate_every: int = Field(
-        0, ge=0, description="Measure after every so many steps too; 0: at the end alone."
+        0, ge=0, description="Steps between two measurements; 0: measure at the end alone."
     )
     steps: int | None = Field(None, ge=1, description="Steps; the codec's if not given.")
     seed: Seed | None = Field(

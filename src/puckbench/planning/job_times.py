@@ -61,7 +61,7 @@ class JobTime:
     peak_mib: int = 0
 
     def with_repeats(self, repeats: int) -> float:
-        """Seconds that it would have taken with so many timed calls."""
+        """Seconds that it would have taken with another number of timed calls."""
         return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s)
 
 
@@ -113,7 +113,7 @@ class Measurements:
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
-        """Seconds of a job with so many points: a start and a time for each point.
+        """Seconds of a job by its number of points: a start and a time for each point.
 
         The line of Theil and Sen, of medians: the first jobs of a run, which compile, do not tilt
         it. With clouds of about one size alone, a larger one takes longer in proportion.
@@ -159,7 +159,7 @@ def _log_folders(run: Path) -> list[Path]:
 
 
 def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
-    """One job, told by its log; what else is known of it lies in its results."""
+    """One job by its log and, for what the log does not say, its results."""
     job, seconds, peak = cost["job"], cost["processor_s"], cost["peak_mib"]
     if job not in _OF_CLOUDS:
         return JobTime(job, "", "", 0, seconds, peak_mib=peak)

@@ -55,7 +55,7 @@ def check_storage(provider: str | None) -> None:
     """InputError where Snakemake is to carry files between jobs and a store.
 
     It would carry those that rules name alone, and jobs read others beside them: what a stream
-    cost, how a cloud was scaled. Without these, results would be wrong and nobody would know.
+    cost, how a cloud was scaled. Without these, results would be wrong without notice.
     """
     if provider is not None:
         raise InputError(

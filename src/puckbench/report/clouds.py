@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 BYTES_PER_POINT = 28 / 3
 """Of a decoded cloud in the page: three coordinates of two bytes and an error of one, in base64."""
 DECADES = 3
-"""The errors' colours go from the largest down by so many powers of ten."""
+"""Powers of ten that the colours of the errors cover, from the largest down."""
 _STEPS = 65535
 _LEAST_POINTS = 100
 _SHARE = 0.999
@@ -96,13 +96,13 @@ class Shown:
 
 
 def points_each(most: int, clouds: int, most_mb: float) -> int:
-    """Points of each of so many clouds: `most`, or what fits into `most_mb` megabytes."""
+    """Points of each cloud: `most`, or as many as fit into `most_mb` megabytes."""
     fitting = most_mb * 1e6 / (max(clouds, 1) * BYTES_PER_POINT)
     return max(_LEAST_POINTS, min(most, int(fitting)))
 
 
 def subsampled(points: Floats, most: int, *names: str) -> Floats:
-    """At most so many of the points (n, 3), chosen at random; the same names choose the same."""
+    """At most `most` of the points (n, 3), chosen at random; the same names choose the same."""
     if len(points) <= most:
         return points
     rows = generator(0, "report", *names).choice(len(points), most, replace=False)

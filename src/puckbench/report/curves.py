@@ -85,5 +85,5 @@ def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> 
 
 
 def rounded(values: Any, digits: int = _DIGITS) -> list[float]:
-    """Numbers to so many significant digits: more than a plot shows."""
+    """Numbers rounded to significant digits: more of them than a plot shows."""
     return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float)]

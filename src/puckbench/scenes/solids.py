@@ -140,7 +140,7 @@ def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: i
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
-    """Thin freeform plate over a grid of points (m, n, 3), closed at its rim."""
+    """Freeform plate over a grid of points (m, n, 3), closed at its rim."""
     rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
     normal = np.cross(rows, columns)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)

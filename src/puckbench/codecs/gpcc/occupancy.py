@@ -41,7 +41,7 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """What planar modes tell of a node.
+    """What planar modes say about a node.
 
     mask_planar_x, mask_planar_y, mask_planar_z: children known to be empty because the others'
     plane is known. planar_possible: axes (1 x, 2 y, 4 z) not known to have both planes occupied.

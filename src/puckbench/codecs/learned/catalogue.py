@@ -2,7 +2,7 @@
 
 Two kinds of files count. A set of ours is a safetensors file (``*.safetensors``), whose metadata
 hold a `Header`; some are shipped. The authors of a network publish one file for each rate, whose
-name tells the rate.
+name says the rate.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ _CONFIDENT = 0.8
 """Share of the occupancy probabilities in voxels that are kept, from which on a network is
 confident of its voxels."""
 _SPARSE, _DENSE = 1.2, 3.0
-"""Mean voxels of a block at which its own probabilities tell nothing, and everything, of how many
-points it has."""
+"""Mean voxels of a block at which its own probabilities say nothing, and everything, about its
+number of points."""
 _SHRINKAGE = 0.8
 """Factor of a centroid's distance from its block's centre: networks are overconfident."""
 _VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5

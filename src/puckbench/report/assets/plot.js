@@ -274,7 +274,7 @@ function labelOf({ words, unit }) {
   return unit ? `${words} (${unit.replaceAll(" ", "\u00a0")})` : words; // a unit stays on one line
 }
 
-/** Lines of at most so many characters, broken between words. */
+/** Lines of limited length, broken between words. */
 function wrapped(text, most) {
   const lines = [""];
   for (const word of text.split(" ")) {

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _DISTANCES = ("model", "std_m", "emd_m", "emd_low_m", "emd_high_m", "chance_m")
 _LEAST_REACH_M = 0.04
-# Beyond so many standard deviations of the real residuals a model's density is cut off.
+# In standard deviations of the real residuals, beyond which a model's density is cut off.
 _REACH_SIGMAS = 4.0
 _LINES = ("-", "--", "-.", ":")
 

@@ -59,7 +59,7 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def subsampled(table: pd.DataFrame, most: int, name: str) -> pd.DataFrame:
-    """At most so many rows in their order, chosen at random, the same ones for the same name."""
+    """At most `most` rows in their order, chosen at random, the same for the same name."""
     if len(table) <= most:
         return table
     return table.sample(most, random_state=generator(0, "joined", name)).sort_index()

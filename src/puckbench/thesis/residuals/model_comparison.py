@@ -156,7 +156,7 @@ def left_out(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Each capture judged by what was measured on the others: another device's noise foretold.
+    """Compare each capture with a model that was calibrated on the other captures.
 
     Columns as `model_distances`, after ``capture``, the one left out; the model that was calibrated
     on the others is ``calibrated``, beside those of `COMPARED`.

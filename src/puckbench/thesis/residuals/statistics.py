@@ -123,7 +123,7 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
 
 
 def _student(freedom: Floats) -> Floats:
-    """Quantile of Student's t for so many degrees of freedom; nan for none."""
+    """Quantile of Student's t for each number of degrees of freedom; nan for zero."""
     from scipy.special import stdtrit
 
     return np.asarray(stdtrit(np.where(freedom > 0, freedom, np.nan), (1 + _CONFIDENCE) / 2))
