@@ -22,6 +22,7 @@ from tests.support.pages import ROOT, blocks, commands, page, write_files
 
 PAGES = [
     "README.md",
+    "config/README.md",
     *(
         str(path.relative_to(ROOT))
         for folder in ("how-to", "explanation")
