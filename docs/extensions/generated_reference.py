@@ -8,6 +8,7 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
 from importlib.resources import files
+from inspect import cleandoc
 from typing import Any
 
 from pygments.lexers.python import PythonLexer
@@ -153,14 +154,17 @@ def _plugins(kind: str, plugins: Mapping[str, Any]) -> str:
     return _table(
         [kind, "what", "options and their defaults"],
         (
-            (f"`{name}`", _first_sentence(plugin), _options(plugin))
+            (f"`{name}`", _first_sentence(plugin), _options(plugin, tuple(plugins.values())))
             for name, plugin in plugins.items()
         ),
     )
 
 
-def _options(model: Any) -> str:
-    """The options of a pydantic model or a data class, one to a line."""
+def _options(model: Any, others: tuple[Any, ...] = ()) -> str:
+    """The options of a pydantic model or a data class, one to a line.
+
+    Those that it shares with one of the others are explained there.
+    """
     if dataclasses.is_dataclass(model):
         shown = {field.name: (_default(field), None) for field in dataclasses.fields(model)}
     else:
@@ -168,10 +172,25 @@ def _options(model: Any) -> str:
             name: ("required" if field.is_required() else field.get_default(), field.description)
             for name, field in model.model_fields.items()
         }
+    meant = _parameters(kind for kind in model.__mro__ if kind is model or kind not in others)
     return "<br>".join(
-        f"`{name}` {_value(default)}{f': {about}' if about else ''}"
+        f"`{name}` {_value(default)}"
+        + "".join(f": {text}" for text in [about or meant.get(name)] if text)
         for name, (default, about) in shown.items()
     )
+
+
+def _parameters(kinds: Iterable[type]) -> dict[str, str]:
+    """The meanings of parameters in the docstrings of some classes; the first class counts most."""
+    meant: dict[str, str] = {}
+    for kind in reversed(list(kinds)):
+        _, _, section = cleandoc(vars(kind).get("__doc__") or "").partition(
+            "Parameters\n----------\n"
+        )
+        for names, text in re.findall(r"^(\S.*)\n((?: +.*\n?)+)", section, re.MULTILINE):
+            words = " ".join(text.split()).replace("``", "`").rstrip(".")
+            meant |= dict.fromkeys(names.split(", "), words[:1].lower() + words[1:])
+    return meant
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:

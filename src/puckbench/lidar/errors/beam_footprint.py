@@ -25,12 +25,20 @@ _Return = Literal["first", "strongest", "last", "mean"]
 class BeamFootprint(BeamOfWidth):
     """As `Vlp16`, for the return of a beam that is an ellipse of the sensor's divergence.
 
-    `sub_rays` rays of equal energy lie over the ellipse in a sunflower pattern, turned at random
-    about the axis of each beam. What they hit within `merged_within_m` of the next in range is one
-    echo, at the mean of its ranges (a mixed pixel); farther apart they are several. The default is
-    half the length of a pulse of 6 ns, the VLP-16's. The return is the ``first``, the ``strongest``
-    (of most rays; the first of equals), the ``last`` echo, or the ``mean`` of everything hit. It is
-    placed along the nominal ray.
+    Rays of equal energy lie over the ellipse in a sunflower pattern, turned at random about the
+    axis of each beam. Near hits are one echo, at the mean of its ranges (a mixed pixel). The return
+    is placed along the nominal ray.
+
+    Parameters
+    ----------
+    sub_rays
+        Rays of a beam.
+    returns
+        Which echo returns: the ``first``, the ``strongest`` (of most rays; the first of equals),
+        the ``last``, or the ``mean`` of everything hit.
+    merged_within_m
+        Hits no farther than this from the next in range are one echo; by default half the length
+        of a pulse of 6 ns, the VLP-16's.
     """
 
     title, colour = "Beam footprint", "#999933"

@@ -17,7 +17,7 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("distance_table")
 class DistanceTable(ErrorModel):
-    """Range noise whose mean and sigma depend on the distance: BlenSor's time-of-flight cameras.
+    """Range noise whose mean and sigma depend on the distance, as BlenSor has for time of flight.
 
     ``d + N(mu(d), sigma(d))``, both interpolated linearly over the true distance; before the first
     and after the last row their values hold.
