@@ -1,10 +1,15 @@
-"""Fixtures that tests of several modules ask for by name."""
+"""Fixtures that tests of several modules ask for by name, and the profile of property tests."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# No test depends on time: the first example compiles, and machines are busy.
+settings.register_profile("any machine", deadline=None, suppress_health_check=list(HealthCheck))
+settings.load_profile("any machine")
 
 
 @pytest.fixture(scope="module")

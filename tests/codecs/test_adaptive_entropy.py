@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -60,7 +60,6 @@ def _alone(latent: np.ndarray) -> int:
     return len(encode_latent(latent, (LAPLACE,) * latent.shape[1]))
 
 
-@settings(deadline=None)  # the first example compiles
 @given(arrays(np.int32, (16, 3), elements=st.integers(-65_555, 65_555)))
 def test_any_integers_come_back(latent: np.ndarray) -> None:
     assert np.array_equal(_decoded(_encoded(latent, _plane(4)), _plane(4), 3), latent)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -154,7 +154,7 @@ def test_special_clouds_come_back(codec: Codec, name: str) -> None:
 
 
 @pytest.mark.parametrize("codec", FAITHFUL, indirect=True)
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40)
 @given(
     points=arrays(
         np.float64,
@@ -192,7 +192,7 @@ def _stream(codec: Codec) -> bytes:
 
 # Programs of others may crash and hang on damage, under limits: see test_external.
 @pytest.mark.parametrize("codec", OWN, indirect=True)
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=300)
 @given(data=st.data())
 def test_damaged_streams_end_in_one_clean_error_or_points(
     codec: Codec, data: st.DataObject

@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -37,11 +38,13 @@ def python() -> Python:
 
 def test_the_cost_is_that_of_the_program_alone(python: Python, tmp_path: Path) -> None:
     ballast = np.ones(200 * 2**17)  # 200 MiB of ours
+    begun = time.perf_counter()
     python.do("import time; x = bytearray(50 * 2**20); time.sleep(0.2)", tmp_path)
+    passed = time.perf_counter() - begun
     cost = python.cost()
     assert cost is not None
     assert 50 <= cost.peak_mib < 100
-    assert 0.2 <= cost.seconds < 2
+    assert 0.2 <= cost.seconds <= passed
     assert ballast.size
 
 

@@ -77,7 +77,7 @@ def _interval(which: list[int], bits: list[int]) -> tuple[int, int, int, float]:
 SYMBOLS = st.lists(st.tuples(st.integers(0, BYPASS), st.integers(0, 1)), max_size=300)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SYMBOLS)
 def test_the_bytes_lie_in_the_exact_interval_of_the_bits(symbols: list[tuple[int, int]]) -> None:
     which, bits = [s[0] for s in symbols], [s[1] for s in symbols]
@@ -87,7 +87,7 @@ def test_the_bytes_lie_in_the_exact_interval_of_the_bits(symbols: list[tuple[int
     assert low << shift <= int.from_bytes(data) < low + width << shift
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(SYMBOLS, st.integers(0, 1))
 def test_bits_come_back(symbols: list[tuple[int, int]], ones: int) -> None:
     which = np.array([s[0] for s in symbols], dtype=np.int64)
@@ -114,7 +114,7 @@ def test_bypass_bits_cost_one_bit() -> None:
     assert 1_000 <= len(data) <= 1_003
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.integers(0, 2**24 - 2), max_size=30))
 def test_exp_golomb_numbers_come_back(numbers: list[int]) -> None:
     coder = encoder(64 + 60 * len(numbers))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -58,7 +58,7 @@ def _sorted(points: np.ndarray) -> np.ndarray:
     return points[np.lexsort(points.T)]
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=300)
 @given(clouds(), OPTIONS)
 def test_points_come_back(points: np.ndarray, options: GpccOptions) -> None:
     decoded = decode_geometry(encode_geometry(points, options))
@@ -155,7 +155,7 @@ def test_a_slice_that_claims_more_points_than_it_has_is_refused() -> None:
         decode_geometry(STREAM[:-3] + b"\x00\x00\x10")
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=300)
 @given(st.integers(0, len(STREAM) - 1), st.binary(min_size=1, max_size=6), OPTIONS)
 def test_damage_ends_in_one_error_or_points(
     place: int, bytes_: bytes, options: GpccOptions
@@ -167,7 +167,7 @@ def test_damage_ends_in_one_error_or_points(
         assert np.isfinite(decode_geometry(damaged).positions()).all()
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100)
 @given(clouds())
 def test_voxels_come_back(points: np.ndarray) -> None:
     decoded = decode_voxels(encode_voxels(points))
@@ -184,7 +184,7 @@ def test_packed_voxels_have_few_header_bytes() -> None:
     assert len(encode_voxels(points)) < len(whole) - 25
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200)
 @given(st.integers(0, 400), st.binary(max_size=4))
 def test_damaged_voxels_end_in_one_error_or_voxels(place: int, bytes_: bytes) -> None:
     stream = encode_voxels(np.arange(300).reshape(100, 3) ** 2 % 97)

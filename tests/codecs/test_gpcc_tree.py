@@ -64,7 +64,7 @@ def _cloud(seed: int, bits: tuple[int, int, int], points: int = 200) -> np.ndarr
 CLOUDS = st.tuples(st.integers(0, 99), st.tuples(*[st.integers(1, 6)] * 3), st.booleans())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(CLOUDS)
 def test_the_octrees_occupancies_describe_the_points(cloud: Any) -> None:
     seed, bits, qtbt = cloud
@@ -195,6 +195,5 @@ def test_adjacent_children_refine_the_neighbour_pattern() -> None:
 
 
 @given(st.integers(0, 2**21 - 1))
-@settings(deadline=None)
 def test_bits_are_spread_to_every_third_place(value: int) -> None:
     assert _spread(value) == sum((value >> k & 1) << 3 * k for k in range(21))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.codecs.base import Codec
@@ -308,7 +308,7 @@ def _checked(body: bytes, stream: bytes) -> bytes:
     return stream[:5] + struct.pack("<I", zlib.crc32(body)) + body
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150)
 @given(data=st.data(), checked=st.booleans())
 def test_damaged_streams_end_in_one_clean_error_or_points(
     codec: Codec, data: st.DataObject, checked: bool

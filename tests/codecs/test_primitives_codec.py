@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.cli import main
@@ -192,7 +192,7 @@ def test_unknown_parameters_of_a_rate_are_refused() -> None:
         codec.encode(_room(100), "r1")
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120)
 @given(data=st.data(), rate=st.sampled_from(["r2", "r8"]))
 def test_damage_behind_a_right_check_ends_in_an_error_or_points(
     data: st.DataObject, rate: str

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.codecs.common.binary_coder import written
@@ -221,7 +221,7 @@ def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
     assert np.median(away[away < 10]) < 1
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60)
 @given(data=st.data())
 def test_damage_of_surfaces_of_revolution_ends_in_an_error_or_points(data: st.DataObject) -> None:
     codec = _codec()

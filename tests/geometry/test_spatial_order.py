@@ -15,7 +15,7 @@ POINTS = st.integers(1, 60).flatmap(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(points=POINTS)
 def test_the_first_of_equal_points_stays(points: Floats) -> None:
     firsts = {}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
@@ -260,7 +260,7 @@ LENGTH = st.one_of(st.just(-1), st.integers(0, 4000))
 
 @given(CHANGES, LENGTH)
 @example([], -1)
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=300)
 def test_a_mutated_capture_is_a_table_or_an_error(
     changes: list[tuple[int, int]], length: int
 ) -> None:
@@ -275,7 +275,7 @@ def test_a_mutated_capture_is_a_table_or_an_error(
 
 @given(CHANGES, LENGTH, st.sampled_from("<>"))
 @example([], -1, "<")
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100)
 def test_a_mutated_message_is_packets_or_an_error(
     tmp_path_factory: pytest.TempPathFactory,
     changes: list[tuple[int, int]],
@@ -295,7 +295,7 @@ def test_a_mutated_message_is_packets_or_an_error(
     st.lists(st.tuples(st.integers(0, 1 << 14), st.integers(0, 255)), max_size=8),
     st.one_of(st.just(-1), st.integers(16, 1 << 14)),
 )
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100)
 def test_a_mutated_bag_is_packets_or_an_error(
     tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, int]], length: int
 ) -> None:

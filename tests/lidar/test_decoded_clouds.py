@@ -134,7 +134,7 @@ def test_a_missing_cloud_is_named(tmp_path: Path, suffix: str) -> None:
     st.lists(st.tuples(st.integers(0, 260), st.integers(0, 255)), max_size=5),
     st.integers(0, 260),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_a_mutated_pcd_is_columns_or_an_error(
     data: bytes, changes: list[tuple[int, int]], length: int
 ) -> None:

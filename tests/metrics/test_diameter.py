@@ -28,7 +28,7 @@ POINTS = st.integers(2, 60).flatmap(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(points=POINTS)
 def test_diameter_is_the_largest_of_all_pairs(points: Floats) -> None:
     assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)

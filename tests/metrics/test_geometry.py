@@ -152,7 +152,7 @@ def mean_projection(
     return np.mean((along**2 * nearest).sum(axis=1) / nearest.sum(axis=1))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(a=CELLS, b=CELLS, seed=st.integers(0, 2**31))
 def test_distortion_is_that_of_brute_force_in_any_order(a: Floats, b: Floats, seed: int) -> None:
     random = generator(seed, "normals")
