@@ -2,6 +2,7 @@
 # make test   set up .venv with the test tools, then run every check
 # make lint   only the static checks         make data      fetch the free real data into data/
 # make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
+# make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
 # make docs   build the documentation into site/
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make slurm  add what runs on a Slurm cluster need
@@ -13,7 +14,7 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
-.PHONY: run test lint fuzz setup setup-test learned slurm docs data lock clean
+.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs data lock clean
 .NOTPARALLEL:
 
 run: learned
@@ -43,6 +44,9 @@ lint: setup-test
 SECONDS ?= 300
 fuzz: setup-test
 	$(IN_VENV) python -m benchmarks.checks.fuzz --seconds $(SECONDS) --keep fuzz
+
+mutants: setup-test
+	$(IN_VENV) python -m benchmarks.checks.mutants $(MODULES)
 
 docs: setup-test
 	$(IN_VENV) sphinx-build -W --keep-going -q docs site

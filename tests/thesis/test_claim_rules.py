@@ -373,3 +373,38 @@ def test_a_base_of_two_rates_tells_nothing() -> None:
 def test_the_thesis_s_rates_are_those_of_its_figure() -> None:
     assert {row["rate"] for row in median_rows()} <= RATES
     assert len(RATES) == 8
+
+
+def test_without_results_no_claim_is_tested() -> None:
+    evidence = Evidence(datasets=DATASETS, codecs=CODECS)
+    for claim in CLAIMS:
+        assert [part.holds for part in claim.test(evidence) if part.holds is not None] == []
+
+
+def test_what_was_found_is_told_in_numbers() -> None:
+    found = {part.statement: part.found for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
+    assert found["shifted to more bits on scans"] == "objects 0.1 to 3.2 bpp, noisy 0.25 to 8 bpp"
+    assert found["more points fall together there at the first rate"] == (
+        "objects 50.00%, noisy 90.00%"
+    )
+
+
+def test_14_a_median_that_is_equal_is_not_higher() -> None:
+    counts = {"rooms": (500, 700, 900, 1100), "noisy": (790, 800, 800, 810)}
+    rows = [{"dataset": name, "points": n} for name, values in counts.items() for n in values]
+    evidence = Evidence(clouds=pd.DataFrame(rows), datasets={k: DATASETS[k] for k in counts})
+    assert holds(14, evidence, "noisy higher than rooms") is False
+
+
+def test_10_a_codec_on_one_data_set_is_not_compared() -> None:
+    curves = {"draco": {"cd_plane": falling(4)}, "gpcc": {"cd_plane": falling(4)}}
+    evidence = run(curves, datasets=["objects", "noisy"])
+    assert evidence.metrics is not None
+    alone = (evidence.metrics["codec"] == "gpcc") & (evidence.metrics["dataset"] == "noisy")
+    evidence = replace(evidence, metrics=evidence.metrics[~alone])
+    assert holds(10, evidence, "Draco alike") is True
+    assert holds(10, evidence, "G-PCC, rounded alike") is None
+    found = {part.statement: part.found for part in CLAIMS[9].test(evidence)}
+    assert found["Draco alike"] == "CD differs 1 times at one rate, median 1"
+    found = {part.statement: part.found for part in CLAIMS[8].test(times({"draco": 3, "gpcc": 9}))}
+    assert found["Draco grows"] == "3 times the time, median 3"
