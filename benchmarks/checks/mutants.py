@@ -76,7 +76,7 @@ def modules(beginnings: list[str]) -> dict[str, str]:
         above = [name, *map(str, Path(name).parents)]
         named = next((TESTS[each] for each in above if each in TESTS), "")
         mirrored = name not in TESTS and (ROOT / "tests" / f"{own}.py").exists()
-        if name.startswith(tuple(beginnings or ROOMS)):
+        if f"{name}.py".startswith(tuple(beginnings or ROOMS)):
             found[name] = own if mirrored else named
     return found
 

@@ -71,6 +71,11 @@ def test_the_bias_of_a_laser_is_its_mean() -> None:
     assert bias.std_m == pytest.approx(0.03 / np.sqrt(2))
 
 
+def test_twenty_returns_tell_a_bias() -> None:
+    laser = np.repeat([0, 1, 2], [20, 19, 21])
+    assert laser_bias(np.zeros(60), laser).lasers.tolist() == [0, 2]
+
+
 def test_one_laser_has_no_spread() -> None:
     assert laser_bias(np.zeros(50), np.zeros(50, dtype=int)).std_m is None
 
@@ -98,6 +103,21 @@ def test_biases_that_do_not_repeat_share_nothing() -> None:
     assert found is not None
     assert found.correlation == pytest.approx(0, abs=0.02)
     assert found.shared_std_m < 0.0008
+
+
+def test_repeatability_of_two_walls_is_their_correlation() -> None:
+    """Over the six lasers that both have, in whatever order of planes."""
+    one, other = walls(0.006, 0.004, 2)
+    few = LaserBias(other.lasers[10:], other.mean_m[10:], other.returns[10:])
+    covariance = np.cov(one.mean_m[10:], few.mean_m)
+    found = repeatability([one, few])
+    assert found is not None
+    assert found.pairs == 1
+    assert found.correlation == pytest.approx(np.corrcoef(one.mean_m[10:], few.mean_m)[0, 1])
+    assert found.shared_std_m == pytest.approx(np.sqrt(max(covariance[0, 1], 0)))
+    opposed = repeatability([one, LaserBias(one.lasers, -one.mean_m, one.returns)])
+    assert opposed is not None
+    assert (opposed.correlation, opposed.shared_std_m) == (pytest.approx(-1), 0)
 
 
 def test_repeatability_needs_two_walls_with_six_lasers_in_common() -> None:

@@ -113,6 +113,12 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
             "firing_sequence_us: 55.6\nfiring_interval_us: 60",
             "2 lasers that fire at 0 to 60 us do not fit in the firing_sequence_us of 55.6",
         ),
+        (
+            "firing_sequence_us: 55.6\nfiring_offsets_us: [0, 55.6]",
+            "2 lasers that fire at 0 to 55.6 us do not fit in the firing_sequence_us of 55.6",
+        ),
+        ("firing_sequence_us: 55.6\nfiring_offsets_us: [-1, 0]", "that fire at -1 to 0 us"),
+        ("min_range_m: 30", "min_range_m 30.0 is not below max_range_m 30.0"),
         ("name: [", "not valid YAML"),
     ],
 )

@@ -1,9 +1,11 @@
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.walls.stillness import still_rows, turn_shift
 from tests.support.room_captures import NOISE, ROTATION_HZ, captured, room_scan
@@ -76,3 +78,81 @@ def test_turns_that_see_nothing_together_are_refused(standing: RecordedReturns) 
     sides = (standing["turn"] % 2 == 0) == (standing["azimuth"] < np.pi)
     with pytest.raises(InputError, match="too few returns of two turns compare"):
         still_rows(standing.select(sides))
+
+
+def turns(azimuths: Floats, distances: Floats, number: int = 0) -> RecordedReturns:
+    """One turn of one laser."""
+    columns = {"azimuth": azimuths, "distance": distances}
+    columns["laser_id"] = np.zeros(len(azimuths), dtype=int)
+    columns["turn"] = np.full(len(azimuths), number)
+    return RecordedReturns(columns)
+
+
+def sectors(shifts: Mapping[int, float], count: int = 30) -> RecordedReturns:
+    """So many returns in each of some sectors of ten degrees, all over it, 2 m away but for it."""
+    within = (np.arange(count) + 0.5) * 10 / count
+    degrees = np.concatenate([10 * sector + within for sector in shifts])
+    return turns(np.radians(degrees), 2 + np.repeat(list(shifts.values()), count))
+
+
+def around(step_deg: float = 0.3, rise_m: float = 0.0) -> RecordedReturns:
+    """A turn of 2 m, of which every other return is farther by some."""
+    azimuths = np.radians(np.arange(0, 360, step_deg))
+    return turns(azimuths, 2 + rise_m * (np.arange(len(azimuths)) % 2))
+
+
+def test_the_shift_is_the_third_quartile_of_the_sectors_medians() -> None:
+    shifts = {0: 0.001, 1: -0.002, 2: 0.003, 34: 0.004}
+    assert turn_shift(around(), sectors(shifts)) == pytest.approx(0.00325)
+
+
+@pytest.mark.parametrize(
+    ("number", "count", "compares"), [(3, 30, True), (3, 29, False), (2, 30, False)]
+)
+def test_three_sectors_of_thirty_returns_compare(number: int, count: int, compares: bool) -> None:
+    other = sectors(dict.fromkeys(range(number), 0.001), count)
+    assert np.isfinite(turn_shift(around(), other)) == compares
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "rise_m", "compares"),
+    [(0.88, 0.0, True), (0.92, 0.0, False), (0.3, 0.098, True), (0.3, 0.102, False)],
+)
+def test_distances_are_interpolated_on_one_surface(
+    step_deg: float, rise_m: float, compares: bool
+) -> None:
+    found = turn_shift(around(step_deg, rise_m), sectors(dict.fromkeys(range(8), 0.0)))
+    assert np.isfinite(found) == compares
+
+
+def standing_at(*distances: float) -> RecordedReturns:
+    parts = [
+        turns(around()["azimuth"], around()["distance"] + d, i) for i, d in enumerate(distances)
+    ]
+    return RecordedReturns(
+        {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
+    )
+
+
+@pytest.mark.parametrize(
+    ("distances", "first", "last", "shift"),
+    [
+        ((0, 0.0029), 0, 1, 0.0029),
+        ((0, 0.002, -0.001), 0, 2, 0.002),
+        ((0, 0, 1, 1), 0, 1, 0),
+        ((0, 0, 1, 1, 1), 2, 4, 0),
+        ((0, 0.002, 0.004, 0.006), 0, 1, 0.002),
+    ],
+)
+def test_the_longest_interval_that_repeats_its_first_turn(
+    distances: tuple[float, ...], first: int, last: int, shift: float
+) -> None:
+    rows, still = still_rows(standing_at(*distances))
+    assert (still.first, still.last) == (first, last)
+    assert still.shift_m == pytest.approx(shift)
+    assert np.unique(rows["turn"]).tolist() == list(range(first, last + 1))
+
+
+def test_three_millimetres_are_the_limit() -> None:
+    with pytest.raises(InputError, match=r"change by 3\.3 mm or more \(limit 3 mm\)"):
+        still_rows(standing_at(0, 0.0033, 0.0066))

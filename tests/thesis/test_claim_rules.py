@@ -105,6 +105,8 @@ def test_4_needs_two_bins_of_which_the_last_has_the_greater_error() -> None:
     assert holds(4, level, "range error rises") is False
     two = incidence((0.03, 0.017), (0.01, 0.01))
     assert result(4, two)[0] == HOLDS
+    assert "range error rises: yes (0.0170 to 0.0300 m)" in result(4, two)[1]
+    assert "does not: yes (0.0100 to 0.0100 m; real 0.0118 to 0.0246 m)" in result(4, two)[1]
     assert result(4, incidence((0.03,), (0.01,)))[0].startswith("not tested")
 
 
