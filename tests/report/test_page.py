@@ -16,12 +16,22 @@ from numpy.typing import NDArray
 from puckbench.cli import main
 from puckbench.report.build import build_page
 from puckbench.report.contents import Contents
+from puckbench.report.run_record import RunRecord
 from tests.support.browser import Page, browser
-from tests.support.figures_lookalike import CD_MEDIANS
+from tests.support.figures_lookalike import CD_MEDIANS, metrics_table
 from tests.support.report_lookalike import NASTY, STEPS, look_alike
 
 BACKGROUND = np.array([12, 13, 16])
+PAPER = np.array([21, 23, 27])
+"""Of the page in the dark."""
 MACHINE = {"Processor": "a & b"}
+COST = {"processor_s": 30.0, "wall_s": 60.0}
+RECORD = RunRecord.of(
+    [
+        {**COST, "ended": "2026-05-03T10:02:00+00:00", "commit": "0123456789ab"},
+        {**COST, "ended": "2026-05-03T10:02:30+00:00", "commit": "0123456789ab"},
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ def contents(tmp_path_factory: pytest.TempPathFactory) -> tuple[Contents, Path]:
 
 @pytest.fixture(scope="module")
 def text(contents: tuple[Contents, Path]) -> str:
-    return build_page(contents[0], MACHINE, contents[1])
+    return build_page(contents[0], MACHINE, contents[1], RECORD)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +67,7 @@ def opened(
 
 
 def test_the_same_files_give_the_same_bytes(contents: tuple[Contents, Path], text: str) -> None:
-    assert build_page(contents[0], MACHINE, contents[1]) == text
+    assert build_page(contents[0], MACHINE, contents[1], RECORD) == text
 
 
 def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
@@ -67,6 +77,8 @@ def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
         "tables/summary.csv",
         "tables/bd_rate.csv",
         "tables/clouds.csv",
+        "tables/scan_errors.csv",
+        "tables/claims.csv",
         "figures/fig_6_6.pdf",
     }
     assert "@import" not in text
@@ -78,6 +90,58 @@ def test_names_are_text_and_no_markup(text: str) -> None:
     assert NASTY not in text
     assert "alert(&#39;x&#39;)&lt;/script&gt;" in text
     assert "a &amp; b" in text
+
+
+def test_findings_come_first_and_facts_of_the_run_last(opened: Opened) -> None:
+    sections = opened.page.run("[...document.querySelectorAll('main > section')].map((s) => s.id)")
+    assert sections == ["findings", "claims", "curves", "clouds", "figures", "tables", "run"]
+    words = opened.page.run("document.querySelector('.byline').innerText").split("\n")
+    assert words == [
+        *("Date", "3 May 2026"),
+        *("Duration", "90 s, 60 s of processor time in 2 jobs"),
+        *("Commit", "0123456789ab"),
+    ]
+
+
+def test_findings_say_who_is_best_at_what(opened: Opened) -> None:
+    cards = opened.page.run("[...document.querySelectorAll('.finding')].map((c) => c.innerText)")
+    assert len(cards) == 4
+    assert "CAPOD" in cards[0]
+    noisy = cards[-1]
+    assert re.search(r"Nearest to the truth\n.+: 2\.\d+.grid.units², the scan itself 2\.4", noisy)
+    assert "Nearest" not in cards[0]
+    best = opened.page.run("document.querySelectorAll('.finding td.best').length")
+    assert best >= 4 * 3
+
+
+def test_claims_are_cards_wide_enough_to_read(opened: Opened) -> None:
+    page = opened.page
+    cards = "[...document.querySelectorAll('.claim')]"
+    assert page.run(f"{cards}.map((c) => c.querySelector('.verdict').textContent)") == [
+        *("holds in part", "holds", "does not hold", "not tested"),
+    ]
+    assert min(page.run(f"{cards}.map((c) => c.clientWidth)")) > 250
+    assert page.run(f"[...{cards}[0].querySelectorAll('li')].map((i) => i.textContent)") == [
+        "Draco improves: yes (CD falls 2 times; 3 at most)",
+        "G-PCC improves: no (0.9)",
+    ]
+    assert page.run(f"{cards}[0].querySelector('a').getAttribute('href')") == "#figure-fig_6_6"
+    assert page.run("document.querySelector('#table-claims')") is None
+
+
+def test_bd_rates_stand_first_and_bookkeeping_behind_a_fold(opened: Opened) -> None:
+    page = opened.page
+    page.run("document.querySelector('#table-bd_rate').open = true")
+    shown = (
+        "[...document.querySelectorAll('#table-bd_rate th')]"
+        ".filter((head) => head.offsetWidth).map((head) => head.title)"
+    )
+    assert page.run(shown)[:4] == ["dataset", "metric", "codec", "bd_rate_percent"]
+    assert "compared" not in page.run(shown)
+    page.click("#table-bd_rate .controls .box:last-of-type input")
+    assert "compared" in page.run(shown)
+    first = "document.querySelector('#table-bd_rate tbody tr').innerText.split('\\t').slice(0, 3)"
+    assert page.run(first) == ["CAPOD", "PSNR D1", "G-PCC"]
 
 
 def test_every_median_is_a_marker_and_every_curve_a_line(opened: Opened) -> None:
@@ -121,6 +185,7 @@ def test_arrow_keys_walk_along_the_curves(opened: Opened) -> None:
 
 def test_a_heading_sorts_its_column_both_ways(opened: Opened) -> None:
     page = opened.page
+    page.run("document.querySelector('#table-summary').open = true")
     column = (
         "[...document.querySelectorAll('#table-summary tbody tr')]"
         ".filter((row) => !row.hidden).map((row) => Number(row.cells[3].textContent))"
@@ -165,6 +230,32 @@ def test_the_viewer_draws_the_clouds_and_turns_them(opened: Opened) -> None:
     assert _drawn(after[0]) > 1000
 
 
+def test_the_viewer_starts_where_most_of_the_errors_are_taken_away(
+    opened: Opened, tmp_path: Path
+) -> None:
+    with browser(tmp_path) as page:
+        page.open(opened.file)
+        chosen = page.run("[...document.querySelectorAll('#viewer select')].map((s) => s.value)")
+    metrics = metrics_table()
+    shown = metrics[(metrics["dataset"] == "s3dis_noisy") & (metrics["cloud"] == "cloud_0")]
+    pairs = {(codec, rate) for codec, rates in STEPS.items() for rate in rates}
+    shown = shown.set_index(["codec", "rate"])["truth_cd_plane"]
+    assert chosen == ["1", *min(pairs, key=lambda pair: shown[pair])]
+
+
+def test_the_colours_of_errors_cover_what_the_codec_s_clouds_have(opened: Opened) -> None:
+    page = opened.page
+    for codec in STEPS:
+        page.choose("Codec", codec)
+        seen: list[int] = []
+        for rate in STEPS[codec]:
+            page.choose("Rate", rate)
+            error = page.run("[...bytesOf(document.querySelector('#viewer').viewer.decoded.error)]")
+            seen += error
+        assert np.quantile(seen, 0.98) > 200
+        assert np.quantile(seen, 0.02) < 100
+
+
 def test_the_viewer_has_every_rate_of_every_codec(opened: Opened) -> None:
     page = opened.page
     for codec, rates in STEPS.items():
@@ -184,12 +275,38 @@ def test_on_paper_the_plot_stays_and_controls_go(opened: Opened) -> None:
     page.show(1280, 900)
 
 
-@pytest.mark.parametrize("width", [360, 1280])
-def test_no_width_makes_the_page_scroll_sideways(opened: Opened, width: int) -> None:
-    opened.page.show(width, 800)
-    opened.page.settle()
-    assert opened.page.run("document.documentElement.scrollWidth") <= width
-    opened.page.show(1280, 900)
+@pytest.mark.parametrize("width", [360, 390, 1280])
+def test_nothing_is_wider_than_the_window(opened: Opened, width: int) -> None:
+    page = opened.page
+    page.show(width, 800)
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    page.settle()
+    assert page.run("document.documentElement.scrollWidth") <= width
+    beyond = (
+        "[...document.querySelectorAll('body *')].filter((e) => !e.closest('.scroll, pre, dialog')"
+        f" && e.getBoundingClientRect().right > {width} + 0.5).map((e) => e.outerHTML.slice(0, 80))"
+    )
+    assert page.run(beyond) == []
+    page.run("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
+    page.show(1280, 900)
+
+
+def test_in_the_dark_no_figure_has_a_white_ground(opened: Opened) -> None:
+    page = opened.page
+    right = "#figure-fig_6_6 img"  # which is white on its right side
+    assert page.picture(right)[20, -3].min() > 250
+    page.show(1280, 900, dark=True)
+    dark = page.picture(right)
+    assert np.abs(dark[20, -3].astype(int) - PAPER).max() < 8
+    assert dark[20, 3].min() > 220  # black ink is light
+    page.click("nav button")
+    assert page.picture(right)[20, -3].min() > 250
+    page.click("nav button")
+    page.click("#figure-fig_6_6 .enlarge")
+    assert np.abs(page.picture("dialog img")[20, -3].astype(int) - PAPER).max() < 8
+    page.run("document.querySelector('dialog').close()")
+    page.run("document.documentElement.style.colorScheme = ''")
+    page.show(1280, 900)
 
 
 def test_without_webgl_the_clouds_are_drawn_all_the_same(opened: Opened, tmp_path: Path) -> None:

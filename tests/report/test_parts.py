@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
-from puckbench.report.build import TableShown
+from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
 from puckbench.report.clouds import (
+    Shown,
     cloud_payload,
+    error_range,
     example_payload,
     levels,
     points_each,
@@ -32,20 +35,22 @@ from puckbench.report.clouds import (
 )
 from puckbench.report.contents import Contents
 from puckbench.report.curves import curves
+from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.quantities import measured
+from puckbench.report.run_record import RunRecord
 from puckbench.report.tables import MOST_ROWS, table_html, text_of
 
 
 def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
     made = table_html(pd.DataFrame({"a < b & c": ["<i>"]}), 'x"<>.csv')
-    assert ">a &lt; b &amp; c<small></small></th>" in made
+    assert ">A &lt; b &amp; c<small></small></th>" in made
     assert "<td>&lt;i&gt;</td>" in made
-    assert '<a href="x&#34;&lt;&gt;.csv">x&#34;&lt;&gt;.csv</a>' in made
+    assert '<a href="x&#34;&lt;&gt;.csv">CSV</a>' in made
     shown = TableShown("a", "<b>", table_html(pd.DataFrame({"x": [1]})), Markup("<p>c</p>"))
-    page = whole_page(title="", parts={"tables": ""}, tables=[shown], data={})
-    assert "<summary>&lt;b&gt; <code>a</code></summary>\n<p>c</p>\n<div class=" in page
+    page = whole_page(title="", record={}, parts={"tables": ""}, shown={"tables": [shown]}, data={})
+    assert "<summary>&lt;b&gt;</summary>\n<p>c</p>\n<div class=" in page
 
 
 def test_captions_have_paragraphs_code_and_emphasis_alone() -> None:
@@ -116,7 +121,7 @@ def test_columns_have_words_and_units(column: str, label: str) -> None:
 def test_coordinates_come_back_within_half_a_step() -> None:
     rng = np.random.default_rng(1)
     cloud = PointCloud(rng.uniform([0, 10, -5], [1, 30, -4.9], (500, 3)))
-    made = cloud_payload(shown_original(cloud, 1000), 0.0)
+    made = cloud_payload(shown_original(cloud, 1000))
     steps = np.frombuffer(base64.b64decode(made["xyz"]), "<u2").reshape(-1, 3)
     back = np.array(made["low"]) + steps / 65535 * np.array(made["extent"])
     assert (np.abs(back - cloud.xyz) <= np.array([1, 20, 0.1]) * 0.51 / 65535 + 1e-5).all()
@@ -129,17 +134,31 @@ def test_errors_are_distances_to_the_nearest_point_in_metres() -> None:
     np.testing.assert_allclose(shown.errors, [0.5])
 
 
-def test_levels_fall_by_254_over_three_decades() -> None:
+def test_levels_fall_by_254_over_the_range() -> None:
     errors = np.array([2.0, 1.0, 0.1, 0.001, 0.0009, 0.0])
-    assert levels(errors, 1.0).tolist() == [255, 255, 170, 1, 0, 0]
-    assert levels(np.zeros(3), 0.0).tolist() == [0, 0, 0]
+    assert levels(errors, 0.001, 1.0).tolist() == [255, 255, 170, 1, 0, 0]
+    assert levels(np.zeros(3), 0.0, 0.0).tolist() == [0, 0, 0]
+
+
+def _with_errors(*errors: float) -> Shown:
+    return Shown(np.zeros((len(errors), 3)), len(errors), np.array(errors))
+
+
+def test_the_range_of_colours_holds_a_codec_s_errors_at_all_rates() -> None:
+    low, high = error_range([_with_errors(0.02, 0.03), _with_errors(0.5, 0.9)])
+    assert 0.02 <= low < 0.03
+    assert 0.8 < high <= 0.9
+    low, high = error_range([_with_errors(*[1e-9] * 50, 0.0, *[1.0] * 50)])
+    assert low == pytest.approx(high / 1000)
+    low, high = error_range([_with_errors(0.1, 0.1)])
+    assert (low, high) == pytest.approx((0.05, 0.1), rel=0.01)
 
 
 def test_an_example_without_errors_has_no_range() -> None:
     cloud = PointCloud(np.arange(30.0).reshape(10, 3))
     decoded = shown_decoded(cloud, [("c", "r", cloud.xyz)], 10)
     made = example_payload(shown_original(cloud, 10), decoded, in_metres=False)
-    assert made["highest"] == 0
+    assert made["ranges"] == {"c": [0, 0]}
     assert made["decoded"][0]["quantiles"] == [0, 0]
 
 
@@ -214,3 +233,90 @@ def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() 
         assert list(example.decoded) == list(config["codecs"])
         assert {len(rates) for rates in example.decoded.values()} == {3}
     assert contents.examples[0].original == "results/clouds/objects/airplane_01.ply"
+
+
+def test_the_record_of_a_run_is_read_from_the_costs_of_its_jobs() -> None:
+    cost = {"wall_s": 10.0, "processor_s": 3700.0}
+    ends = ("2026-02-28T23:59:50+00:00", "2026-02-28T23:59:55+00:00", "2026-03-02T08:00:00+00:00")
+    costs = [{**cost, "ended": end, "commit": name} for end, name in zip(ends, "aab", strict=True)]
+    record = RunRecord.of([*reversed(costs), cost])
+    assert (record.jobs, record.busy_s, record.commits) == (4, 25.0, ("a", "b"))
+    assert record.facts() == {
+        "Date": "28 February 2026 to 2 March 2026",
+        "Duration": "25 s, 4 h 7 min of processor time in 4 jobs",
+        "Commit": "a, b",
+    }
+
+
+def test_of_logs_that_tell_no_date_the_record_has_the_work_alone() -> None:
+    record = RunRecord.of([{"wall_s": 1.0, "processor_s": 2.0}])
+    assert record.facts() == {"Duration": "2 s of processor time in 1 jobs"}
+    assert RunRecord.of([]).facts() == {}
+
+
+def _two_codecs(**columns: list[float]) -> pd.DataFrame:
+    names = {"dataset": "rooms", "cloud": "a", "codec": ["draco", "gpcc"], "rate": "r1"}
+    return pd.DataFrame({**names, "bpp": [1.0, 2.0], **columns})
+
+
+def _deltas(**columns: float) -> pd.DataFrame:
+    row = {"dataset": "rooms", "metric": "d1_psnr", "codec": "draco", "anchor": "gpcc"}
+    low_high = {"bd_rate_percent_low": -60.0, "bd_rate_percent_high": -40.0}
+    counts = {"clouds": 3, "compared": 3}
+    return pd.DataFrame([{**row, **counts, "bd_rate_percent": -50.0, **low_high, **columns}])
+
+
+def test_findings_name_the_best_with_its_interval() -> None:
+    metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002], encode_s=[0.5, 0.1], decode_s=[0.1, 0.2])
+    errors = pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [0.0127]})
+    (found,) = findings(metrics, _deltas(), errors, FigureStyle()).datasets
+    assert {name: text.replace("\xa0", " ") for name, text in found.best.items()} == {
+        "Fewest bits": "Draco: −50.0 % for equal D1 (−60.0 % to −40.0 %)",
+        "Nearest to the truth": "G-PCC: 2 mm, the scan itself 12.7 mm (r1, 2 bpp)",
+        "Fastest": "G-PCC: 0.1 s to encode; Draco: 0.1 s to decode",
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "note"),
+    [
+        ({"compared": 0}, "–", "no common range"),
+        ({"compared": 2, "bd_rate_percent_low": np.nan}, "−50.0 %", "2 of 3 clouds"),
+        ({"bd_rate_percent": 118.4, "bd_rate_percent_low": np.nan}, "+118 %", ""),
+    ],
+)
+def test_a_codec_that_was_not_compared_on_all_clouds_wins_nothing(
+    change: dict[str, float], text: str, note: str
+) -> None:
+    (found,) = findings(_two_codecs(), _deltas(**change), None, FigureStyle()).datasets
+    cell = found.columns[0].cells["draco"]
+    assert (cell.text.replace("\xa0", " "), cell.note) == (text, note)
+    assert "draco" not in found.columns[0].best
+
+
+def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
+    tmp_path: Path,
+) -> None:
+    names = ("truth_rd", "fig_5_10", "fig_6_6", "fig_5_2")
+    for name in names:
+        Image.new("RGB", (20, 10)).save(tmp_path / f"{name}.png")
+    contents = Contents(figures={name: str(tmp_path / f"{name}.png") for name in names})
+    page = build_page(contents, {}, tmp_path)
+    assert re.findall(r'id="figure-(\w+)"', page) == ["fig_5_2", "fig_5_10", "fig_6_6", "truth_rd"]
+
+
+def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
+    table = pd.DataFrame(
+        {"dataset": ["s3dis"], "codec": ["gpcc"], "clouds": [2], "bd_rate_percent": [1.0]}
+    )
+    made = table_html(table.assign(bd_rate_percent_low=0.5, thing_m=1.0))
+    heads = re.findall(r'<th scope="col" title="(\w+)"[^>]*>([^<]+)<small>([^<]*)</small>', made)
+    assert heads == [
+        ("dataset", "Data set", ""),
+        ("codec", "Codec", ""),
+        ("bd_rate_percent", "BD-rate", "%"),
+        ("bd_rate_percent_low", "BD-rate, interval from", "%"),
+        ("thing_m", "Thing", "m"),
+        ("clouds", "Clouds", ""),
+    ]
+    assert "<td>S3DIS</td><td>G-PCC</td>" in made

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+import shutil
+import subprocess
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -65,6 +67,29 @@ def cpu_model() -> str:
         lines = []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return (named or [platform.processor() or platform.machine()])[0]
+
+
+def source_commit() -> str:
+    """The commit of the sources that run, with "-dirty" where files differ from it; else empty.
+
+    Known only where this package runs from a repository of its own, and git is there.
+    """
+    root = Path(__file__).parents[3]
+    if not (root / ".git").exists() or not shutil.which("git"):
+        return ""
+    words = [
+        "git",
+        "-C",
+        str(root),
+        "describe",
+        "--always",
+        "--dirty",
+        "--abbrev=12",
+        "--exclude=*",
+    ]
+    environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}  # many jobs ask at a time
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
+    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 @cache

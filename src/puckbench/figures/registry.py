@@ -67,6 +67,11 @@ class FigureEntry:
         return tuple(self.kinds)
 
     @property
+    def place(self) -> list[float]:
+        """The thesis's number in parts, by which figures are ordered: 5.2 comes before 5.10."""
+        return [float(part) for part in self.thesis.split(".")] if self.thesis else [math.inf]
+
+    @property
     def caption(self) -> str:
         """What the report says below the figure, in reStructuredText."""
         return caption_of(self.draw)
@@ -94,9 +99,4 @@ def figure_entry(name: str) -> FigureEntry:
 def figure_entries() -> dict[str, FigureEntry]:
     """All figures by name: those of the thesis by their numbers, then the others."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
-    return dict(sorted(entries.items(), key=lambda item: _number(item[1].thesis)))
-
-
-def _number(thesis: str) -> list[float]:
-    """A figure's number in parts: 5.2 comes before 5.10."""
-    return [float(part) for part in thesis.split(".")] if thesis else [math.inf]
+    return dict(sorted(entries.items(), key=lambda item: item[1].place))

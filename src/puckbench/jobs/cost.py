@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,12 @@ _TAIL_BYTES = 2048
 def cost_line(name: str) -> str:
     """One JSON object: the job, its seconds of processor time and of life, its peak memory.
 
-    Counted are this process and those that it waited for, imports included.
+    Counted are this process and those that it waited for, imports included. With it stands when
+    the job ended, and the commit of the sources where that is known.
     """
     import resource
+
+    from puckbench.core.environment import source_commit
 
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cost = {
@@ -24,8 +29,10 @@ def cost_line(name: str) -> str:
         "processor_s": round(sum(use.ru_utime + use.ru_stime for use in usages), 3),
         "wall_s": round(_age_s(), 3),
         "peak_mib": max(use.ru_maxrss for use in usages) // 1024,
+        "ended": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    return json.dumps(cost)
+    commit = source_commit()
+    return json.dumps(cost | ({"commit": commit} if commit else {}))
 
 
 def _age_s() -> float:
@@ -50,3 +57,10 @@ def read_cost(log: Path) -> dict[str, Any] | None:
         return None
     found: dict[str, Any] = json.loads(last)
     return found
+
+
+def read_costs(logs: Path) -> Iterator[dict[str, Any]]:
+    """The costs of all jobs that ended, from the logs in a folder, by their names."""
+    for log in sorted(logs.rglob("*.log")):
+        if cost := read_cost(log):
+            yield cost

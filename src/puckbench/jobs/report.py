@@ -17,10 +17,15 @@ class Report(Job):
 
     def run(self, page: Path) -> dict[str, Any]:
         """Write the page."""
+        from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents
         from puckbench.report.facts import this_machine
+        from puckbench.report.run_record import RunRecord
 
-        data = build_page(Contents.from_json(self.contents), this_machine(), page.parent).encode()
+        contents = Contents.from_json(self.contents)
+        costs = [] if contents.logs is None else read_costs(Path(contents.logs))
+        record = RunRecord.of(cost for cost in costs if cost["job"] != JOBS.name_of(type(self)))
+        data = build_page(contents, this_machine(), page.parent, record).encode()
         write_bytes(page, data)
         return {"page": str(page), "bytes": len(data)}

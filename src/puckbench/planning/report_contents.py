@@ -21,15 +21,16 @@ def planned_contents(
     """The contents of the report of a plan with these figures and tables."""
     chosen = plan.config.report
     folder = plan.results / "tables"
-    first = FIRST_TABLES if plan.datasets else ()
-    if plan.left_out:
-        first = (*first, "left_out")
+    first = [*FIRST_TABLES] if plan.datasets else []
+    first += ["left_out"] if plan.left_out else []
+    first += ["scan_errors"] if plan.scanned else []
     return Contents(
         title=chosen.title,
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
         tables={name: str(folder / f"{name}.csv") for name in (*first, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
         examples=tuple(_examples(plan, chosen.rates)),
+        logs=str(plan.results / "logs"),
         configuration=plan.config.as_json(),
         style=tuple(style),
         points=chosen.points,

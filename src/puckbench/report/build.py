@@ -13,26 +13,31 @@ from puckbench.figures.style import FigureStyle
 from puckbench.io.tables import read_table
 from puckbench.metrics.registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
+from puckbench.report.claims import TABLE as CLAIMS
+from puckbench.report.claims import Claims, claim_cards
 from puckbench.report.clouds import viewer_payload
 from puckbench.report.contents import Contents
 from puckbench.report.curves import curves
 from puckbench.report.facts import run_facts
+from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import Picture, embedded
+from puckbench.report.quantities import in_words
+from puckbench.report.run_record import RunRecord
 from puckbench.report.tables import table_html
 
 if TYPE_CHECKING:
     import pandas as pd
     from markupsafe import Markup
 
-_FIRST = "Claims"
-"""The category of tables that stands first."""
 _PARTS = {
-    "run": "The run",
+    "findings": "Findings",
+    "claims": "Claims",
     "curves": "Rate and distortion",
     "clouds": "Example clouds",
-    "tables": "Tables",
     "figures": "Figures",
+    "tables": "Tables",
+    "run": "The run",
 }
 _CHAPTERS = {
     "5": "Chapter 5: the sensor and its errors",
@@ -62,8 +67,13 @@ class TableShown:
     caption: Markup
 
 
-def build_page(contents: Contents, machine: Mapping[str, str], folder: Path) -> str:
-    """The page as text; the same files and the same machine give the same text.
+def build_page(
+    contents: Contents,
+    machine: Mapping[str, str],
+    folder: Path,
+    record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
+) -> str:
+    """The page as text; the same files, machine and record give the same text.
 
     Parameters
     ----------
@@ -73,6 +83,8 @@ def build_page(contents: Contents, machine: Mapping[str, str], folder: Path) -> 
         Facts of the machine, by name.
     folder
         Where the page will lie, which its links start from.
+    record
+        When the run took place, and of what sources.
 
     Raises
     ------
@@ -81,43 +93,52 @@ def build_page(contents: Contents, machine: Mapping[str, str], folder: Path) -> 
     """
     style = FigureStyle.from_config(*contents.style)
     metrics = None if contents.metrics is None else read_table(Path(contents.metrics))
-    tables = {name: read_table(Path(contents.tables[name])) for name in _ordered(contents.tables)}
+    tables = {name: read_table(Path(file)) for name, file in contents.tables.items()}
+    scan_errors = tables.get("scan_errors")
     data: dict[str, Any] = {}
+    shown: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
     if metrics is not None:
         data["curves"] = curves(metrics, style)
+        shown["findings"] = findings(metrics, tables.get("bd_rate"), scan_errors, style)
     if contents.examples:
-        data["clouds"] = viewer_payload(contents, metrics, style)
-    there = {"run": True, **data, "tables": tables, "figures": contents.figures}
+        data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)
+    if CLAIMS in tables:
+        shown["claims"] = _claims(contents, tables[CLAIMS], folder)
+    shown["figures"] = _chapters(contents, folder)
+    shown["run"] = run_facts(contents.configuration, metrics, tables.get("clouds"), machine, style)
+    there = {**data, **shown}
     return whole_page(
         title=contents.title,
+        record=record.facts(),
         parts={name: heading for name, heading in _PARTS.items() if there.get(name)},
-        run=run_facts(contents.configuration, metrics, tables.get("clouds"), machine, style),
         data=data,
-        tables=list(_tables(contents, tables, folder)),
-        figures=_chapters(contents, folder),
+        shown=shown,
     )
 
 
-def _ordered(tables: Mapping[str, str]) -> list[str]:
-    """Names of tables, those of the category `_FIRST` before the others."""
-    first = [n for n in tables if n in TABLES and table_entry(n).category == _FIRST]
-    return first + [name for name in tables if name not in first]
+def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:
+    titles = {name: _figure_title(name) for name in contents.figures}
+    return claim_cards(table, titles, _link(Path(contents.tables[CLAIMS]), folder))
 
 
 def _tables(
-    contents: Contents, tables: Mapping[str, pd.DataFrame], folder: Path
+    contents: Contents, tables: Mapping[str, pd.DataFrame], folder: Path, style: FigureStyle
 ) -> Iterator[TableShown]:
+    """All tables but that of the claims, which are cards."""
     for name, table in tables.items():
-        html = table_html(table, _link(Path(contents.tables[name]), folder))
+        if name == CLAIMS:
+            continue
+        html = table_html(table, _link(Path(contents.tables[name]), folder), style)
         entry = table_entry(name) if name in TABLES else None
         caption = caption_html(entry.caption if entry else "", name)
-        yield TableShown(name, entry.title if entry else name, html, caption)
+        yield TableShown(name, entry.title if entry else in_words(name), html, caption)
 
 
 def _chapters(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
-    """The figures by chapter of the thesis, then those that it does not have."""
+    """The figures by chapter of the thesis and by number, then those that it does not have."""
     chapters: dict[str, list[FigureShown]] = {heading: [] for heading in _CHAPTERS.values()}
-    for name, file in contents.figures.items():
+    by_number = sorted(contents.figures.items(), key=lambda item: figure_entry(item[0]).place)
+    for name, file in by_number:
         heading = _CHAPTERS.get(figure_entry(name).thesis[:1], _CHAPTERS[""])
         chapters[heading].append(_figure(name, Path(file), folder))
     return {heading: shown for heading, shown in chapters.items() if shown}
@@ -127,11 +148,17 @@ def _figure(name: str, file: Path, folder: Path) -> FigureShown:
     entry = figure_entry(name)
     return FigureShown(
         name,
-        f"{entry.thesis} {entry.title or name}".strip(),
+        _figure_title(name),
         embedded(read_bytes(file), str(file)),
         caption_html(entry.caption, name),
         _link(file.with_suffix(".pdf"), folder),
     )
+
+
+def _figure_title(name: str) -> str:
+    """Number in the thesis, where it has one, and title of a figure."""
+    entry = figure_entry(name)
+    return f"{entry.thesis} {entry.title or in_words(name)}".strip()
 
 
 def _link(file: Path, folder: Path) -> str:

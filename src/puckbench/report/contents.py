@@ -47,6 +47,8 @@ class Contents(Model):
         Name -> file (CSV; PNG).
     examples
         Clouds of the viewer.
+    logs
+        Folder of the logs of the run's jobs, None where there are none.
     configuration
         The checked one.
     style
@@ -62,6 +64,7 @@ class Contents(Model):
     tables: Mapping[str, str] = {}
     figures: Mapping[str, str] = {}
     examples: tuple[Example, ...] = ()
+    logs: str | None = None
     configuration: Mapping[str, Any] = {}
     style: tuple[Mapping[str, Any], ...] = ()
     points: int = POINTS

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from puckbench import __version__
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
+from puckbench.report.quantities import in_words
 from puckbench.report.tables import text_of
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Row:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What the first part of the page shows."""
+    """What the last part of the page shows."""
 
     datasets: tuple[Row, ...]
     codecs: tuple[Row, ...]
@@ -45,6 +46,7 @@ class RunFacts:
     configuration: str
     dataset_heads: tuple[str, ...] = (
         "Data set",
+        "Name",
         "Scenes",
         "Clouds are",
         "Error model",
@@ -53,6 +55,7 @@ class RunFacts:
     )
     codec_heads: tuple[str, ...] = (
         "Codec",
+        "Name",
         "Version and weights",
         "Rates",
         "Changed in the configuration",
@@ -112,7 +115,8 @@ def _codecs(
     for name in style.ordered_codecs(metrics["codec"].unique()):
         rows = metrics[metrics["codec"] == name]
         entry = entries.get(name)
-        options = json.dumps(entry, sort_keys=True) if entry else ""
+        changed = {key: value for key, value in (entry or {}).items() if value}
+        options = json.dumps(changed, sort_keys=True) if changed else ""
         cells = (_versions(rows), ", ".join(ordered_rates(set(rows["rate"]))))
         yield Row(style.of_codec(name).title, name, cells, options)
 
@@ -126,7 +130,11 @@ def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
     """Columns of text that hold for all codecs: the version that measured, the processor."""
     texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
     found = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
-    return {f"Table: {name}": ", ".join(v[:_MOST_VALUES]) for name, v in found.items() if v}
+    return {
+        f"Results: {in_words(name).lower()}": ", ".join(values[:_MOST_VALUES])
+        for name, values in found.items()
+        if values
+    }
 
 
 def _is_of_codec(column: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 GRID, SQUARED = "grid units", "grid units²"
@@ -25,8 +25,9 @@ class Measured:
 
 
 _CODED, _TRUTH = "Distortion to the coded cloud", "Distortion to the true surface"
+_CLEAN = "Distortion to the clean scan"
 _COST, _SEEN, _OTHER = "Size, time and memory", "Pictures and colour", "Other"
-GROUPS = (_CODED, _TRUTH, _COST, _SEEN, _OTHER)
+GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _OTHER)
 
 _PLAIN = {
     "bpp": ("Bits per point", "bpp", _COST),
@@ -47,6 +48,26 @@ _PLAIN = {
 _COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
 NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
+
+_ENDINGS = {"_m": "m", "_rad": "rad", "_deg": "°", "_percent": "%", "_db": "dB", "_s": "s"}
+"""Endings of names of columns without words of their own, and the units that they stand for."""
+_OF_TABLES = {
+    "bd_rate_percent": ("BD-rate", "%"),
+    "bd_quality_db": ("BD-PSNR", "dB"),
+    "codec": ("Codec", ""),
+    "dataset": ("Data set", ""),
+    "d1_psnr": ("PSNR D1", "dB"),
+    "d2_psnr": ("PSNR D2", "dB"),
+}
+_SUFFIXES = {
+    "low": "interval from",
+    "high": "interval to",
+    "half": "half the interval",
+    "arithmetic": "arithmetic mean",
+    "median": "median",
+    **{f"q{share}": f"{int(share)} %" for share in ("05", "25", "75", "95")},
+}
+"""What the end of a column's name says of the quantity before it."""
 
 _DISTANCES = {"point": "point to point", "plane": "point to plane"}
 _MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
@@ -80,18 +101,46 @@ _PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
 )
 
 
+_REFERENCES = {
+    "truth_": (_TRUTH, ", to the true surface"),
+    "clean_": (_CLEAN, ", to the clean scan"),
+    "": (_CODED, ""),
+}
+"""What a column's name begins with, its group, and what it is measured to."""
+
+
 def measured(column: str) -> Measured:
     """What a column measures; one that is not known is called by its own name."""
     if column in _PLAIN:
         return Measured(column, *_PLAIN[column])
-    bare = column.removeprefix("truth_")
-    group = _CODED if bare == column else _TRUTH
+    prefix = next((name for name in _REFERENCES if column.startswith(name)), "")
+    bare, (group, reference) = column.removeprefix(prefix), _REFERENCES[prefix]
     for pattern, words in _PATTERNS:
         if found := re.fullmatch(pattern, bare):
             text, unit = words(found)
-            text += "" if bare == column else ", to the true surface"
-            return Measured(column, text, unit, _COST if unit == "s" else group)
+            return Measured(column, text + reference, unit, _COST if unit == "s" else group)
     return Measured(column, column, "", _OTHER)
+
+
+def headed(column: str, others: Collection[str] = ()) -> tuple[str, str]:
+    """Words and unit of a column in the heading of a table that has these others too."""
+    if column in _OF_TABLES:
+        return _OF_TABLES[column]
+    base, _, end = column.rpartition("_")
+    if end in _SUFFIXES and base in others:
+        words, unit = headed(base)
+        return f"{words}, {_SUFFIXES[end]}", unit
+    known = measured(column)
+    if known.words != column:
+        return known.words, known.unit
+    ending = next((e for e in _ENDINGS if column.endswith(e)), "")
+    return in_words(column.removesuffix(ending)), _ENDINGS.get(ending, "")
+
+
+def in_words(name: str) -> str:
+    """A name in words: "codec_version" as "Codec version"."""
+    words = name.replace("_", " ").strip()
+    return words[:1].upper() + words[1:]
 
 
 def is_known(column: str) -> bool:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from puckbench.figures.style import FigureStyle
 from puckbench.report.page import rendered
-from puckbench.report.quantities import measured
+from puckbench.report.quantities import headed, in_words, is_known
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,7 +20,12 @@ if TYPE_CHECKING:
 MOST_ROWS = 1000
 """Rows of a table that stand in the page; the file has all of them."""
 _SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
-_UNITS = {"_m": "m", "_rad": "rad", "_deg": "°", "_percent": "%", "_db": "dB", "_s": "s"}
+_BOOKKEEPING = re.compile(
+    "anchor|clouds|compared|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
+    "|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
+    "|group|count|scans|repeats|weights|codec_versions?|libraries"
+)
+"""Columns that tell how values came about: with empty ones they stand last, behind a fold."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +37,9 @@ class Column:
     name
         As in the file.
     words, unit
-        What it measures, where there are words and a unit for it.
+        What it measures.
     kind
-        Classes: ``number``, and ``spread`` for a quantile beside its median.
+        Classes: ``number``; ``spread`` for a quantile beside its median; ``bookkeeping``.
     """
 
     name: str
@@ -41,13 +48,23 @@ class Column:
     kind: str
 
 
-def table_html(table: pd.DataFrame, link: str | None = None) -> Markup:
-    """A table as HTML, with how many rows are left out; `link` leads to the whole file."""
+def table_html(
+    table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
+) -> Markup:
+    """A table as HTML, with how many rows are left out; `link` leads to the whole file.
+
+    style: gives the titles of data sets and codecs.
+    """
     from markupsafe import Markup
 
+    shown = table[_in_order(table)]
+    titles = [_titles(str(name), style or FigureStyle()) for name in shown]
     values = {
-        "columns": _columns(table),
-        "rows": [[text_of(value) for value in row] for row in _first_rows(table)],
+        "columns": [_column(shown[name], list(map(str, table))) for name in shown],
+        "rows": [
+            [title(text_of(value)) for title, value in zip(titles, row, strict=True)]
+            for row in shown.head(MOST_ROWS).itertuples(index=False)
+        ],
         "total": len(table),
         "most": MOST_ROWS,
         "link": link,
@@ -55,13 +72,38 @@ def table_html(table: pd.DataFrame, link: str | None = None) -> Markup:
     return Markup(rendered("table.html", **values))  # noqa: S704
 
 
-def _first_rows(table: pd.DataFrame) -> Any:
-    return table.head(MOST_ROWS).itertuples(index=False)
-
-
-def _columns(table: pd.DataFrame) -> list[Column]:
+def _in_order(table: pd.DataFrame) -> list[str]:
+    """Names of the columns, bookkeeping last."""
     names = [str(name) for name in table]
-    return [_column(table[name], names) for name in table]
+    last = [name for name in names if _is_bookkeeping(table[name])]
+    return [name for name in names if name not in last] + last
+
+
+def _is_bookkeeping(values: pd.Series[Any]) -> bool:
+    return bool(_BOOKKEEPING.fullmatch(str(values.name))) or bool(values.isna().all())
+
+
+def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
+    """How the names in a column are shown: data sets, codecs and measures by their titles."""
+    shown: dict[str, Callable[[str], str]] = {
+        "dataset": style.title,
+        "codec": lambda name: style.of_codec(name).title,
+        "anchor": lambda name: style.of_codec(name).title,
+        "metric": lambda name: headed(name)[0],
+        "quantity": _quantity_title,
+        "model": _model_title,
+    }
+    return shown.get(column, str)
+
+
+def _quantity_title(name: str) -> str:
+    return headed(name)[0] if is_known(name) else name
+
+
+def _model_title(name: str) -> str:
+    from puckbench.lidar.errors import ERROR_MODELS
+
+    return (ERROR_MODELS.get(name).title if name in ERROR_MODELS else "") or in_words(name)
 
 
 def _column(values: pd.Series[Any], names: list[str]) -> Column:
@@ -69,9 +111,8 @@ def _column(values: pd.Series[Any], names: list[str]) -> Column:
     quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
     kinds += ["spread"] if quantile and quantile[1] in names else []
-    known = measured(quantile[1] if quantile else name)
-    unit = known.unit or next((_UNITS[end] for end in _UNITS if name.endswith(end)), "")
-    return Column(name, known.words if known.words != name else "", unit, " ".join(kinds))
+    kinds += ["bookkeeping"] if _is_bookkeeping(values) else []
+    return Column(name, *headed(name, names), " ".join(kinds))
 
 
 def text_of(value: Any) -> str:

@@ -3,10 +3,17 @@
 
 function setUpTheme() {
   const root = document.documentElement;
-  const isDark = () => (root.style.colorScheme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
-  const toggle = () => {
-    root.style.colorScheme = isDark() ? "light" : "dark";
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const show = (scheme) => {
+    root.dataset.scheme = scheme; // colours alone can tell the scheme in a style sheet, filters cannot
   };
+  const follow = () => root.style.colorScheme || show(system.matches ? "dark" : "light");
+  const toggle = () => {
+    root.style.colorScheme = root.dataset.scheme === "dark" ? "light" : "dark";
+    show(root.style.colorScheme);
+  };
+  follow();
+  system.addEventListener("change", follow);
   document.querySelector("header nav").append(element("button", { type: "button", onclick: toggle }, "Light / dark"));
 }
 
@@ -36,5 +43,4 @@ setUpTables();
 setUpFigures();
 setUp("plot", setUpPlot);
 setUp("viewer", setUpViewer);
-document.querySelector("details.table")?.setAttribute("open", "");
 document.documentElement.dataset.ready = "yes";

@@ -223,11 +223,12 @@ class Plot {
   }
 
   table() {
-    const heads = ["data set", "codec", "rate", "clouds", "bpp", "quartiles", this.metric.name, "quartiles"];
+    const heads = ["Data set", "Codec", "Rate", "Clouds", "Bits per point", "quartiles", labelOf(this.metric), "quartiles"];
+    const title = (list, wanted) => list.find(({ name }) => name === wanted).title;
     const rows = this.cells().map(({ dataset, codec, rate, clouds, values }) => {
       const both = [values.bpp, values[this.metric.name]];
       const cells = both.flatMap(([q1, median, q3]) => [numberText(median), `${numberText(q1)} – ${numberText(q3)}`]);
-      return element("tr", {}, ...[dataset, codec, rate, clouds, ...cells].map((text) => element("td", {}, text)));
+      return element("tr", {}, ...[title(this.data.datasets, dataset), title(this.data.codecs, codec), rate, clouds, ...cells].map((text) => element("td", {}, text)));
     });
     const head = element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text)));
     return element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows));

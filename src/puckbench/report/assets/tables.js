@@ -2,6 +2,8 @@
 "use strict";
 
 const MOST_CHOICES = 30;
+const LONGEST = 40; // characters of a value that one can choose
+const FOLDED = { spread: "quartiles, 5 and 95 %", bookkeeping: "counts, versions, empty columns" }; // shown when asked for
 const byText = new Intl.Collator("en", { numeric: true }).compare; // r2 before r10
 
 function setUpTables() {
@@ -22,10 +24,13 @@ function setUpTable(table) {
   const controls = element("div", { class: "controls" }, wordsField(wanted, show));
   heads.forEach((head, column) => {
     const names = distinct(rows, column);
-    if (head.classList.contains("number") || names.length < 2 || names.length > MOST_CHOICES) return;
+    const short = names.length > 1 && names.length <= MOST_CHOICES && names.every((name) => name.length <= LONGEST);
+    if (!short || head.matches(".number, .bookkeeping")) return;
     controls.append(columnChoice(head.dataset.name, names, column, wanted, show));
   });
-  if (table.querySelector(".spread")) controls.append(spreadBox(table));
+  for (const [kind, words] of Object.entries(FOLDED)) {
+    if (table.querySelector(`.${kind}`)) controls.append(folding(table, kind, words));
+  }
   controls.append(counted);
   holder.before(controls);
   show();
@@ -88,8 +93,8 @@ function columnChoice(name, values, column, wanted, show) {
   });
 }
 
-function spreadBox(table) {
-  const show = (shown) => table.classList.toggle("without-spread", !shown);
+function folding(table, kind, words) {
+  const show = (shown) => table.classList.toggle(`without-${kind}`, !shown);
   show(false);
-  return box("quartiles, 5 and 95 %", false, show);
+  return box(words, false, show);
 }

@@ -10,7 +10,7 @@ function setUpViewer(data, host) {
 
 class Viewer {
   constructor(data, host) {
-    [this.data, this.host] = [data, host];
+    [this.data, this.host, host.viewer] = [data, host, this];
     this.state = { size: 0.4, height: 1, front: 0 };
     this.panes = ["Original", "Decoded", "Error"].map((name) => this.pane(name));
     this.bars = { height: element("div", { class: "colourbar" }), error: element("div", { class: "colourbar" }) };
@@ -18,7 +18,9 @@ class Viewer {
     const panes = element("div", { class: "panes" }, ...this.panes.map(({ figure }) => figure));
     host.append(this.controls, panes, element("div", { class: "colourbars" }, this.bars.height, this.bars.error));
     new ResizeObserver(() => this.redraw()).observe(panes);
-    this.open(0);
+    const { example, codec, rate } = data.start;
+    this.decoded = { codec, rate };
+    this.open(example);
   }
 
   pane(name) {
@@ -117,12 +119,12 @@ class Viewer {
   }
 
   drawBars() {
-    const { original, highest, decades, unit } = this.example;
+    const { original, ranges, unit } = this.example;
+    const [lowest, highest] = ranges[this.decoded?.codec] ?? [0, 0];
     const above = (share) => lengthText(share * original.extent[2], unit);
     colourBar(this.bars.height, this.data.maps.height, "Height", [0, 0.5, 1].map((share) => [share, above(share)]));
-    const shares = Array.from({ length: decades + 1 }, (_, n) => n / decades);
-    const error = (share) => lengthText(highest * 10 ** (decades * (share - 1)), unit);
-    const ticks = highest ? shares.map((share) => [share, share ? error(share) : `≤ ${error(share)}`]) : [[0, "0"]];
+    const error = (share) => lengthText(lowest * (highest / lowest) ** share, unit);
+    const ticks = highest ? [[0, `≤ ${error(0)}`], [0.5, error(0.5)], [1, `≥ ${error(1)}`]] : [[0, "0"]];
     colourBar(this.bars.error, this.data.maps.error, "Distance to the original", ticks);
   }
 

@@ -1,0 +1,99 @@
+"""When a run took place, how long it took, and which sources ran, as its own logs tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What the logs of a run's jobs tell of it.
+
+    Parameters
+    ----------
+    jobs
+        How many have ended.
+    processor_s
+        Seconds of processor time of all.
+    began, ended
+        Of the first and of the last one; None where no log tells.
+    busy_s
+        Seconds in which at least one job ran: pauses between interrupted runs do not count.
+    commits
+        Of the sources that ran, in the order of their first job.
+    """
+
+    jobs: int = 0
+    processor_s: float = 0.0
+    began: datetime | None = None
+    ended: datetime | None = None
+    busy_s: float = 0.0
+    commits: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, costs: Iterable[Mapping[str, Any]]) -> RunRecord:
+        """The record of jobs whose costs are given: see `puckbench.jobs.cost`."""
+        known = list(costs)
+        dated = sorted((c for c in known if "ended" in c), key=lambda cost: str(cost["ended"]))
+        ends = [datetime.fromisoformat(cost["ended"]).timestamp() for cost in dated]
+        spans = [(end - c["wall_s"], end) for end, c in zip(ends, dated, strict=True)]
+        commits = [str(cost["commit"]) for cost in dated if cost.get("commit")]
+        return cls(
+            jobs=len(known),
+            processor_s=sum(float(cost["processor_s"]) for cost in known),
+            began=_moment(min(spans)[0]) if spans else None,
+            ended=_moment(ends[-1]) if ends else None,
+            busy_s=_covered(spans),
+            commits=tuple(dict.fromkeys(commits)),
+        )
+
+    def facts(self) -> dict[str, str]:
+        """Date, duration and commit in words, by name; what is not known is left out."""
+        if not self.jobs:
+            return {}
+        work = f"{duration_text(self.processor_s)} of processor time in {self.jobs:,} jobs"
+        facts = {"Date": self._date(), "Duration": work, "Commit": ", ".join(self.commits)}
+        if self.ended:
+            facts["Duration"] = f"{duration_text(self.busy_s)}, {work}"
+        return {name: text for name, text in facts.items() if text}
+
+    def _date(self) -> str:
+        if self.began is None or self.ended is None:
+            return ""
+        first, last = date_text(self.began), date_text(self.ended)
+        return last if first == last else f"{first} to {last}"
+
+
+def _moment(timestamp: float) -> datetime:
+    return datetime.fromtimestamp(timestamp, UTC)
+
+
+def _covered(spans: Sequence[tuple[float, float]]) -> float:
+    """Length of the union of intervals."""
+    total, reached = 0.0, float("-inf")
+    for start, end in sorted(spans):
+        total += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return total
+
+
+def date_text(moment: datetime) -> str:
+    """A day in words, whatever the language of the system: 3 May 2026."""
+    return f"{moment.day} {_MONTHS[moment.month - 1]} {moment.year}"
+
+
+_MONTHS = (
+    *("January", "February", "March", "April", "May", "June", "July"),
+    *("August", "September", "October", "November", "December"),
+)
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in two units at most: 48 s, 14 min, 3 h 20 min."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60} min"
