@@ -99,10 +99,11 @@ def findings(
         Gives titles and orders.
     """
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
-    tables = metrics, deltas, scan_errors
-    datasets = style.ordered_datasets(metrics["dataset"])
     found = [
-        _of_dataset(name, *[_rows(table, name) for table in tables], style) for name in datasets
+        _of_dataset(
+            name, _rows(metrics, name), _rows(deltas, name), _rows(scan_errors, name), style
+        )
+        for name in style.ordered_datasets(metrics["dataset"])
     ]
     return Findings(tuple(found), anchor)
 
@@ -202,9 +203,11 @@ def _least(medians: pd.DataFrame, column: str, codec: str) -> Cell:
     own = medians.loc[codec].dropna()
     if own.empty:
         return Cell()
-    rate = min(ordered_rates(set(own.index)), key=lambda name: float(own.at[name, column]))
-    value, bpp = float(own.at[rate, column]), float(own.at[rate, "bpp"])
-    return Cell(distance_text(value, column), f"{rate}, {bpp:.3g} bpp", value)
+    values, bpp = (
+        dict(zip(own.index, own[name].tolist(), strict=True)) for name in (column, "bpp")
+    )
+    rate = min(ordered_rates(set(values)), key=lambda name: values[name])
+    return Cell(distance_text(values[rate], column), f"{rate}, {bpp[rate]:.3g} bpp", values[rate])
 
 
 def distance_text(value: float, column: str) -> str:
