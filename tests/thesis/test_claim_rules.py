@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,10 @@ from puckbench.thesis.claims.parts import FAILS, HOLDS, IN_PART, wanted
 from puckbench.thesis.claims.roles import RATES
 from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.published_rates import median_rows
-from tests.thesis.test_claims import BPP, CODECS, DATASETS, Curve, falling, result, run, statistics
+from tests.thesis import test_claims
+from tests.thesis.test_claims import BPP, CODECS, DATASETS, Curve, falling, result, statistics
+
+run = partial(test_claims.run, clouds=5)
 
 
 def holds(number: int, evidence: Evidence, statement: str) -> bool | None:
@@ -162,15 +166,51 @@ def test_6_a_codec_improves_when_its_last_error_is_below_its_first(
 
 def test_a_curve_without_error_or_of_one_rate_is_none() -> None:
     perfect = run({"draco": {"cd_plane": (5.0, 4.0, 3.0, 2.0, 1.0, 0.0)}})
-    assert needed(6, perfect).startswith("more rates or data sets of Draco")
+    assert needed(6, perfect).startswith("4 rates and 4 clouds or more of Draco")
     small = run({"draco": {"cd_plane": [0.9 * value for value in (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)]}})
     assert holds(6, small, "Draco improves") is True
-    table = small.metrics
+
+
+@pytest.mark.parametrize(("rates", "clouds", "told"), [(4, 4, True), (3, 4, None), (4, 3, None)])
+def test_four_rates_and_four_clouds_of_all_sets_together_make_a_curve(
+    rates: int, clouds: int, told: bool | None
+) -> None:
+    evidence = run({name: {"cd_plane": falling(4)} for name in ("gpcc_as_run", "pcgcv2")})
+    table = evidence.metrics
     assert table is not None
-    single = replace(small, metrics=table[table["rate"] == "r1"])
-    assert holds(6, single, "Draco improves") is None
-    two = replace(small, metrics=table[table["rate"].isin(["r1", "r2"])])
-    assert holds(6, two, "Draco improves") is True
+    number = table["cloud"].str[1:].astype(int) + 2 * (table["dataset"] == "noisy")
+    some = table["dataset"].isin(["objects", "noisy"]) & (number < clouds)
+    some &= (table["dataset"] == "noisy") | (number < 2)
+    some &= table["rate"].isin([f"r{place + 1}" for place in range(rates)])
+    few = replace(evidence, metrics=table[some])
+    assert few.clouds_of(DATASETS, "gpcc_as_run", "pcgcv2") == clouds
+    assert holds(6, few, "PCGCv2 improves") is told
+    assert holds(7, few, "PCGCv2 matches G-PCC as run") is told
+    assert holds(10, few, "PCGCv2 alike") is told
+
+
+def test_clouds_count_that_every_codec_has_coded() -> None:
+    evidence = run({name: {"cd_plane": falling(4)} for name in ("gpcc_as_run", "pcgcv2")})
+    table = evidence.metrics
+    assert table is not None
+    assert evidence.clouds_of(["clean", "noisy"], "pcgcv2") == 10
+    rest = table[(table["codec"] != "pcgcv2") | (table["cloud"] == "c3")]
+    fewer = replace(evidence, metrics=rest)
+    assert fewer.clouds_of(["clean", "noisy"], "pcgcv2", "gpcc_as_run") == 2
+    assert Evidence().clouds_of(["clean"], "pcgcv2") == Evidence().calls("pcgcv2") == 0
+
+
+@pytest.mark.parametrize(("clouds", "repeats", "calls"), [(5, None, 5), (4, None, 4), (2, 3, 6)])
+def test_9_counts_calls_over_clouds_and_repetitions(
+    clouds: int, repeats: int | None, calls: int
+) -> None:
+    evidence = run({"draco": {"encode_s": BPP, "decode_s": BPP}}, clouds=clouds)
+    assert evidence.metrics is not None
+    if repeats:
+        evidence.metrics["repeats"] = repeats
+    assert evidence.calls("draco") == calls
+    assert (holds(9, evidence, "Draco grows") is None) == (calls < 5)
+    assert ("5 timed calls" in needed(9, evidence)) == (calls < 5)
 
 
 def beside(ratios: Sequence[float], column: str = "cd_plane", **changes: Curve) -> Evidence:
@@ -183,7 +223,7 @@ def beside(ratios: Sequence[float], column: str = "cd_plane", **changes: Curve) 
     assert table is not None
     for dataset, values in more.items():
         rows = (table["dataset"] == dataset) & (table["codec"] == "pcgcv2")
-        table.loc[rows, column] = list(values[column])
+        table.loc[rows, column] = np.tile(values[column], rows.sum() // len(base))
     return evidence
 
 
@@ -207,7 +247,7 @@ def test_7_needs_bits_that_both_can_do_with() -> None:
     table = evidence.metrics
     assert table is not None
     table.loc[table["codec"] == "pcgcv2", "bpp"] *= 1000
-    assert "rates of both in a common range" in needed(7, evidence)
+    assert "4 rates of both and 4 clouds in a common range" in needed(7, evidence)
 
 
 @pytest.mark.parametrize(("last", "loses"), [(1.5, True), (1.0, False), (0.9, False)])
@@ -359,11 +399,11 @@ def test_14_quartiles_and_medians_of_point_counts(
     assert needed(14, fewer).startswith("captured rooms as clouds")
 
 
-def test_a_base_of_two_rates_tells_nothing() -> None:
+def test_a_base_of_three_rates_tells_nothing() -> None:
     evidence = beside((1.0,) * 6)
     table = evidence.metrics
     assert table is not None
-    for rates, ratios in ((["r2", "r3"], 0), (["r2", "r3", "r4"], 3)):
+    for rates, ratios in ((["r2", "r3", "r4"], 0), (["r2", "r3", "r4", "r5"], 4)):
         few = table[(table["codec"] == "pcgcv2") | table["rate"].isin(rates)]
         shuffled = few.sample(frac=1, random_state=1)
         found = replace(evidence, metrics=shuffled).at_equal_rate(
