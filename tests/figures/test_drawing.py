@@ -200,7 +200,7 @@ def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
 def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     panels = draw("truth_rd", metrics=metrics_table(12), scan_errors=scan_errors_table()).axes
     titles = [axes.get_title().replace("\n", " ") for axes in panels]
-    assert [title.removeprefix("S3DIS, virtual VLP-16: ") for title in titles] == [
+    assert [title.removeprefix("S3dis noisy: ") for title in titles] == [
         "to the scan",
         "to the clean scan",
         "to the truth",

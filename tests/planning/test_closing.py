@@ -25,7 +25,7 @@ def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     write_tables(tmp_path)
     lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", since=0))
     assert lines[1].split() == [
-        *("Rooms,", "raw", "Draco", "2", "0.5", "to", "4", "40", "to", "60", "+26", "%", "0.25")
+        *("Rooms", "raw", "Draco", "2", "0.5", "to", "4", "40", "to", "60", "+26", "%", "0.25")
     ]
     assert lines[2].split()[-4:] == ["50", "to", "50", "0.4"]  # no BD-rate against itself
     assert lines[3].endswith("BD-rate in D1 against G-PCC.")

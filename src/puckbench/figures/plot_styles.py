@@ -1,4 +1,4 @@
-"""How each codec and data set is shown: one title, colour and marker wherever it appears."""
+"""How each codec is shown: one title, colour and marker wherever it appears."""
 
 from __future__ import annotations
 
@@ -32,17 +32,6 @@ class PlotStyle:
 _OTHER_COLOURS = ("#44AA99", "#AA4499", "#DDAA33", "#117733", "#BB5566", "#6699CC", "#5D4037")
 _OTHER_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "d", "<", ">")
 _OTHER_LINES: tuple[Line, ...] = (":", "--", "-.")
-
-DATASET_TITLES: dict[str, str] = {
-    "capod": "CAPOD",
-    "s3dis": "S3DIS",
-    "s3dis_raw": "S3DIS",
-    "s3dis_clean": "S3DIS, virtual VLP-16 (no\u00a0noise)",
-    "s3dis_noisy": "S3DIS, virtual VLP-16",
-    "rooms_raw": "Rooms, raw",
-    "rooms_clean": "Rooms, virtual VLP-16 (no\u00a0noise)",
-    "rooms_noisy": "Rooms, virtual VLP-16",
-}
 
 
 def codec_style(codec: str) -> PlotStyle:
@@ -82,6 +71,6 @@ def _of_name(codec: str) -> PlotStyle:
 
 
 def dataset_title(dataset: str) -> str:
-    """Title of a data set: that of the table above, else its name in words."""
+    """Title of a data set to which the configuration gives none: its name in words."""
     words = dataset.replace("_", " ")
-    return DATASET_TITLES.get(dataset, words[:1].upper() + words[1:])
+    return words[:1].upper() + words[1:]
