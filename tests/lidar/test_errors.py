@@ -6,7 +6,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import error_model_names, load_sensor, open_error_model
-from puckbench.lidar.errors import Draws, ErrorModel, Hits
+from puckbench.lidar.errors import Draws, ErrorModel, Hits, described
 from puckbench.lidar.sweep import Sweep
 
 VLP16 = load_sensor("vlp16")
@@ -186,3 +186,18 @@ def test_an_unknown_model_or_option_is_named_in_one_line(
         open_error_model(name, options)
     assert fault in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_streams_have_their_numbers_by_name_and_go_on() -> None:
+    """The numbers themselves: other ones would change every scan."""
+    draws = Draws(np.random.default_rng(0))
+    assert draws.fixed("ray").integers(10**6, size=3).tolist() == [842967, 948836, 172850]
+    assert draws.running("ray").integers(10**6, size=2).tolist() == [842967, 948836]
+    assert draws.running("ray").integers(10**6) == 172850
+    assert draws.fixed("frame").integers(10**6) == 665880
+
+
+def test_a_model_is_described_by_its_class_and_parameters() -> None:
+    found = described(open_error_model("vlp16", {"ray_mean_m": 0.002}))
+    assert found["model"] == "Vlp16"
+    assert found["ray_mean_m"] == 0.002

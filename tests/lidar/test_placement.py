@@ -1,21 +1,98 @@
 """Places where a sensor cannot stand, and those that only look like it."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import pdist
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, SceneObject
 from puckbench.io.meshes import write_mesh
 from puckbench.lidar import ScanJob, ScanTable, Sweep, load_sensor, open_error_model, open_sweep
+from puckbench.lidar.placement import check_free, check_untouched, seen_around
 from tests.support.sensor_scenes import box, joined, quad, room
 
 TURN = open_sweep({"preset": "spin", "azimuth_step_deg": 1.0})
+
+
+@dataclass
+class Around:
+    """A ray caster's answers: distances in the 256 directions that are looked in, or to a wall."""
+
+    distances: Floats
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    surfaces: None = None
+    directions: list[Floats] = field(default_factory=list)
+
+    def met(self, starts: Floats, directions: Floats) -> tuple[Floats, Floats]:
+        self.directions.append(directions)
+        return self.distances[: len(directions)], np.zeros(len(directions), np.uint32)
+
+    def clearances(self, places: Floats) -> Floats:
+        return places[:, 0]
+
+
+STAYS = (np.zeros(1), np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize(
+    ("hits", "reach", "fault"),
+    [
+        (256, 1.0, ""),
+        (256, 0.99, "is shut in: it sees 0.99 m far"),
+        (129, np.inf, ""),
+        (128, np.inf, "is outside the scene: 50% of all directions"),
+    ],
+)
+def test_inside_is_where_most_directions_meet_something_and_one_metre_away(
+    hits: int, reach: float, fault: str
+) -> None:
+    distances = np.where(np.arange(256) < hits, 0.5, np.inf)
+    distances[-1] = reach
+    caster: Any = Around(distances)
+    if fault:
+        with pytest.raises(InputError, match=fault):
+            check_free(caster, *STAYS)
+    else:
+        check_free(caster, *STAYS)
+
+
+def test_directions_are_spread_evenly_over_the_sphere() -> None:
+    """256 caps of equal area on hexagons would be 0.24 apart."""
+    caster: Any = Around(np.ones(256))
+    seen_around(caster, np.zeros(3))
+    (directions,) = caster.directions
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(1)
+    assert directions.mean(axis=0) == pytest.approx(0, abs=0.01)
+    assert directions.T @ directions / 256 == pytest.approx(np.eye(3) / 3, abs=0.01)
+    assert pdist(directions).min() > 0.19
+
+
+def test_a_millimetre_is_the_least_clearance() -> None:
+    caster: Any = Around(np.ones(1))
+    check_untouched(caster, np.array([[0.0011, 0, 0]]))
+    with pytest.raises(InputError, match=r"the sensor at \[0.0009, 0.0, 0.0\] touches the mesh"):
+        check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0]]))
+
+
+@pytest.mark.parametrize(("wall_m", "fault"), [(1.99, True), (2.0, False)])
+def test_a_way_is_free_up_to_the_next_surface(wall_m: float, fault: bool) -> None:
+    caster: Any = Around(np.full(256, wall_m))
+    places = np.array([[0.0, 0, 0], [0, 0, 0], [0, 2, 0]])
+    way = (np.array([0.0, 1, 4]), places)
+    if fault:
+        with pytest.raises(InputError, match="goes through a surface between 1 and 4 s"):
+            check_free(caster, *way)
+    else:
+        check_free(caster, *way)
+        assert caster.directions[-1].tolist() == [[0, 1, 0]]
 
 
 def scanned(
