@@ -22,3 +22,7 @@ def test_chamfer_psnr_takes_the_diameter_as_peak() -> None:
 
 def test_mpeg_psnr_has_a_factor_of_three() -> None:
     assert mpeg_psnr({"d1_mse": 3.0}, peak=100.0) == pytest.approx({"d1_psnr": 40.0})
+
+
+def test_without_a_width_nothing_is_good() -> None:
+    assert psnr(1.0, 0.0) == -math.inf

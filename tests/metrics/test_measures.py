@@ -1,0 +1,86 @@
+"""All measures of a decoded cloud at once, on clouds whose errors are known."""
+
+import numpy as np
+import pytest
+
+from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.mesh import Mesh
+from puckbench.metrics.measures import measures, picture_measures, truth_measures
+
+GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
+UP = np.tile([0.0, 0, 1], (len(GRID), 1))
+RAISED = GRID + np.array([0, 0, 0.5])
+ABOUT = {"scale": 10.0, "offset": [1.0, 2.0, 3.0], "size": 1024}
+FLOOR_M = Mesh(
+    np.array([[0.0, 0, 3], [9, 0, 3], [9, 9, 3], [0, 9, 3]]), np.array([[0, 1, 2], [0, 2, 3]])
+)
+"""The plane of the grid in metres, 3 m above the origin."""
+
+
+def test_a_raised_grid_in_decibels_and_metres() -> None:
+    """Half a grid unit is 5 cm; the grid's diagonal is its diameter."""
+    found = measures(PointCloud(GRID, UP, about=ABOUT), RAISED)
+    assert found["d1_mse"] == found["d2_mse"] == 0.25
+    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / 0.25))
+    assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(11**2 * 2 / 0.25))
+    assert found["d1_rms_m"] == found["hausdorff_plane_m"] == pytest.approx(0.05)
+
+
+def test_peak_and_diameter_may_be_given() -> None:
+    wide = PointCloud(GRID, about={**ABOUT, "diameter": 100.0})
+    found = measures(wide, RAISED, peak=100.0)
+    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 100**2 / 0.25))
+    assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(100**2 / 0.25))
+    assert "d2_psnr" not in found
+
+
+def test_a_psnr_without_a_peak_or_an_error_is_left_out() -> None:
+    unknown = measures(PointCloud(GRID), RAISED)
+    assert "d1_psnr" not in unknown
+    assert unknown["d1_rms_m"] == 0.5
+    assert not [name for name in measures(PointCloud(GRID, about=ABOUT), GRID) if "psnr" in name]
+
+
+def test_pictures_and_colours_are_measured_where_there_are_some() -> None:
+    grey = np.full((len(GRID), 3), 100, np.uint8)
+    plain, coloured = PointCloud(GRID), PointCloud(GRID, colours=grey)
+    assert picture_measures(plain, plain, 0, {}) == {}
+    assert (
+        picture_measures(plain, coloured, 0, {}) == picture_measures(coloured, plain, 0, {}) == {}
+    )
+    both = picture_measures(coloured, coloured, 0, {"cd_plane": 2.0})
+    assert both["joint_quality"] == pytest.approx(0.6597 * 2)
+    assert "y_psnr" not in both
+    pictures = picture_measures(plain, PointCloud(RAISED[1:]), 32, {})
+    assert pictures["view_pixels"] == 32
+
+
+def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -> None:
+    """The grid lies on the floor; decoded points half a unit, 5 cm, above it."""
+    reference = PointCloud(GRID, about=ABOUT)
+    decoded = RAISED + np.array([0.25, 0, 0])
+    for known in ({"seen": PointCloud(GRID, UP), "clean": None}, {"seen": None, "clean": None}):
+        found = truth_measures(reference, decoded, FLOOR_M, **known)
+        assert found["truth_acd_ba_plane"] == pytest.approx(0.25)
+        assert found["truth_acd_ba_point"] == pytest.approx(0.25)
+        assert found["truth_points_a"] == len(GRID)
+    surface = PointCloud(GRID, UP)
+    points = truth_measures(reference, decoded, surface, None, None)
+    assert points["truth_acd_ba_point"] == pytest.approx(0.25 + 0.0625)
+    assert points["truth_hausdorff_plane_m"] == pytest.approx(0.05)
+    some = truth_measures(reference, decoded, surface, PointCloud(GRID[:9], UP[:9]), None)
+    assert some["truth_points_a"] == 9
+
+
+def test_a_clean_scan_is_compared_as_well() -> None:
+    clean = PointCloud(GRID, UP)
+    found = truth_measures(PointCloud(GRID), RAISED, None, PointCloud(GRID[:9]), clean)
+    assert found["truth_points_a"] == len(GRID)
+    assert found["clean_acd_ba_plane"] == found["truth_acd_ba_plane"] == 0.25
+
+
+def test_without_a_scale_units_are_metres_at_the_origin() -> None:
+    flat = Mesh(FLOOR_M.vertices - [0, 0, 3], FLOOR_M.triangles)
+    found = truth_measures(PointCloud(GRID[:5]), RAISED[:5], flat, None, None)
+    assert found["truth_d2_rms_m"] == pytest.approx(0.5)
+    assert found["truth_points_a"] == 5
