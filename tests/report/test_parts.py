@@ -309,7 +309,8 @@ def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
     table = pd.DataFrame(
         {"dataset": ["s3dis"], "codec": ["gpcc"], "clouds": [2], "bd_rate_percent": [1.0]}
     )
-    made = table_html(table.assign(bd_rate_percent_low=0.5, thing_m=1.0))
+    style = FigureStyle(dataset_titles={"s3dis": "S3DIS"})
+    made = table_html(table.assign(bd_rate_percent_low=0.5, thing_m=1.0), style=style)
     heads = re.findall(r'<th scope="col" title="(\w+)"[^>]*>([^<]+)<small>([^<]*)</small>', made)
     assert heads == [
         ("dataset", "Data set", ""),
