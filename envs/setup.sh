@@ -119,7 +119,16 @@ make_venv() {
 
 pip_install() { # --no-build-isolation: what has no wheel is built with the pinned setuptools too
     PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_USE_PEP517=1 \
-        .venv/bin/python -m pip install --quiet --no-build-isolation "$@"
+        .venv/bin/python -m pip install --no-build-isolation "$@" >.venv/.pip.log 2>&1 && return
+    grep '^ERROR' .venv/.pip.log >&2 || tail -n 20 .venv/.pip.log >&2
+    return 1
+}
+
+tell() { # packages: how far pip is, while it runs
+    while sleep 15 >/dev/null 2>&1; do
+        if grep -q '^Installing collected' .venv/.pip.log; then say "unpacking"; continue; fi
+        say "$(grep -cE '^(Collecting|Requirement already)' .venv/.pip.log) of about $1 packages are here"
+    done
 }
 
 hash_of() {
@@ -137,8 +146,12 @@ install_locks() { # names: the packages of envs/<name>.lock, all in one go
     say "installing the pinned packages of$new into .venv (1.5 GB at first, torch more; takes minutes)"
     : >.venv/.installing
     pip_install "$(grep '^setuptools==' envs/requirements.lock)"
+    # shellcheck disable=SC2046  # one word per lock
+    tell "$(cat $(printf 'envs/%s.lock ' "$@") | grep -c '^[A-Za-z]')" &
+    trap 'kill $! 2>/dev/null' EXIT
     # shellcheck disable=SC2046  # two words per lock
     pip_install $(printf -- '--requirement envs/%s.lock ' "$@")
+    kill $!
     rm .venv/.installing
     for name in "$@"; do mark_done "$name" "$key"; done
 }
