@@ -56,7 +56,7 @@ def codecs() -> str:
     options = _table(
         ["codec", "title", "what", "options and their defaults"],
         (
-            (f"`{name}`", codec.title, _first_sentence(codec), _options(codec.Options))
+            (f"`{name}`", codec.title, _first_sentence(codec), _lines(codec.Options))
             for name, codec in shown.items()
         ),
     )
@@ -69,14 +69,14 @@ def trainings() -> str:
     from puckbench.core.registry import load
 
     shown = {name: load(training_class(name), name) for name in codecs() if has_weights(name)}
-    return _plugins("codec", shown)
+    return _plugins(shown)
 
 
 def error_models() -> str:
     """Every error model with what it does, and its parameters."""
     from puckbench.lidar.errors import ERROR_MODELS
 
-    return _plugins("model", {name: ERROR_MODELS.get(name) for name in ERROR_MODELS.names()})
+    return _plugins({name: ERROR_MODELS.get(name) for name in ERROR_MODELS.names()})
 
 
 def sensors() -> str:
@@ -109,7 +109,7 @@ def data_sets() -> str:
     """Every loader with what it reads, and its options."""
     from puckbench.datasets.registry import LOADERS
 
-    return _plugins("loader", {name: LOADERS.get(name) for name in sorted(LOADERS.names())})
+    return _plugins({name: LOADERS.get(name) for name in sorted(LOADERS.names())})
 
 
 def tables() -> str:
@@ -150,20 +150,38 @@ def _table(titles: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     )
 
 
-def _plugins(kind: str, plugins: Mapping[str, Any]) -> str:
-    return _table(
-        [kind, "what", "options and their defaults"],
-        (
-            (f"`{name}`", _first_sentence(plugin), _options(plugin, tuple(plugins.values())))
-            for name, plugin in plugins.items()
-        ),
+def _plugins(plugins: Mapping[str, Any]) -> str:
+    """A section for each plug-in: what it is, and its options."""
+    names = {plugin: name for name, plugin in plugins.items()}
+    return "\n\n".join(
+        f"## `{name}`\n\n{_renamed(_first_sentence(plugin), names)}\n\n{_grouped(plugin, names)}"
+        for name, plugin in plugins.items()
     )
 
 
-def _options(model: Any, others: tuple[Any, ...] = ()) -> str:
-    """The options of a pydantic model or a data class, one to a line.
+def _renamed(text: str, names: Mapping[Any, str]) -> str:
+    """A text that names plug-ins as a configuration does, not by their classes."""
+    classes = {plugin.__name__: name for plugin, name in names.items()}
+    return re.sub(r"`(\w+)`", lambda found: f"`{classes.get(found[1], found[1])}`", text)
 
-    Those that it shares with one of the others are explained there.
+
+def _grouped(model: Any, names: Mapping[Any, str]) -> str:
+    """The options of a plug-in as a list, those of one meaning together, and shared ones last."""
+    groups: dict[str, list[str]] = {}
+    for name, default, meaning in _options(model, tuple(names)):
+        groups.setdefault(meaning, []).append(f"`{name}` ({default})")
+    shared = groups.pop("", [])
+    lines = [f"* {', '.join(options)}: {meaning}" for meaning, options in groups.items()]
+    if shared:
+        bases = [f"`{names[kind]}`" for kind in model.__mro__[1:] if kind in names]
+        lines.append(f"* {', '.join(shared)}{f': as in {bases[0]}' if bases else ''}")
+    return "\n".join(lines)
+
+
+def _options(model: Any, others: tuple[Any, ...] = ()) -> list[tuple[str, str, str]]:
+    """Name, default and meaning of the options of a pydantic model or a data class.
+
+    Those that it shares with one of the others have no meaning here: they are explained there.
     """
     if dataclasses.is_dataclass(model):
         shown = {field.name: (_default(field), None) for field in dataclasses.fields(model)}
@@ -173,10 +191,17 @@ def _options(model: Any, others: tuple[Any, ...] = ()) -> str:
             for name, field in model.model_fields.items()
         }
     meant = _parameters(kind for kind in model.__mro__ if kind is model or kind not in others)
-    return "<br>".join(
-        f"`{name}` {_value(default)}"
-        + "".join(f": {text}" for text in [about or meant.get(name)] if text)
+    return [
+        (name, _value(default), about or meant.get(name, ""))
         for name, (default, about) in shown.items()
+    ]
+
+
+def _lines(model: Any) -> str:
+    """The options of a model, one to a line of a table."""
+    return "<br>".join(
+        f"`{name}` {default}{f': {meaning}' if meaning else ''}"
+        for name, default, meaning in _options(model)
     )
 
 
@@ -216,7 +241,9 @@ def _rates(rates: Mapping[str, Any]) -> str:
 
 
 def _first_sentence(target: Any) -> str:
-    return re.split(r"(?<=[.:])\s", " ".join((target.__doc__ or "").split()))[0].replace("``", "`")
+    words = " ".join((target.__doc__ or "").split())
+    sentence = re.split(r"(?<=[.:])\s", words)[0].replace("``", "`")
+    return re.sub(r":$", ".", sentence)
 
 
 def _sentence(text: str) -> str:
