@@ -3,10 +3,12 @@
 import json
 import subprocess
 import sys
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
 
+from puckbench.core.environment import source_commit
 from puckbench.core.errors import InputError
 from puckbench.planning.job_times import JobKind, JobTime, Measurements, estimated, read_job_times
 
@@ -110,6 +112,8 @@ def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
     cost = json.loads(done.stdout)
     assert cost["job"] == "scan"
     assert cost["peak_mib"] >= 200
+    assert datetime.fromisoformat(cost["ended"]).utcoffset() == timedelta(0)
+    assert cost.get("commit", "") == source_commit()
     assert 0.02 < cost["processor_s"] <= cost["wall_s"] * 1.5
 
 

@@ -291,6 +291,16 @@ def test_nothing_is_wider_than_the_window(opened: Opened, width: int) -> None:
     page.show(1280, 900)
 
 
+def test_on_a_telephone_a_click_makes_a_figure_larger_than_the_screen(opened: Opened) -> None:
+    page = opened.page
+    page.show(390, 800)
+    page.click("#figure-fig_6_6 .enlarge")
+    assert page.run("document.querySelector('dialog img').clientWidth") > 2 * 390
+    assert page.run("document.documentElement.scrollWidth") <= 390
+    page.run("document.querySelector('dialog').close()")
+    page.show(1280, 900)
+
+
 def test_in_the_dark_no_figure_has_a_white_ground(opened: Opened) -> None:
     page = opened.page
     right = "#figure-fig_6_6 img"  # which is white on its right side
@@ -315,6 +325,17 @@ def test_without_webgl_the_clouds_are_drawn_all_the_same(opened: Opened, tmp_pat
         assert page.run("document.querySelector('canvas').getContext('webgl')") is None
         assert _drawn(page.picture(".pane:nth-child(3) canvas")) > 1000
         assert page.faults == []
+
+
+def test_the_date_is_that_of_the_jobs_logs_and_not_of_the_page_s_own(tmp_path: Path) -> None:
+    for name, job, end in (("a", "encode", "2026-05-03"), ("report", "report", "2026-06-01")):
+        cost = {"job": job, **COST, "ended": f"{end}T10:00:00+00:00"}
+        (tmp_path / f"{name}.log").write_text(f"words\n{json.dumps(cost)}\n")
+    (tmp_path / "failed.log").write_text("puckbench: no such file\n")
+    page = tmp_path / "page.html"
+    assert main(["report", str(page), "--contents", json.dumps({"logs": str(tmp_path)})]) == 0
+    assert "<dt>Date</dt><dd>3 May 2026</dd>" in page.read_text(encoding="utf-8")
+    assert "in 1 jobs" not in page.read_text(encoding="utf-8")
 
 
 def test_the_command_writes_a_page_of_what_there_is(

@@ -250,7 +250,7 @@ def test_the_record_of_a_run_is_read_from_the_costs_of_its_jobs() -> None:
 
 def test_of_logs_that_tell_no_date_the_record_has_the_work_alone() -> None:
     record = RunRecord.of([{"wall_s": 1.0, "processor_s": 2.0}])
-    assert record.facts() == {"Duration": "2 s of processor time in 1 jobs"}
+    assert record.facts() == {"Duration": "2 s of processor time in 1 job"}
     assert RunRecord.of([]).facts() == {}
 
 

@@ -54,7 +54,8 @@ class RunRecord:
         """Date, duration and commit in words, by name; what is not known is left out."""
         if not self.jobs:
             return {}
-        work = f"{duration_text(self.processor_s)} of processor time in {self.jobs:,} jobs"
+        jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"
+        work = f"{duration_text(self.processor_s)} of processor time in {jobs}"
         facts = {"Date": self._date(), "Duration": work, "Commit": ", ".join(self.commits)}
         if self.ended:
             facts["Duration"] = f"{duration_text(self.busy_s)}, {work}"

@@ -48,10 +48,10 @@ def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     behind the sensor, ceiling and side walls included, which are removed before anything is
     measured.
 
-    Points are coloured by the elevation of their laser, blue being low; at most 60,000 of a scan
-    are drawn, chosen with a fixed seed, those of the measured part of wall and floor denser than
-    the others. The title says whether the data are a capture (where there is one) or the virtual
-    sensor, whose room is 5 m wide and 2.6 m high.
+    Points are coloured by the elevation of their laser; at most 60,000 of a scan are drawn, chosen
+    with a fixed seed, those of the measured part of wall and floor denser than the others. The
+    title says whether the data are a capture (where there is one) or the virtual sensor, whose room
+    is 5 m wide and 2.6 m high.
     """
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
