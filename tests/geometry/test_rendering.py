@@ -10,7 +10,6 @@ from puckbench.geometry.rendering import (
     View,
     render_cloud,
     three_quarter_view,
-    tile,
 )
 
 FROM_ABOVE = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), height=4.0)
@@ -51,9 +50,3 @@ def test_a_view_shows_the_whole_box() -> None:
 def test_view_along_its_up_direction_is_refused() -> None:
     with pytest.raises(InputError, match="up"):
         View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)).axes()
-
-
-def test_tile_places_images_row_by_row() -> None:
-    sheet = tile([np.full((2, 3, 3), value, dtype=np.uint8) for value in (10, 20, 30)], 2, gap=1)
-    assert sheet.shape == (5, 7, 3)
-    assert [sheet[0, 0, 0], sheet[0, 4, 0], sheet[3, 0, 0], sheet[3, 4, 0]] == [10, 20, 30, 255]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,15 +175,3 @@ def _splat(projected: Floats, colours: Image, radius: int, depth: Floats, pictur
                 if inside and distance < depth[y, x]:
                     depth[y, x] = distance
                     picture[y, x] = colours[index]
-
-
-def tile(images: Sequence[Image], columns: int, gap: int = 4) -> Image:
-    """Contact sheet of equally sized images (h, w, 3), row by row, on white."""
-    height, width, _ = images[0].shape
-    rows = -(-len(images) // columns)
-    shape = (rows * (height + gap) - gap, columns * (width + gap) - gap, 3)
-    sheet = np.full(shape, 255, dtype=np.uint8)
-    for index, image in enumerate(images):
-        top, left = (index // columns) * (height + gap), (index % columns) * (width + gap)
-        sheet[top : top + height, left : left + width] = image
-    return sheet
