@@ -199,7 +199,7 @@ def test_an_interval_repeats_and_does_not_hang_on_the_other_codecs() -> None:
 @pytest.mark.parametrize(
     ("anchor", "metric", "fault"),
     [
-        ("z", "d1_psnr", "no results of the anchor 'z' .there are a, b"),
+        ("z", "d1_psnr", "no results of the anchor 'z' .known: a, b"),
         ("a", "psnr", "no column 'psnr'"),
     ],
 )

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from puckbench.geometry.mesh import Primitive
-from puckbench.metrics.primitives import differences, distances, in_metres
+from puckbench.geometry.mesh import Primitive, in_metres
+from puckbench.metrics.primitives import differences, distances
 from puckbench.scenes.surfaces import Shape, grid, primitive
 
 UP = [0.0, 0.0, 1.0]

@@ -57,7 +57,7 @@ def test_the_users_configuration_is_not_changed() -> None:
             {"scenes": "a", "make": "scan"},
             "'bad name', but must be a name",
         ),
-        (("results",), "my results", "results is 'my results', but must be a name that matches"),
+        (("results",), "my;results", "results is 'my;results', but must be a name that matches"),
         (
             ("codecs",),
             {"x": {"rates": {"r 1": {}}}},

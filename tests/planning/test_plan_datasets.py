@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,9 +12,18 @@ from puckbench.jobs.evaluate import Evaluate
 from puckbench.jobs.scan import Scan
 from puckbench.planning.workflow import Workflow
 
+CLOUDS = """
+from puckbench.datasets.base import GeneratedSet
 
-def workflow(**settings: Any) -> Workflow:
-    rooms = {"loader": "embedded_rooms", "select": ["office_1"]}
+
+class Clouds(GeneratedSet):
+    def names(self):
+        return ["office_1"]
+"""
+
+
+def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
+    rooms = {"loader": loader, "select": ["office_1"]}
     dataset = {"scenes": "rooms", "make": "scan", **settings}
     return Workflow({"scenes": {"rooms": rooms}, "datasets": {"d": dataset}})
 
@@ -23,14 +33,23 @@ def test_a_scan_from_anywhere_is_asked_for() -> None:
     assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d", "c").record).anywhere
 
 
-def test_the_peak_of_a_grid_is_each_clouds_own() -> None:
+def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
+    (tmp_path / "clouds.py").write_text(CLOUDS)
+
     def peak(**settings: Any) -> float | None:
         job = workflow(**settings).coding.evaluate("d", "draco", "r1")
         return Evaluate.model_validate_json(job.record).peak
 
     assert peak() == 1023
     assert peak(size=512) == 511
-    assert peak(size="grid", make="cloud") is None
+    loader = f"{tmp_path}/clouds.py:Clouds"
+    assert peak(loader=loader, size="grid", make="cloud") is None
+
+
+def test_meshes_are_not_coded_as_clouds() -> None:
+    fault = r"datasets.d.make is 'cloud', but embedded_rooms has meshes: sample or scan"
+    with pytest.raises(InputError, match=fault):
+        workflow(make="cloud")
 
 
 def test_only_clouds_come_on_a_grid() -> None:

@@ -16,7 +16,7 @@ rule sample:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs sample {params.record:q} mesh={input.scene} cloud={output.cloud} > {log} 2>&1"
+        "python -m puckbench.jobs sample {params.record:q} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
 
 
 rule prepare:
@@ -31,7 +31,7 @@ rule prepare:
     params:
         record=lambda w: clouds.prepare(w.dataset).record,
         code=lambda w: clouds.prepare(w.dataset).code,
-        box=lambda w, input: f"box={input.about}" if clouds.is_cropped(w.dataset) else "",
+        box=lambda w, input: files_of({"box": input.about} if clouds.is_cropped(w.dataset) else {}),
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
@@ -40,5 +40,5 @@ rule prepare:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs prepare {params.record:q} source={input.source} cloud={output.cloud}"
-        " truth={output.truth} about={input.about} {params.box} > {log} 2>&1"
+        "python -m puckbench.jobs prepare {params.record:q} source={input.source:q} cloud={output.cloud:q}"
+        " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"

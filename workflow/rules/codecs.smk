@@ -23,8 +23,8 @@ rule encode:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} python -m puckbench.jobs encode {params.record:q} cloud={input.cloud} stream={output.stream}"
-        " > {log} 2>&1"
+        "{params.timed} python -m puckbench.jobs encode {params.record:q} cloud={input.cloud:q} stream={output.stream:q}"
+        " > {log:q} 2>&1"
 
 
 rule decode:
@@ -44,4 +44,4 @@ rule decode:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs decode {params.record:q} stream={input.stream} cloud={output.cloud} > {log} 2>&1"
+        "python -m puckbench.jobs decode {params.record:q} stream={input.stream:q} cloud={output.cloud:q} > {log:q} 2>&1"

@@ -1,6 +1,7 @@
 # The checked configuration, the plan of what it asks for, and helpers of the rules.
 import gc
 import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def one_of(names):
 
 def files_of(files):
     """Words `key=FILE` of a job's optional inputs."""
-    return " ".join(f"{key}={file}" for key, file in files.items())
+    return shlex.join(f"{key}={file}" for key, file in files.items())
 
 
 bench = or_stop(Workflow, config, True)

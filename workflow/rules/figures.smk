@@ -23,7 +23,7 @@ for figure, inputs in outputs.figures.items():
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs figure {params.record:q} out={output.pdf} {output.png} > {log} 2>&1"
+            "python -m puckbench.jobs figure {params.record:q} out={output.pdf:q} {output.png:q} > {log:q} 2>&1"
 
 
 FIGURES = [f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")]

@@ -20,8 +20,8 @@ rule evaluate:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "{params.timed} python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud}"
-        " decoded={input.stream} row={output} {params.truth} > {log} 2>&1"
+        "{params.timed} python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud:q}"
+        " decoded={input.stream:q} row={output:q} {params.truth} > {log:q} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.
@@ -44,8 +44,8 @@ rule scan_error:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud} decoded={input.cloud}"
-        " row={output} {params.truth} > {log} 2>&1"
+        "python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud:q} decoded={input.cloud:q}"
+        " row={output:q} {params.truth} > {log:q} 2>&1"
 
 
 # Geometric primitives of a stream's surface against those that the scene is made of.
@@ -69,5 +69,5 @@ rule recovery:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs recovery {params.record:q} stream={input.stream} points={input.points}"
-        " scene={input.scene} row={output} > {log} 2>&1"
+        "python -m puckbench.jobs recovery {params.record:q} stream={input.stream:q} points={input.points:q}"
+        " scene={input.scene:q} row={output:q} > {log:q} 2>&1"

@@ -15,4 +15,4 @@ rule report_page:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs report {params.record:q} page={output} > {log} 2>&1"
+        "python -m puckbench.jobs report {params.record:q} page={output:q} > {log:q} 2>&1"

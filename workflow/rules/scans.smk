@@ -16,4 +16,4 @@ rule scan:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs scan {params.record:q} mesh={input.scene} table={output} > {log} 2>&1"
+        "python -m puckbench.jobs scan {params.record:q} mesh={input.scene:q} table={output:q} > {log:q} 2>&1"

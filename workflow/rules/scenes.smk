@@ -16,4 +16,4 @@ rule scene:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs scene {params.record:q} scene={output.scene} > {log} 2>&1"
+        "python -m puckbench.jobs scene {params.record:q} scene={output.scene:q} > {log:q} 2>&1"

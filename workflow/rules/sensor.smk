@@ -15,7 +15,7 @@ if plan.study is not None:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs residuals {params.record:q} table={output} > {log} 2>&1"
+            "python -m puckbench.jobs residuals {params.record:q} table={output:q} > {log:q} 2>&1"
 
     rule capture_residuals:
         input:
@@ -33,7 +33,7 @@ if plan.study is not None:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs capture_residuals {params.record:q} capture={input:q} table={output} > {log} 2>&1"
+            "python -m puckbench.jobs capture_residuals {params.record:q} capture={input:q} table={output:q} > {log:q} 2>&1"
 
     rule wall_points:
         output:
@@ -49,7 +49,7 @@ if plan.study is not None:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs wall_points {params.record:q} table={output} > {log} 2>&1"
+            "python -m puckbench.jobs wall_points {params.record:q} table={output:q} > {log:q} 2>&1"
 
     # Made when it is asked for: not every set of captures tells all of its parameters.
     rule calibration:
@@ -67,7 +67,7 @@ if plan.study is not None:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs calibrate {{}} residuals={input} model={output} > {log} 2>&1"
+            "python -m puckbench.jobs calibrate {{}} residuals={input:q} model={output:q} > {log:q} 2>&1"
 
     # Tables of several models or recordings as one.
     for table, joined in study.joined_tables().items():

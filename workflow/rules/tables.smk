@@ -45,7 +45,7 @@ for table, inputs in outputs.tables.items():
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs table {params.record:q} out={output.csv} {output.parquet} > {log} 2>&1"
+            "python -m puckbench.jobs table {params.record:q} out={output.csv:q} {output.parquet:q} > {log:q} 2>&1"
 
 
 STUDY_TABLES = [

@@ -21,8 +21,8 @@ rule weights:
     conda:
         "../../envs/puckbench.yaml"
     shell:
-        "python -m puckbench.jobs train {params.record:q} clouds={input.clouds} weights={output.weights}"
-        " validate={input.validate} > {log} 2>&1"
+        "python -m puckbench.jobs train {params.record:q} clouds={input.clouds:q} weights={output.weights:q}"
+        " validate={input.validate:q} > {log:q} 2>&1"
 
 
 TRAINED = [

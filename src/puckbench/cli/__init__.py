@@ -42,16 +42,21 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0, or 2 after a one-line message when the input cannot be used."""
+    """Run one command; 0, or 2 after a one-line message when the input cannot be used.
+
+    Interrupted by the user it ends with 130, as a shell's own commands do.
+    """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    parser, name = _parser(given)
-    options = parser.parse_args(given)
     try:
+        parser, name = _parser(given)
+        options = parser.parse_args(given)
         answer = _run(name, options, parser)
         if answer is not None:
             _show(json.dumps(answer, allow_nan=False) if options.json else _table(answer))
     except InputError as error:
         return _fail(str(error))
+    except KeyboardInterrupt:
+        return _fail("interrupted", status=130)
     return 0
 
 
@@ -78,7 +83,11 @@ def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
         if command == name:
             _command(command).arguments(sub)
             sub.add_argument("--json", action="store_true", help="print one JSON object")
-    return parser, name if name in COMMANDS else None
+    if name is not None and name not in COMMANDS:
+        from puckbench.core.models import among
+
+        parser.error(f"unknown command '{name}'{among(name, COMMANDS)}")
+    return parser, name
 
 
 def _command(name: str) -> ModuleType:
@@ -104,6 +113,6 @@ def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _fail(message: str) -> int:
+def _fail(message: str, status: int = 2) -> int:
     print(f"puckbench: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
-    return 2
+    return status

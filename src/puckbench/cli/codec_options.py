@@ -6,7 +6,9 @@ import argparse
 from typing import Any
 
 from puckbench.cli.types import json_object
+from puckbench.core.models import parsed
 from puckbench.jobs.codecs import with_options
+from puckbench.planning.config import CodecConfig
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
@@ -26,7 +28,7 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
 
 def codec_options(options: argparse.Namespace) -> dict[str, Any]:
     """Fields of `puckbench.jobs.codecs.CodecJob`."""
-    changes = options.entry
+    changes = parsed(CodecConfig, options.entry, "--entry").changes()
     if options.weights:
         changes = with_options(changes, weights=options.weights)
     return {"codec": options.codec, "changes": changes}

@@ -29,9 +29,9 @@ import numpy as np
 
 from puckbench.codecs.common.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
-from puckbench.core.models import Model, closest, parsed
+from puckbench.core.models import Model, among, parsed
 from puckbench.geometry.cloud import Floats, Frame, check_points
-from puckbench.geometry.mesh import Mesh
+from puckbench.geometry.mesh import Mesh, surface_in_metres
 
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
@@ -101,6 +101,8 @@ class Codec(ABC):
     options: Any
     magic: bytes = b""
     """What its streams begin with, by which they are recognised."""
+    bare_magic: bytes = b""
+    """What streams of the program that it follows begin with, too little to recognise them by."""
     surfaces: bool = False
     """Whether `decode_mesh` gives surfaces with labelled primitives."""
     memory: Memory = Memory()
@@ -177,11 +179,7 @@ class Codec(ABC):
     def parameters_of(self, rate: str) -> Parameters:
         """The parameters of a rate; InputError when there is none of the name."""
         if rate not in self.rates:
-            known = list(self.rates)
-            raise InputError(
-                f"codec {self.name}: unknown rate '{rate}' (known: {', '.join(known)})"
-                f"{closest(rate, known)}"
-            )
+            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, self.rates)}")
         return self.rates[rate]
 
     def encode(self, points: Floats, rate: str) -> bytes:
@@ -237,8 +235,6 @@ class Codec(ABC):
         InputError
             As for `decode`, for a codec that has no surfaces, and for a stream without one.
         """
-        from puckbench.metrics.primitives import surface_in_metres
-
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
         mesh = self._decode_mesh(own)

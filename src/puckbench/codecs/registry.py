@@ -9,6 +9,7 @@ from typing import Any
 from puckbench.codecs.base import Codec
 from puckbench.codecs.common.shift import unshifted
 from puckbench.core.errors import InputError
+from puckbench.core.models import among
 from puckbench.core.registry import Registry, load
 
 Entry = Mapping[str, Any]
@@ -85,7 +86,7 @@ def _rates(name: str, known: Entry, wanted: Entry | Sequence[str] | None) -> dic
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     unknown = [rate for rate in wanted or () if rate not in known]
     if unknown:
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}' (known: {', '.join(known)})")
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], known)}")
     return {rate: values for rate, values in known.items() if wanted is None or rate in wanted}
 
 
@@ -128,7 +129,10 @@ def codec_of(stream: bytes) -> str:
     for name, found in codecs().items():
         if found.magic and stream.startswith(found.magic):
             return name
-    raise InputError("no known codec recognises the stream")
+    for name, found in codecs().items():
+        if found.bare_magic and stream.startswith(found.bare_magic):
+            raise InputError(f"if it is a bare stream of {found.title}, say so (--codec {name})")
+    raise InputError("no known codec recognises the stream: name its codec (--codec)")
 
 
 def module_of(class_name: str) -> str:

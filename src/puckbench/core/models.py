@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Self, TypeVar, get_args
@@ -59,6 +59,12 @@ def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
         return model.model_validate(_immutable(values))
     except ValidationError as error:
         raise InputError(_Fault.of(error, values, model).placed_line()) from error
+
+
+def among(name: str, known: Iterable[str]) -> str:
+    """What follows an unknown name in a message: all known ones, and the one that is near to it."""
+    names = list(known)
+    return f" (known: {', '.join(names)}){closest(name, names)}"
 
 
 def closest(name: str, known: list[str]) -> str:

@@ -25,7 +25,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from puckbench.core.errors import InputError
-from puckbench.core.models import closest
+from puckbench.core.models import among
 
 T = TypeVar("T")
 Registered = TypeVar("Registered")
@@ -122,11 +122,7 @@ class Registry(Generic[T]):
     def _place(self, name: str) -> str:
         place = self._installed.get(name, name)
         if ":" not in place:
-            known = self.names()
-            listed = ", ".join(known)
-            raise InputError(
-                f"unknown {self.kind} '{name}' (known: {listed}){closest(name, known)}"
-            )
+            raise InputError(f"unknown {self.kind} '{name}'{among(name, self.names())}")
         return place
 
     def _from_place(self, name: str, place: str) -> T:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from puckbench.core.errors import InputError
-from puckbench.core.models import Model, closest
+from puckbench.core.models import Model, among
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.io.meshes import read_mesh_report
@@ -105,6 +105,8 @@ class FolderSet(DataSet, ABC):
 class MeshFolderSet(FolderSet):
     """A data set of one mesh file per scene, below one folder."""
 
+    of_clouds: ClassVar[bool] = False
+
     @abstractmethod
     def _group(self, path: Path) -> str:
         """The class, room type or building that a file belongs to."""
@@ -191,6 +193,5 @@ def chosen(option: str, wanted: tuple[str, ...] | int | None, known: list[str]) 
     unknown = [name for name in wanted if name not in known]
     if unknown or not wanted:
         what = f"unknown name '{unknown[0]}'" if unknown else "no names"
-        hint = closest(unknown[0], known) if unknown else ""
-        raise InputError(f"{option}: {what} (known: {', '.join(known)}){hint}")
+        raise InputError(f"{option}: {what}{among(unknown[0] if unknown else '', known)}")
     return list(wanted)

@@ -14,6 +14,7 @@ from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_
 class Calibration(GeneratedSet):
     """Wall and floor at a distance from the sensor (thesis section 5.1)."""
 
+    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     scenes: tuple[str, ...] | None = None

@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,7 @@ class CapturedRooms(FolderSet):
     is "freeform".
     """
 
+    of_clouds: ClassVar[bool] = False
     provenance = Provenance(
         "MIT", "Meta Platforms, npm package @iwer/sem", "captured rooms (.json) should lie there"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from pydantic import PositiveFloat, PositiveInt
 
 from puckbench.datasets.base import GeneratedSet, chosen, found
@@ -18,6 +20,7 @@ class EmbeddedAreas(GeneratedSet):
     Scenes are called Area_1_office_1.
     """
 
+    of_clouds: ClassVar[bool] = False
     seed: int = 0
     """Seed of shapes and furnishing."""
     areas: tuple[str, ...] | int | None = None

@@ -19,6 +19,7 @@ class EmbeddedObjects(GeneratedSet):
     Scenes are called chair_03; their longest side is 1.
     """
 
+    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     seed: int = 0

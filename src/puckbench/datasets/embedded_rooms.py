@@ -21,6 +21,7 @@ from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 class EmbeddedRooms(GeneratedSet):
     """Furnished rooms, grouped by type."""
 
+    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     seed: int = 0

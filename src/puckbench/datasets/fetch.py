@@ -10,6 +10,7 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256, write_bytes, write_json
+from puckbench.core.models import among
 from puckbench.datasets.sources import SOURCES, Source
 
 _RECORD = "fetched.json"
@@ -58,7 +59,7 @@ def fetch_data(root: Path, names: Iterable[str] = ()) -> list[Fetched]:
     chosen = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in chosen if name not in SOURCES]
     if unknown:
-        raise InputError(f"no data set '{unknown[0]}' to fetch (known: {', '.join(SOURCES)})")
+        raise InputError(f"no data set '{unknown[0]}' to fetch{among(unknown[0], SOURCES)}")
     return [_fetch_or_fail(name, root / name) for name in chosen]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, chosen, existing_folder, found
@@ -38,6 +38,7 @@ class Front3D(DataSet):
     has no model and is left out, counted in `about`, as are models whose file is missing.
     """
 
+    of_clouds: ClassVar[bool] = False
     path: str
     """Folder of the houses."""
     models: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pydantic import PositiveInt
@@ -42,6 +43,7 @@ class Kitti(FolderSet):
     training_000000 and grouped by part. Intensity is left out.
     """
 
+    of_clouds: ClassVar[bool] = True
     provenance = Provenance(
         "CC BY-NC-SA 3.0",
         'A. Geiger, P. Lenz, R. Urtasun, "Are we ready for Autonomous Driving?", CVPR 2012',

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class S3DIS(FolderSet):
     Scenes are called Area_1_office_1 and grouped by room type (office).
     """
 
+    of_clouds: ClassVar[bool] = True
     provenance = Provenance(
         "terms of Stanford's S3DIS, not redistributable",
         'I. Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016',

@@ -49,7 +49,7 @@ class SceneSet(Protocol):
     """What a data set offers; its constructor takes the options of the configuration by name.
 
     A data set whose meshes name the geometric primitive of each triangle in their labels says so by
-    a class variable ``primitives = True``.
+    a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -67,6 +67,12 @@ class SceneSet(Protocol):
 def has_primitives(scenes: SceneSet) -> bool:
     """Whether the labels of a data set's meshes name the geometric primitives of the triangles."""
     return bool(getattr(scenes, "primitives", False))
+
+
+def of_clouds(scenes: SceneSet) -> bool | None:
+    """Whether the scenes of a data set are clouds, not meshes; None where it does not say."""
+    found: bool | None = getattr(scenes, "of_clouds", None)
+    return found
 
 
 def safe_name(text: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pydantic import NonNegativeFloat
@@ -72,6 +73,7 @@ class Stanford2D3D(DataSet):
     is two scenes with one box, as in the thesis.
     """
 
+    of_clouds: ClassVar[bool] = False
     path: str
     """Folder that holds the areas."""
     s3dis: str

@@ -10,7 +10,7 @@ from functools import cache, cached_property
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -65,6 +65,7 @@ class SweetHome3D(DataSet):
     stands on z = 0, its middle at x = y = 0, its front towards -y.
     """
 
+    of_clouds: ClassVar[bool] = False
     path: str = INSTALLED
     """Folder with the catalogues, or one that the Debian package was unpacked into; by default
     where the package installs them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
@@ -43,6 +44,7 @@ class Voxelised8i(FolderSet):
     to z. Coordinates that are not on the grid are an InputError.
     """
 
+    of_clouds: ClassVar[bool] = True
     provenance = Provenance(
         "8i's licence agreement: MPEG, JPEG and research that is not commercial", _CREDIT, _EXPECTED
     )

@@ -26,6 +26,9 @@ def main(words: Sequence[str]) -> int:
     except InputError as error:
         print(f"puckbench: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
         return 2
+    except KeyboardInterrupt:
+        print("puckbench: interrupted", file=sys.stderr)  # noqa: T201
+        return 130
     return 0
 
 

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
-from puckbench.core.errors import InputError, naming
-from puckbench.core.files import read_bytes
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, read_json
 from puckbench.jobs.registry import Job
 
 
@@ -35,10 +35,20 @@ class CodecJob(Job):
         return ready(open_codec(name, self.changes))
 
     def read_stream(self, path: Path) -> tuple[str, bytes]:
-        """The name of the codec that decodes a stream file, and the stream."""
+        """The name of the codec that decodes a stream file, and the stream.
+
+        The stream names the codec, or else its record does, as for a class of one's own file.
+        """
         stream = read_bytes(path)
-        with naming(path):
-            return self.codec or codec_of(stream), stream
+        if self.codec:
+            return self.codec, stream
+        try:
+            return codec_of(stream), stream
+        except InputError as error:
+            beside = record_file(path)
+            if beside.exists() and (recorded := read_json(beside).get("codec")):
+                return str(recorded), stream
+            raise InputError(f"{path}: {error}") from error
 
 
 class TimedJob(CodecJob):

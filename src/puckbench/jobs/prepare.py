@@ -87,10 +87,16 @@ def _returns(path: Path, clean: bool) -> Returns:
 
     if path.suffix != ".parquet":
         cloud = read_cloud(path)
+        if cloud.frame == "scaled":
+            cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
         return Returns(cloud, clean=cloud)
-    from puckbench.lidar.scan_table import read_scan
+    from puckbench.lidar.export import read_source
+    from puckbench.lidar.scan_table import ScanTable
 
-    table = read_scan(path)
+    table = read_source(path)
+    if not isinstance(table, ScanTable):
+        how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
+        raise InputError(f"{path}: a recording's table, not a scan's: {how}")
     about = {"source": path.name, **table.about}
     true = PointCloud(table.xyz, table.normals, labels=table.primitive_id, about=about)
     measured = true if clean else replace(true, xyz=table.xyz_noisy)

@@ -17,7 +17,10 @@ from puckbench.io.clouds import sidecar
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import (
+    ErrorModel,
     ScanJob,
+    Sensor,
+    Sweep,
     free_origin,
     load_sensor,
     open_error_model,
@@ -50,6 +53,7 @@ class Scan(Job):
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         """Write the scan table (Parquet)."""
+        self._named()  # unknown names are told before a large mesh is read
         job = self._job(read_surface(mesh), _described(mesh))
         rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
         if job.rays > _RAYS_IN_MEMORY:
@@ -69,12 +73,12 @@ class Scan(Job):
         self._job(surface, described).check()
 
     def _job(self, surface: Mesh, described: Sequence[float] | None) -> ScanJob:
-        model = open_error_model(self.errors, self.error_options)
         origin, vouched = self._origin(surface, described)
-        anywhere = self.anywhere or vouched
-        return ScanJob(
-            surface, load_sensor(self.sensor), open_sweep(self.sweep), model, origin, anywhere
-        )
+        return ScanJob(surface, *self._named(), origin, self.anywhere or vouched)
+
+    def _named(self) -> tuple[Sensor, Sweep, ErrorModel]:
+        model = open_error_model(self.errors, self.error_options)
+        return load_sensor(self.sensor), open_sweep(self.sweep), model
 
     def _origin(
         self, surface: Mesh, described: Sequence[float] | None

@@ -11,7 +11,7 @@ from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.core.models import Model, parsed
+from puckbench.core.models import Model, among, parsed
 
 _SENSORS = Path(__file__).parent / "sensors"
 # Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
@@ -137,9 +137,9 @@ def load_sensor(name_or_path: str | Path) -> Sensor:
     if path.suffix not in {".yaml", ".yml"}:
         path = _SENSORS / f"{name_or_path}.yaml"
         if str(name_or_path) not in sensor_names():
-            known = ", ".join(sensor_names())
+            name = str(name_or_path)
             raise InputError(
-                f"unknown sensor {str(name_or_path)!r} (known: {known}, or a .yaml file)"
+                f"unknown sensor {name!r}, not a .yaml file{among(name, sensor_names())}"
             )
     try:
         options = yaml.safe_load(read_bytes(path))

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError
-from puckbench.core.models import Model, parsed
+from puckbench.core.models import Model, among, parsed
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
@@ -253,7 +253,7 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")
     if name not in SWEEPS:
-        raise InputError(f"unknown sweep {name!r} (known: {', '.join(SWEEPS)})")
+        raise InputError(f"unknown sweep {name!r}{among(name, SWEEPS)}")
     if isinstance(options.get("trajectory"), str):
         options["trajectory"] = read_rows(Path(options["trajectory"]))
     if "duration_s" not in options:

@@ -3,51 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh, Primitive
+from puckbench.geometry.mesh import Primitive
 
 Parameters = dict[str, Any]
-
-_PLACES = ("point", "centre", "apex")
-_LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
-
-
-def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame to metres.
-
-    Parameters
-    ----------
-    primitive
-        In the scaled frame.
-    scale
-        Units of the scaled frame per metre.
-    offset
-        (3,), metres: points are transformed by ``metres = scaled / scale + offset``.
-    """
-    moved = dict(primitive.parameters)
-    for name in _LENGTHS:
-        if name in moved:
-            moved[name] = (np.asarray(moved[name]) / scale).tolist()
-    for name in _PLACES:
-        if name in moved:
-            moved[name] = (np.asarray(moved[name]) / scale + offset).tolist()
-    if "normal" in moved:
-        moved["offset"] = float(moved["offset"] / scale + np.dot(moved["normal"], offset))
-    return Primitive(primitive.kind, moved)
-
-
-def surface_in_metres(surface: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Transform a labelled mesh and its primitives from a scaled frame, as `in_metres` does."""
-    vertices = surface.vertices / scale + offset
-    if surface.labels is None:
-        return replace(surface, vertices=vertices)
-    placed = tuple(in_metres(one, scale, offset) for one in surface.labels.primitives)
-    return replace(surface, vertices=vertices, labels=replace(surface.labels, primitives=placed))
 
 
 def distances(primitive: Primitive, points: Floats) -> Floats:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import among
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.bjontegaard import COMPARED, NO_COMMON_RANGE, TOO_FEW_POINTS, curve, delta
@@ -130,8 +131,8 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
         if name not in metrics:
             raise InputError(f"metrics table: no column {name!r}")
     if anchor not in set(metrics["codec"]):
-        known = ", ".join(sorted(set(metrics["codec"])))
-        raise InputError(f"BD-rate: no results of the anchor {anchor!r} (there are {known})")
+        known = among(anchor, sorted(set(metrics["codec"])))
+        raise InputError(f"BD-rate: no results of the anchor {anchor!r}{known}")
     if (metrics["bpp"] <= 0).any():
         raise InputError("metrics table: column 'bpp' has a value that is not positive")
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Labels, Mesh, Primitive
-from puckbench.metrics.primitives import COMPARABLE, differences, distances, surface_in_metres
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, surface_in_metres
+from puckbench.metrics.primitives import COMPARABLE, differences, distances
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
 from puckbench.core.errors import InputError
-from puckbench.core.models import Model, checked_model
+from puckbench.core.models import Model, among, checked_model
 
 Options = dict[str, Any]
 
@@ -29,7 +29,7 @@ def _own_keys(cls: type[Model], values: Options) -> Options:
     """Refuse a `stand_in` with a key that the model itself does not have."""
     known = [name for name in cls.model_fields if name != "stand_in"]
     if unknown := [name for name in values if name not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}' (known: {', '.join(known)})")
+        raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], known)}")
     return values
 
 
@@ -355,7 +355,7 @@ class FiguresConfig(Model):
 class Config(Model):
     """A checked configuration of a run."""
 
-    results: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_./-]+$")] = Field(
+    results: Annotated[str, StringConstraints(pattern=r"^[\w./ -]+$")] = Field(
         "results", description="Folder of everything that is made."
     )
     seed: Seed = Field(

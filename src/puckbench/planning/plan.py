@@ -16,8 +16,9 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError, naming
+from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import SceneSet, has_primitives
+from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds
 from puckbench.geometry.scaling import GRID
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.planning.config import (
@@ -215,15 +216,21 @@ class Plan:
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
         if name not in self.datasets:
-            raise InputError(f"{where}: no data set '{name}' (known: {', '.join(self.datasets)})")
+            raise InputError(f"{where}: no data set '{name}'{among(name, self.datasets)}")
         return [(name, cloud) for cloud in self.datasets[name].clouds]
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
         scenes = self.scenes.get(value.scenes)
         if scenes is None:
-            known = ", ".join(self.scenes)
             raise InputError(
-                f"datasets.{name}.scenes: no scene set '{value.scenes}' (known: {known})"
+                f"datasets.{name}.scenes: no scene set '{value.scenes}'"
+                f"{among(value.scenes, self.scenes)}"
+            )
+        is_cloud = of_clouds(scenes.scenes)
+        if is_cloud is not None and is_cloud != (value.make == "cloud"):
+            what, how = ("clouds", "cloud") if is_cloud else ("meshes", "sample or scan")
+            raise InputError(
+                f"datasets.{name}.make is {value.make!r}, but {scenes.loader} has {what}: {how}"
             )
         if value.size == GRID and value.make != "cloud":
             raise InputError(
@@ -285,7 +292,10 @@ def _chosen(name: str, value: SceneSetConfig, known: list[str]) -> tuple[str, ..
     wanted = known if value.select is None else value.select
     missing = [scene for scene in wanted if scene not in known]
     if missing:
-        raise InputError(f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}")
+        raise InputError(
+            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}"
+            f"{closest(missing[0], known)}"
+        )
     return tuple(wanted[: value.limit])
 
 

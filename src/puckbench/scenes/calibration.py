@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import among
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes import outlines
@@ -87,6 +88,5 @@ def _rectangle(width: float, length: float) -> Surface:
 
 def _distance(name: str) -> float:
     if name not in CALIBRATIONS:
-        known = ", ".join(CALIBRATIONS)
-        raise InputError(f"calibration scene {name!r}: unknown; there are {known}")
+        raise InputError(f"unknown calibration scene {name!r}{among(name, CALIBRATIONS)}")
     return CALIBRATIONS[name]

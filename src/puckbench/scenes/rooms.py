@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import among
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
@@ -67,7 +68,7 @@ def room_spec(name: str, seed: int = 0) -> RoomSpec:
     if name in room_types():
         return building_room(name, seed)
     if name not in ROOMS:
-        raise InputError(f"room {name!r}: unknown; there are {', '.join(ROOMS)}")
+        raise InputError(f"unknown room {name!r}{among(name, ROOMS)}")
     return ROOMS[name]
 
 

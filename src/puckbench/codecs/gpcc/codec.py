@@ -56,6 +56,7 @@ class GridCodec(Codec):
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"
+    bare_magic = b"\0\0\0"
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)

@@ -17,7 +17,7 @@ from typing import Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
-from puckbench.core.models import Model
+from puckbench.core.models import Model, among
 
 SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"
@@ -108,8 +108,8 @@ def weights_files(where: str) -> list[Path]:
     if path.is_file():
         return [path]
     if not path.is_dir():
-        known = ", ".join(shipped()) or "none"
-        raise InputError(f"{path}: no such folder of weights, nor file, nor shipped set ({known})")
+        known = among(where, shipped())
+        raise InputError(f"{path}: no such folder of weights, nor file, nor shipped set{known}")
     return sorted(file for file in path.iterdir() if file.suffix in (SUFFIX, *_PUBLISHED))
 
 

@@ -22,6 +22,7 @@ from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
+_INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
 _DIGITS = 16
 PUBLISHED_WEIGHTS = "data/pcgc_weights"
 """Where `puckbench data pcgc_weights` puts the weights of PCGCv1's and PCGCv2's authors."""
@@ -76,7 +77,7 @@ class Learned(Codec, Generic[W]):
         """Whether packages and weights for every rate are here."""
         missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
         if missing:
-            return Availability(False, f"{' and '.join(missing)} not installed (make learned)")
+            return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
         try:
             lacking = [name for name, rate in self.rates.items() if self._path(rate) is None]
         except InputError as error:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import among
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.calibration.likelihood import (
     BIASES,
@@ -65,7 +66,7 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
     """
     for name in wanted:
         if name not in NAMES:
-            raise InputError(f"unknown parameter {name!r} (known: {', '.join(NAMES)})")
+            raise InputError(f"unknown parameter {name!r}{among(name, NAMES)}")
     lasers = len(seen.laser_ids)
     repeated = {"laser_sigma_m": lasers > 2, "scan_sigma_m": seen.scans > lasers}
     repeated["frame_sigma_m"] = seen.cells > seen.scans

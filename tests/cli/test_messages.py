@@ -1,0 +1,148 @@
+"""What a command says when it is interrupted, cannot be what was meant, or has a near name."""
+
+from __future__ import annotations
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.cli import main
+from puckbench.codecs.learned import codec as learned
+from puckbench.codecs.registry import codec_of, open_codec
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import read_cloud, write_cloud
+from puckbench.jobs import __main__ as jobs
+from puckbench.jobs.encode import Encode
+
+CAPTURE = Path(__file__).parents[1] / "data" / "capture" / "single.pcap"
+OWN = """
+import numpy as np
+from puckbench.codecs.base import Codec
+
+
+class Own(Codec):
+    rates = {"r1": {}}
+
+    def _encode(self, points, parameters):
+        return b"own" + points.tobytes()
+
+    def _decode(self, stream):
+        return np.frombuffer(stream[3:]).reshape(-1, 3)
+"""
+
+
+@pytest.fixture
+def cloud(tmp_path: Path) -> Path:
+    points = np.random.default_rng(0).random((500, 3)) * 1023
+    write_cloud(tmp_path / "cloud.ply", PointCloud(points, about={"size": 1024}))
+    return tmp_path / "cloud.ply"
+
+
+def _refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    capsys.readouterr()
+    assert main([*map(str, words)]) == 2
+    return capsys.readouterr().err
+
+
+def test_an_interrupt_is_one_line_and_leaves_nothing(
+    cloud: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("puckbench.jobs.encode.write_json", interrupted)
+    out = cloud.with_suffix(".bin")
+    before = sorted(cloud.parent.iterdir())
+    coding = ["--codec", "draco", "--rate", "r1"]
+    assert main(["encode", str(cloud), str(out), *coding]) == 130
+    assert capsys.readouterr().err == "puckbench: interrupted\n"
+    assert sorted(cloud.parent.iterdir()) == before
+    record = json.dumps({"codec": "draco", "rate": "r1"})
+    assert jobs.main(["encode", record, f"cloud={cloud}", f"stream={out}"]) == 130
+    assert capsys.readouterr().err == "puckbench: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["encode", "{cloud}", "o", "--codec", "dracco", "--rate", "r1"], "draco"),
+        (["encode", "{cloud}", "o", "--codec", "draco", "--rate", "r11"], "r1"),
+        (["encode", "{cloud}", "o", "--codec", "draco", "--rate", "r1",
+          "--entry", '{"optoins": {}}'], "options"),
+        (["encode", "{cloud}", "o", "--codec", "draco", "--rate", "r1",
+          "--entry", '{"options": {"compression_levl": 3}}'], "compression_level"),
+        (["encode", "{cloud}", "o", "--codec", "pcgcv2_plus", "--rate", "r1",
+          "--weights", "pcgcv2_room"], "pcgcv2_rooms"),
+        (["scan", "{cloud}", "o.parquet", "--sensor", "vlp61"], "vlp16"),
+        (["scan", "{cloud}", "o.parquet", "--sweep", "thesi"], "thesis"),
+        (["scene", "embedded_rooms", "ofice_1", "o.ply"], "office_1"),
+        (["data", "capturd_rooms"], "captured_rooms"),
+    ],
+)  # fmt: skip
+def test_an_unknown_name_is_answered_with_a_near_one(
+    words: list[str], meant: str, cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = [word.replace("{cloud}", str(cloud)) for word in words]
+    assert f"did you mean '{meant}'?" in _refused(capsys, *told)
+
+
+def test_an_unknown_command_is_answered_with_a_near_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["prepar", "x"])
+    assert "did you mean 'prepare'?" in capsys.readouterr().err
+
+
+def test_a_bare_stream_is_told_its_codec(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stream = open_codec("gpcc", {"options": {"raw": True}}).encode(read_cloud(cloud).xyz, "r4")
+    bare = cloud.with_suffix(".raw")
+    bare.write_bytes(stream)
+    assert "bare stream of G-PCC, say so (--codec gpcc)" in _refused(
+        capsys, "decode", bare, cloud.with_name("back.ply")
+    )
+    with pytest.raises(InputError, match="name its codec"):
+        codec_of(b"something else")
+
+
+def test_a_codec_of_one_s_own_file_is_found_from_the_record(
+    cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (cloud.parent / "own.py").write_text(OWN)
+    name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
+    Encode.given(codec=name, rate="r1").run(cloud, stream)
+    back = cloud.with_name("back.ply")
+    assert main(["decode", str(stream), str(back)]) == 0
+    assert np.array_equal(read_cloud(back).xyz, read_cloud(cloud).xyz)
+    assert main(["evaluate", str(cloud), str(stream), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["codec"] == name
+
+
+def test_a_recording_is_no_scan(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = cloud.with_name("returns.parquet")
+    assert main(["capture", str(CAPTURE), str(table)]) == 0
+    fault = _refused(capsys, "prepare", table, cloud.with_name("ready.ply"))
+    assert "a recording's table, not a scan's: export it as a cloud first" in fault
+
+
+def test_a_prepared_cloud_is_prepared_again_from_metres(cloud: Path) -> None:
+    once, twice = cloud.with_name("once.ply"), cloud.with_name("twice.ply")
+    metres = cloud.with_name("metres.ply")
+    write_cloud(metres, PointCloud(read_cloud(cloud).xyz / 100), describe=False)
+    assert main(["prepare", str(metres), str(once)]) == 0
+    assert main(["prepare", str(once), str(twice), "--scale", "512"]) == 0
+    first, second = read_cloud(once), read_cloud(twice)
+    assert second.about["scale"] == pytest.approx(first.about["scale"] * 511 / 1023)
+    assert np.allclose(second.to_metres(second.xyz), first.to_metres(first.xyz))
+
+
+def test_a_wheel_s_user_is_told_what_pip_installs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        learned, "find_spec", lambda name: None if name == "torch" else find_spec(name)
+    )
+    why = open_codec("pcgcv2_plus").available().why
+    assert "PyTorch not installed: pip install 'puckbench[learned]'" in why
