@@ -211,7 +211,7 @@ def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_pa
 
 
 def test_the_record_of_a_stream_says_which_weights_made_it(together: Path, tmp_path: Path) -> None:
-    write_cloud(tmp_path / "a.ply", PointCloud(shell()))
+    write_cloud(tmp_path / "a.ply", PointCloud(shell(), about={"size": 1024}))
     words = ["--codec", "sparse_octree_net", "--rate", "r1", "--weights", str(together)]
     assert main(["encode", f"{tmp_path}/a.ply", f"{tmp_path}/a.bin", *words, "--json"]) == 0
     digest = sha256(together / "sparse_octree_net.safetensors")[:16]

@@ -86,7 +86,7 @@ def test_the_installed_wheel_codes_with_its_own_weights(wheel: Path, tmp_path: P
     said = "import puckbench; print(puckbench.__file__)"
     assert done(python, "-c", said, cwd=tmp_path).startswith(str(packages))
     points = np.random.default_rng(0).integers(0, 64, (300, 3)).astype(np.float64)
-    write_cloud(tmp_path / "a.ply", PointCloud(points), describe=False)
+    write_cloud(tmp_path / "a.ply", PointCloud(points, about={"size": 64}))
     puckbench = [python, "-m", "puckbench"]
     for codec in ("draco", "pcgcv2_plus"):
         rate = ["--codec", codec, "--rate", "r4", "--json"]

@@ -136,11 +136,10 @@ def load_sensor(name_or_path: str | Path) -> Sensor:
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
         path = _SENSORS / f"{name_or_path}.yaml"
-        if str(name_or_path) not in sensor_names():
-            name = str(name_or_path)
-            raise InputError(
-                f"unknown sensor {name!r}, not a .yaml file{among(name, sensor_names())}"
-            )
+        name = str(name_or_path)
+        if name not in sensor_names():
+            known = among(name, [*sensor_names(), "or a .yaml file"])
+            raise InputError(f"unknown sensor {name!r}{known}")
     try:
         options = yaml.safe_load(read_bytes(path))
     except yaml.YAMLError as error:
