@@ -38,7 +38,7 @@ from puckbench.report.curves import curves
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
-from puckbench.report.quantities import measured
+from puckbench.report.quantities import headed, measured
 from puckbench.report.run_record import RunRecord
 from puckbench.report.tables import MOST_ROWS, table_html, text_of
 
@@ -303,6 +303,22 @@ def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
     contents = Contents(figures={name: str(tmp_path / f"{name}.png") for name in names})
     page = build_page(contents, {}, tmp_path)
     assert re.findall(r'id="figure-(\w+)"', page) == ["fig_5_2", "fig_5_10", "fig_6_6", "truth_rd"]
+
+
+@pytest.mark.parametrize(
+    ("column", "others", "heading"),
+    [
+        ("bpp_q25", ["bpp"], ("Bits per point, 25 %", "bpp")),
+        ("density_q05_m2", [], ("Density, 5 %", "1/m²")),
+        ("std_half_m", ["std_m"], ("Std, half the interval", "m")),
+        ("here_half_m", [], ("Here half", "m")),
+        ("truth_d2_rms_m", [], (measured("truth_d2_rms_m").words, "m")),
+    ],
+)
+def test_headings_put_names_into_words(
+    column: str, others: list[str], heading: tuple[str, str]
+) -> None:
+    assert headed(column, others) == heading
 
 
 def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:

@@ -49,7 +49,16 @@ _COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_
 NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
 
-_ENDINGS = {"_m": "m", "_rad": "rad", "_deg": "°", "_percent": "%", "_db": "dB", "_s": "s"}
+_ENDINGS = {
+    "_m2": "1/m²",
+    "_mm": "mm",
+    "_m": "m",
+    "_rad": "rad",
+    "_deg": "°",
+    "_percent": "%",
+    "_db": "dB",
+    "_s": "s",
+}
 """Endings of names of columns without words of their own, and the units that they stand for."""
 _OF_TABLES = {
     "bd_rate_percent": ("BD-rate", "%"),
@@ -59,13 +68,13 @@ _OF_TABLES = {
     "d1_psnr": ("PSNR D1", "dB"),
     "d2_psnr": ("PSNR D2", "dB"),
 }
+_OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
 _SUFFIXES = {
     "low": "interval from",
     "high": "interval to",
     "half": "half the interval",
     "arithmetic": "arithmetic mean",
-    "median": "median",
-    **{f"q{share}": f"{int(share)} %" for share in ("05", "25", "75", "95")},
+    **_OF_CLOUDS,
 }
 """What the end of a column's name says of the quantity before it."""
 
@@ -126,15 +135,16 @@ def headed(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Words and unit of a column in the heading of a table that has these others too."""
     if column in _OF_TABLES:
         return _OF_TABLES[column]
-    base, _, end = column.rpartition("_")
-    if end in _SUFFIXES and base in others:
-        words, unit = headed(base)
-        return f"{words}, {_SUFFIXES[end]}", unit
     known = measured(column)
     if known.words != column:
         return known.words, known.unit
     ending = next((e for e in _ENDINGS if column.endswith(e)), "")
-    return in_words(column.removesuffix(ending)), _ENDINGS.get(ending, "")
+    stem = column.removesuffix(ending)
+    base, _, end = stem.rpartition("_")
+    if base and end in _SUFFIXES and (end in _OF_CLOUDS or base + ending in others):
+        words, unit = headed(base + ending)
+        return f"{words}, {_SUFFIXES[end]}", unit
+    return in_words(stem), _ENDINGS.get(ending, "")
 
 
 def in_words(name: str) -> str:

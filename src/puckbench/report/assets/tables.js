@@ -3,7 +3,7 @@
 
 const MOST_CHOICES = 30;
 const LONGEST = 40; // characters of a value that one can choose
-const FOLDED = { spread: "quartiles, 5 and 95 %", bookkeeping: "counts, versions, empty columns" }; // shown when asked for
+const FOLDED = { spread: "quartiles, 5 and 95 %", bookkeeping: "all columns" }; // shown when asked for
 const byText = new Intl.Collator("en", { numeric: true }).compare; // r2 before r10
 
 function setUpTables() {
