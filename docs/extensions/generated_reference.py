@@ -11,6 +11,7 @@ from importlib.resources import files
 from inspect import cleandoc
 from typing import Any
 
+from pydantic import BaseModel
 from pygments.lexers.python import PythonLexer
 
 MARKER = re.compile(r"<!-- generated: (\w+) -->")
@@ -77,6 +78,14 @@ def error_models() -> str:
     from puckbench.lidar.errors import ERROR_MODELS
 
     return _plugins({name: ERROR_MODELS.get(name) for name in ERROR_MODELS.names()})
+
+
+def capture_options() -> str:
+    """The options of a recording's residuals, and the limits of its planes."""
+    from puckbench.lidar.walls.detection import PlaneSearch
+    from puckbench.lidar.walls.residuals import RecordingOptions
+
+    return f"{_grouped(RecordingOptions, {})}\n\n## `search`\n\n{_grouped(PlaneSearch, {})}"
 
 
 def sensors() -> str:
@@ -233,7 +242,7 @@ def _value(value: Any) -> str:
         return "none"
     if isinstance(value, bool):
         return str(value).lower()
-    return str(value)
+    return "see below" if isinstance(value, BaseModel) else str(value)
 
 
 def _rates(rates: Mapping[str, Any]) -> str:
@@ -250,5 +259,15 @@ def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-SHOWN = (command_line, codecs, trainings, error_models, sensors, data_sets, tables, figures)
+SHOWN = (
+    command_line,
+    codecs,
+    trainings,
+    error_models,
+    capture_options,
+    sensors,
+    data_sets,
+    tables,
+    figures,
+)
 GENERATED: dict[str, Callable[[], str]] = {function.__name__: function for function in SHOWN}

@@ -35,19 +35,32 @@ _TAKEN_THRESHOLDS = 3
 
 
 class PlaneSearch(Model):
-    """What counts as a plane of a recording; lengths in m.
+    """What counts as a plane of a recording.
 
-    threshold_m: a return farther from a plane than this is not on it while patches are looked for.
-    share_on_plane: of a pixel's returns that must be, for the pixel to be.
-    most_planes: patches that are looked at, the largest first.
-    up: what is up in the sensor's frame, of any length; a sensor that is tilted sees more floor.
-    tilt_deg: a wall may be so far from upright, a floor or ceiling from level.
-    most_incidence_deg: returns that meet the plane at a greater angle do not count.
-    inlier_sigmas: nor those farther from it than this many robust standard deviations.
-    least_laser_share: nor those of a laser with less than this share of the median laser's: such a
-    laser runs along an edge.
-    least_...: a patch that has less of what counts is not taken (of returns: in the mean turn).
-    most_noise_m: nor one with a greater robust standard deviation of the distances to its plane.
+    Parameters
+    ----------
+    threshold_m
+        A return farther from a plane is not on it, its laser's bias aside.
+    share_on_plane
+        Share of a range image pixel's returns on the plane, for the pixel to be on it.
+    most_planes
+        Patches that are examined, the largest first.
+    up
+        Upward direction in the sensor's frame, of any length; a tilted sensor meets more floor.
+    tilt_deg
+        How far from upright a wall, from level a floor or ceiling may be.
+    most_incidence_deg
+        Returns that meet the plane at a greater angle do not count.
+    inlier_sigmas
+        Robust standard deviations from the plane within which returns count.
+    least_laser_share
+        Share of the median laser's returns, for a laser to count; with fewer it runs along an edge.
+    least_returns, least_lasers
+        Returns in the mean turn, and lasers, that a plane has.
+    least_width_m, least_height_m
+        Extents of the returns that count.
+    most_noise_m
+        Greatest robust standard deviation of the distances to the plane.
     """
 
     threshold_m: PositiveFloat = 0.03

@@ -68,14 +68,21 @@ class RecordingOptions(Model):
     Parameters
     ----------
     sensor
-        Name or YAML file; by default the one that the packets name.
+        Name or YAML file of the sensor; by default the one that the packets name.
     still_s
-        Start and end of the interval that counts, s after the first packet; by default the longest
-        one in which the turns repeat its first within `most_shift_m`.
+        ``[start, end]`` of the interval that counts, seconds after the first packet; by default the
+        longest one in which the turns repeat its first.
+    most_shift_m
+        A turn repeats another within this.
     most_turns
-        How many turns of the interval count, its first ones.
+        Turns of the interval that count, its first ones.
     planes
-        Planes chosen by hand; by default they are found with the limits of `search`.
+        Planes chosen by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: `wall`,
+        `floor` or `ceiling`, and two corners in the sensor's frame (x right, y forward, z up),
+        metres, without the edges; by default planes are found.
+    search
+        Limits of the planes that are found; `inlier_sigmas`, `most_incidence_deg`,
+        `least_laser_share` and `tilt_deg` hold for planes chosen by hand as well.
     """
 
     sensor: str | None = None
