@@ -22,6 +22,7 @@ from tests.support.pages import ROOT, blocks, commands, page, write_files
 
 PAGES = [
     "README.md",
+    "CONTRIBUTING.md",
     "config/README.md",
     *(
         str(path.relative_to(ROOT))
@@ -116,6 +117,7 @@ def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 CONFIGURATIONS = {
     f"{name}, {number}": block
     for name in PAGES
+    if name != "CONTRIBUTING.md"  # whose example is run by tests/workflow/test_contributing.py
     for number, block in enumerate(blocks(name, "yaml"), 1)
 }
 
