@@ -172,7 +172,12 @@ def test_codecs_and_datasets_are_listed(capsys: pytest.CaptureFixture[str]) -> N
     assert list(codecs["draco"]["rates"]) == [f"r{n}" for n in range(1, 9)]
     assert {"embedded_rooms", "capod", "mesh_folder", "s3dis"} <= _json(capsys, "datasets").keys()
     assert main(["codecs"]) == 0
-    assert "r1 quantization_bits 4" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    assert "  draco              r1 to r8  a fast baseline that everybody has" in lines
+    assert max(map(len, lines)) <= 120
+    assert main(["codecs", "draco"]) == 0
+    assert "r1    4" in capsys.readouterr().out
+    assert "did you mean 'draco'?" in _refused(capsys, "codecs", "drako")
 
 
 def test_what_is_there_of_a_data_set_is_counted(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.cli.answers import text_of
 from puckbench.codecs.learned import codec as learned
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
@@ -146,3 +147,32 @@ def test_a_wheel_s_user_is_told_what_pip_installs(monkeypatch: pytest.MonkeyPatc
     )
     why = open_codec("pcgcv2_plus").available().why
     assert "PyTorch not installed: pip install 'puckbench[learned]'" in why
+
+
+def test_answers_are_lines_and_tables(capsys: pytest.CaptureFixture[str]) -> None:
+    answer = {
+        "points": 3,
+        "size_m": [1.5, 2.0],
+        "about": {"a": 1, "b": None},
+        "kinds": [{"kind": "plane", "true": 2}, {"kind": "cone", "found": 0.123456789}],
+        "none": [],
+    }
+    assert text_of(answer).splitlines() == [
+        "points  3",
+        "size_m  1.5, 2",
+        "about   a 1, b -",
+        "kinds",
+        "  kind   true  found",
+        "  plane  2",
+        "  cone         0.123457",
+        "none    none",
+    ]
+
+
+def test_what_prepare_prints_has_no_nested_records(
+    cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["prepare", str(cloud), str(cloud.with_name("ready.ply"))]) == 0
+    told = capsys.readouterr().out
+    assert "points" in told
+    assert "{" not in told

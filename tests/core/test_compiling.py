@@ -5,10 +5,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from puckbench.core import compiling
+from puckbench.core.compiling import CompilingNotice
 
 SOURCE = Path(__file__).parents[2] / "src"
 OUTER = """
@@ -112,3 +114,23 @@ def test_functions_that_call_blas_are_compiled() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["False", "9.0"]
+
+
+def test_long_compilation_is_told_once_at_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("puckbench.core.compiling.time.monotonic", lambda: now[0])
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    notice = CompilingNotice()
+    event: Any = None
+    for seconds in (1.0, 1.0, 2.0, 1.0):
+        notice.on_start(event)
+        notice.on_start(event)  # of a loop that the first one calls
+        now[0] += seconds
+        notice.on_end(event)
+        notice.on_end(event)
+        now[0] += 100.0  # work between compilations does not count
+    assert capsys.readouterr().err.splitlines() == [
+        "puckbench: compiling loops for this machine, once: this takes up to two minutes"
+    ]

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from puckbench import __version__
+from puckbench.cli.answers import text_of
 from puckbench.core.errors import InputError
 from puckbench.core.files import unwritable
 
@@ -35,7 +36,7 @@ COMMANDS = {
     "claims": "what a run says of the claims of the thesis",
     "reproduce": "list the thesis's figures and tables: made, or how to make them",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",
-    "codecs": "list the codecs, their rates and whether they can run here",
+    "codecs": "list the codecs: what each is for, and whether it can run here",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",
 }
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parser.parse_args(given)
         answer = _run(name, options, parser)
         if answer is not None:
-            _show(json.dumps(answer, allow_nan=False) if options.json else _table(answer))
+            _show(json.dumps(answer, allow_nan=False) if options.json else text_of(answer))
     except InputError as error:
         return _fail(str(error))
     except KeyboardInterrupt:
@@ -102,15 +103,6 @@ def _run(
         return None
     answer: dict[str, object] | None = _command(name).run(options)
     return answer
-
-
-def _table(answer: dict[str, object]) -> str:
-    width = max(map(len, answer), default=0)
-    return "\n".join(f"{key:{width}}  {_text(value)}" for key, value in answer.items())
-
-
-def _text(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _fail(message: str, status: int = 2) -> int:

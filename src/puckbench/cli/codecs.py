@@ -1,4 +1,4 @@
-"""`puckbench codecs`: the codecs, their rates, and whether they can run here."""
+"""`puckbench codecs`: the codecs, what each is for, and whether it can run here."""
 
 from __future__ import annotations
 
@@ -6,36 +6,45 @@ import argparse
 from typing import Any
 
 from puckbench.codecs.registry import codecs, open_codec
+from puckbench.core.errors import InputError
+from puckbench.core.models import among
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """No arguments."""
+    """Declare the command's arguments."""
+    parser.add_argument("codec", nargs="?", help="show the rates and weights of this one")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """One line (or JSON member) for each codec."""
-    table = {}
-    for name in codecs():
-        codec = open_codec(name)
-        ok, why = codec.available()
-        weights = sorted({codec.weights_of(rate) for rate in codec.rates} - {""}) if ok else []
-        table[name] = {
-            "available": ok,
-            "why": why,
-            "version": codec.version,
-            "weights": weights,
-            "rates": codec.rates,
+    """One row (or JSON member) for each codec, or all that is known of one."""
+    names = list(codecs())
+    if options.codec and options.codec not in names:
+        raise InputError(f"unknown codec '{options.codec}'{among(options.codec, names)}")
+    table = {name: _entry(name) for name in names if options.codec in (None, name)}
+    if options.json:
+        return table
+    if options.codec:
+        return {
+            name: value for name, value in table[options.codec].items() if value not in ("", [])
         }
-    return table if options.json else {name: _line(entry) for name, entry in table.items()}
+    return {"codecs": {name: _row(entry) for name, entry in table.items()}}
 
 
-def _line(entry: dict[str, Any]) -> str:
-    state = "available" if entry["available"] else f"not available: {entry['why']}"
-    rates = "; ".join(
-        f"{name} " + ", ".join(f"{key} {value}" for key, value in values.items())
-        for name, values in entry["rates"].items()
-    )
-    version = entry["version"]
-    version = f"version {version}" if version.isdigit() else version
-    about = [*filter(None, [version]), *(f"weights {weights}" for weights in entry["weights"])]
-    return f"{state} ({', '.join(about)}); {rates}" if about else f"{state}; {rates}"
+def _entry(name: str) -> dict[str, Any]:
+    codec = open_codec(name)
+    ok, why = codec.available()
+    weights = sorted({codec.weights_of(rate) for rate in codec.rates} - {""}) if ok else []
+    return {
+        "use": codec.use,
+        "available": ok,
+        "why": why,
+        "version": codec.version,
+        "weights": weights,
+        "rates": codec.rates,
+    }
+
+
+def _row(entry: dict[str, Any]) -> dict[str, str]:
+    first, *_, last = entry["rates"]
+    state = "" if entry["available"] else f" (not here: {entry['why']})"
+    return {"rates": f"{first} to {last}", "take it for": entry["use"] + state}

@@ -11,6 +11,21 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
 
+_TOLD = (
+    *(
+        "name",
+        "points",
+        "size",
+        "size_m",
+        "scale",
+        "offset",
+        "neighbours",
+        "diameter",
+        "elongation",
+    ),
+    *("elongation_oriented", "spacing_median_m", "density_median_m2", "outliers", "duplicates"),
+)
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
@@ -53,7 +68,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
     )
-    return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+    found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+    # How the scan was made stands in the file; told is what preparing it found.
+    return found if options.json else {name: found[name] for name in _TOLD if name in found}
 
 
 def _size(text: str) -> int | str:

@@ -23,4 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Compare; the answer is the result row, its ``kinds`` empty for a stream without surface."""
     job = Recovery.given(dataset=options.dataset, **codec_options(options))
-    return job.run(options.stream, options.points, options.scene, options.row)
+    row = job.run(options.stream, options.points, options.scene, options.row)
+    if row["kinds"] or options.json:
+        return row
+    return {**row, "kinds": "none: this stream holds points and no surface (take a lower rate)"}

@@ -86,6 +86,8 @@ class Codec(ABC):
 
     title: str = ""
     """In legends; its name by default."""
+    use: str = ""
+    """What to take it for, in a few words."""
     colour: str = ""
     """Of its curves, ``#rrggbb``; by default one that follows from its name."""
     marker: str = ""

@@ -43,6 +43,7 @@ class Draco(Codec):
     """Draco (Google), kd-tree method; a rate is a number of position quantisation bits."""
 
     title = "Draco"
+    use = "a fast baseline that everybody has"
     colour = "#0072B2"
     marker = "o"
     rank = 0

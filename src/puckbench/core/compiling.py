@@ -10,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import importlib
 import re
+import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -17,6 +19,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import extending
+from numba.core.event import Event, Listener, register
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -34,6 +37,8 @@ INLINED: Any = {
 }
 """Numba's options for a function that only other compiled functions call, and become one with."""
 
+_SECONDS_UNTIL_NOTICE = 3.0
+_COMPILING = "puckbench: compiling loops for this machine, once: this takes up to two minutes"
 _PACKAGE = Path(__file__).parents[1]
 _config: Any = numba.config  # its entries come from the environment
 
@@ -54,6 +59,36 @@ def _start_without_blas() -> None:
 
 
 _start_without_blas()
+
+
+class CompilingNotice(Listener):
+    """Says once, at a terminal, that loops are being compiled, when that takes a while.
+
+    Loops from the cache are not compiled, and raise no event.
+    """
+
+    def __init__(self) -> None:
+        self._depth, self._seconds, self._began = 0, 0.0, 0.0
+        self._told = False
+
+    def on_start(self, event: Event) -> None:
+        """A loop begins to be compiled, perhaps within another one."""
+        now = time.monotonic()
+        self._began = self._began if self._depth else now
+        self._depth += 1
+        spent = self._seconds + now - self._began
+        if spent > _SECONDS_UNTIL_NOTICE and not self._told and sys.stderr.isatty():
+            self._told = True
+            print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
+
+    def on_end(self, event: Event) -> None:
+        """It is compiled."""
+        self._depth -= 1
+        if not self._depth:
+            self._seconds += time.monotonic() - self._began
+
+
+register("numba:compile", CompilingNotice())
 
 
 def compiled(function: Function, **options: Any) -> Function:

@@ -28,6 +28,7 @@ class DracoCli(ExternalCodec):
     """Draco's tools ``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
 
     title = "Draco (reference tool)"
+    use = "checking Draco against its own tools"
     colour = "#56B4E9"
     marker = "h"
     line = "--"

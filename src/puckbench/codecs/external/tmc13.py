@@ -46,6 +46,7 @@ class Tmc13(ExternalCodec, GridCodec):
     """MPEG's program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
 
     title = "TMC13 (reference tool)"
+    use = "checking G-PCC against MPEG's program"
     colour = "#000000"
     marker = "x"
     line = ":"

@@ -101,6 +101,7 @@ class Gpcc(GridCodec):
     """Our own coder of G-PCC's octree geometry, with the common test conditions' tools."""
 
     title = "G-PCC"
+    use = "the anchor; lossless coding on a grid"
     colour = "#E69F00"
     marker = "s"
     rank = 10

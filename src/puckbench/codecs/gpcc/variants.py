@@ -23,6 +23,7 @@ class GpccArena(Gpcc):
     """G-PCC as PCC Arena and the thesis ran it."""
 
     title = "G-PCC (PCC Arena)"
+    use = "comparison with the thesis, which ran G-PCC so"
     colour = "#8C6000"
     marker = "X"
     line = "--"
@@ -36,6 +37,7 @@ class GpccDyadic(Gpcc):
     """G-PCC at scales that are powers of two, on which its octree loses nothing."""
 
     title = "G-PCC (dyadic scales)"
+    use = "rate deltas, on scales at which an octree loses nothing"
     colour = "#F2C766"
     marker = "p"
     line = "-."
@@ -54,6 +56,7 @@ class GpccLossless(Gpcc):
     """G-PCC at finer scales: of coordinates that are multiples of 1 / scale nothing is lost."""
 
     title = "G-PCC (finer scales)"
+    use = "every point, as exactly as is asked for"
     colour = "#C0A030"
     marker = "8"
     line = ":"

@@ -38,6 +38,7 @@ class Primitives(Codec):
     """
 
     title = "Primitives"
+    use = "noisy scans; meshes; the fewest bits"
     colour = "#CC79A7"
     marker = "P"
     rank = 40

@@ -45,6 +45,7 @@ class SparseOctreeNet(Learned["Weights"]):
     """A learned octree coder, lossless on its grid; a rate is the scale, as G-PCC's."""
 
     title = "Sparse octree net"
+    use = "G-PCC's points for 8 to 18 % fewer bits"
     colour = "#332288"
     marker = "v"
     rank = 50

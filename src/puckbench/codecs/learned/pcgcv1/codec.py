@@ -47,6 +47,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
     """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
 
     title = "PCGCv1"
+    use = "the thesis's claims, as its authors published it"
     colour = "#66CDAA"
     marker = "<"
     line: Line = "--"
@@ -126,6 +127,7 @@ class Pcgcv1Plus(Improved["Weights"], Pcgcv1):
     """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
 
     title = "PCGCv1+"
+    use = "comparison with its paper"
     colour = "#009E73"
     marker = "^"
     line = "-"

@@ -39,6 +39,7 @@ class Pcgcv2(LearnedByLambda["Weights"]):
     """
 
     title = "PCGCv2"
+    use = "the thesis's claims, as its authors published it"
     colour = "#F0A070"
     marker = "2"
     line: Line = "--"
@@ -116,6 +117,7 @@ class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
     """
 
     title = "PCGCv2+"
+    use = "objects; few bits without fitting surfaces"
     colour = "#D55E00"
     marker = "D"
     line: Line = "-"
@@ -149,6 +151,7 @@ class Pcgcv2PlusRooms(Pcgcv2Plus):
     """PCGCv2+ with weights that were trained on noisy scans of rooms."""
 
     title = "PCGCv2+ (rooms)"
+    use = "noisy scans of rooms, in few bits"
     colour = "#882255"
     marker = "d"
     line: Line = "--"
