@@ -24,9 +24,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.json:
         return table
     if options.codec:
-        return {
-            name: value for name, value in table[options.codec].items() if value not in ("", [])
-        }
+        return {name: value for name, value in table[options.codec].items() if value}
     return {"codecs": {name: _row(entry) for name, entry in table.items()}}
 
 

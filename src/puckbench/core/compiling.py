@@ -88,7 +88,8 @@ class CompilingNotice(Listener):
             self._seconds += time.monotonic() - self._began
 
 
-register("numba:compile", CompilingNotice())
+_register: Any = register  # numba has no type hints here
+_register("numba:compile", CompilingNotice())
 
 
 def compiled(function: Function, **options: Any) -> Function:
