@@ -58,6 +58,16 @@ def test_ply_is_a_cloud_for_the_codecs(table: ScanTable, tmp_path: Path) -> None
     assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, table.xyz)
 
 
+@pytest.mark.parametrize("clean", [False, True])
+def test_packets_have_measured_distances_or_true_ones(
+    table: ScanTable, tmp_path: Path, clean: bool
+) -> None:
+    export(tmp_path / "a.pcap", table, clean=clean)
+    read = np.sort(read_recording(tmp_path / "a.pcap")["distance"])
+    expected = np.sort(table["distance" if clean else "distance_noisy"])
+    assert np.abs(read - expected).max() <= 1.0e-3 + 1e-12
+
+
 def test_pcd_is_read_by_open3d_with_the_lasers_as_labels(table: ScanTable, tmp_path: Path) -> None:
     import open3d
 

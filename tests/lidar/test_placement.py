@@ -16,7 +16,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, SceneObject
 from puckbench.io.meshes import write_mesh
 from puckbench.lidar import ScanJob, ScanTable, Sweep, load_sensor, open_error_model, open_sweep
-from puckbench.lidar.placement import check_free, check_untouched, seen_around
+from puckbench.lidar.placement import _grid, check_free, check_untouched, seen_around
 from tests.support.sensor_scenes import box, joined, quad, room
 
 TURN = open_sweep({"preset": "spin", "azimuth_step_deg": 1.0})
@@ -79,7 +79,21 @@ def test_a_millimetre_is_the_least_clearance() -> None:
     caster: Any = Around(np.ones(1))
     check_untouched(caster, np.array([[0.0011, 0, 0]]))
     with pytest.raises(InputError, match=r"the sensor at \[0.0009, 0.0, 0.0\] touches the mesh"):
-        check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0]]))
+        check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0], [0.0001, 0, 0]]))
+
+
+@pytest.mark.parametrize(("size", "spacing"), [((4.12, 2.12, 9.0), 0.05), ((20.2, 6.5, 3.0), 0.202)])
+def test_spots_fill_the_floor_plan_the_nearest_to_its_middle_first(
+    size: tuple[float, ...], spacing: float
+) -> None:
+    """At least 5 cm apart, and a hundredth of the longer side."""
+    places = _grid(np.array(size))
+    farthest = np.floor(np.array(size[:2]) / 2 / spacing + 1e-9) * spacing
+    assert np.abs(places).max(axis=0) == pytest.approx([*farthest, 0])
+    assert len(places) == np.prod(2 * np.rint(farthest / spacing) + 1)
+    away = np.hypot(places[:, 0], places[:, 1])
+    assert away[0] == 0
+    assert (np.diff(away) >= 0).all()
 
 
 @pytest.mark.parametrize(("wall_m", "fault"), [(1.99, True), (2.0, False)])

@@ -85,6 +85,8 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
     sensor = load_sensor(path)
     assert (sensor.name, sensor.lasers, sensor.min_range_m) == ("two lasers", 2, 0.0)
     assert load_sensor(str(path)) == sensor
+    assert sensor.divergence_horizontal_deg == sensor.divergence_vertical_deg == 0
+    assert str(sensor).startswith("Sensor(name='two lasers', laser_elevation_deg=(-1.0, 1.0)")
 
 
 @pytest.mark.parametrize(
