@@ -82,7 +82,9 @@ def test_a_millimetre_is_the_least_clearance() -> None:
         check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0], [0.0001, 0, 0]]))
 
 
-@pytest.mark.parametrize(("size", "spacing"), [((4.12, 2.12, 9.0), 0.05), ((20.2, 6.5, 3.0), 0.202)])
+@pytest.mark.parametrize(
+    ("size", "spacing"), [((4.12, 2.12, 9.0), 0.05), ((20.2, 6.5, 3.0), 0.202)]
+)
 def test_spots_fill_the_floor_plan_the_nearest_to_its_middle_first(
     size: tuple[float, ...], spacing: float
 ) -> None:

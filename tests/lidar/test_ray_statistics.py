@@ -3,6 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from puckbench.geometry.cloud import Floats
+from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.walls.statistics import (
     LaserBias,
     azimuth_step,
@@ -131,3 +132,10 @@ def test_the_step_of_azimuth_is_that_of_the_scan() -> None:
     table = captured(room_scan(2))
     assert np.degrees(azimuth_step(table)) == pytest.approx(STEP_DEG)
     assert np.isnan(azimuth_step(table.select(np.arange(16))))
+
+
+def test_two_returns_of_one_firing_are_no_step() -> None:
+    azimuth = np.repeat(np.radians([10.0, 10.2, 10.4]), 3)
+    nothing = np.zeros(9, dtype=int)
+    columns = {"azimuth": azimuth, "laser_id": nothing, "turn": nothing}
+    assert np.degrees(azimuth_step(RecordedReturns(columns))) == pytest.approx(0.2)

@@ -82,6 +82,18 @@ def test_the_bias_of_each_laser_is_recovered_on_each_wall(
         assert part.bias.std_m == pytest.approx(np.std(expected, ddof=1), rel=0.03)
 
 
+def test_a_plane_is_described_by_its_residuals(planes: RecordedPlanes) -> None:
+    (part, *_), (plane, *_) = plane_statistics(planes), recording_summary(planes)["planes"]
+    assert plane["rows"] == len(part.residual) == len(part.surface.rows)
+    assert plane["std_m"] == pytest.approx(part.residual.std(ddof=1), rel=1e-9)
+    assert plane["lasers"] == 16
+    own = part.deviation - part.bias.mean_m[part.rows["laser_id"]]
+    assert part.noise is not None
+    assert plane["unevenness_m"] == pytest.approx(
+        np.sqrt(max(own.var() - part.noise.sigma_m**2, 0)), abs=1e-9
+    )
+
+
 def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: RecordedPlanes) -> None:
     summary = recording_summary(planes)
     found = summary["bias_repeatability"]
