@@ -45,6 +45,7 @@ TESTS = {
     "lidar/placement": "lidar/test_origin lidar/test_placement",
     "lidar/raycast": "lidar/test_scan",
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
+    "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
     "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds",
     "lidar/residual_table": "lidar/test_wall_residuals",
     "lidar/scan_table": "lidar/test_table lidar/test_scan",

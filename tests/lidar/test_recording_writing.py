@@ -12,7 +12,8 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings import RecordedReturns, decode_packets, read_recording
-from puckbench.lidar.recordings.writing import scan_packets, write_pcap
+from puckbench.lidar.recordings.packets import PACKET
+from puckbench.lidar.recordings.writing import distance_counts, scan_packets, write_pcap
 from tests.support.sensor_scenes import ROOM, room
 
 SPIN = {"duration_s": 0.4, "pitch_start_deg": 0.0, "pitch_end_deg": 0.0, "azimuth_step_deg": 2.0}
@@ -91,6 +92,19 @@ def test_the_ip_header_has_a_valid_checksum(table: ScanTable, tmp_path: Path) ->
     words = struct.unpack(">10H", (tmp_path / "a.pcap").read_bytes()[54:74])
     total = sum(words)
     assert (total & 0xFFFF) + (total >> 16) == 0xFFFF
+
+
+def test_the_first_firing_of_every_second_block_has_the_returns(table: ScanTable) -> None:
+    packets = scan_packets(table).payloads.view(PACKET)
+    blocks = packets["blocks"]["returns"]["distance"].reshape(-1, 2, 2, 16)
+    assert np.count_nonzero(blocks[:, 0, 0]) == len(table)
+    assert not blocks[:, 1].any()
+    assert not blocks[:, 0, 1].any()
+
+
+def test_distances_fill_sixteen_bits() -> None:
+    counts = distance_counts(np.array([0.0009, 0.0011, 131.07, 131.072, np.inf]))
+    assert counts.tolist() == [0, 1, 65535, 0, 0]
 
 
 def test_a_return_out_of_the_packets_range_is_left_out(table: ScanTable) -> None:

@@ -138,3 +138,34 @@ def test_a_damaged_block_is_named() -> None:
 def test_no_packet_is_an_error() -> None:
     with pytest.raises(InputError, match="no data packet"):
         decode_packets(np.empty((0, 1206), dtype=np.uint8))
+
+
+@pytest.mark.parametrize("form", ["pcap", "parquet"])
+def test_an_interval_begins_with_its_start_and_ends_before_its_end(
+    form: str, tmp_path: Path
+) -> None:
+    """Of six packets, 1.327 ms apart: those 2.654 to 5.308 ms after the first."""
+    path = DATA / "single.pcap"
+    whole = read_recording(path)
+    if form == "parquet":
+        path = tmp_path / "a.parquet"
+        write_returns(path, whole)
+    apart = 1327.104e-6
+    some = read_recording(path, start_s=1.5 * apart, end_s=3.5 * apart)
+    since = whole["timestamp"] - whole["timestamp"][0]
+    inside = (since >= 1.5 * apart) & (since < 3.5 * apart)
+    if form == "pcap":  # whole packets
+        inside = np.isin(np.arange(len(whole)) // (24 * 15), [2, 3])
+    assert some["distance"].tolist() == whole["distance"][inside].tolist()
+    assert some.about["source"] == path.name
+
+
+def test_an_error_names_its_file_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    path.write_bytes((DATA / "single.pcap").read_bytes()[:24])
+    with pytest.raises(InputError) as caught:
+        read_recording(path)
+    assert str(caught.value) == f"{path}: no data packet of a VLP-16"
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / "none.pcap")
+    assert str(caught.value).count("none.pcap") == 1
