@@ -334,3 +334,26 @@ def test_a_thing_in_the_way_hides_what_is_behind() -> None:
 
 def test_presets_of_sweeps_are_complete() -> None:
     assert {"thesis", "thesis_room"} <= set(SWEEPS)
+
+
+@pytest.mark.parametrize("errors", ["surface_normal", "vlp16"])
+def test_measured_points_are_at_their_distance_from_the_sensor(errors: str) -> None:
+    table = scanned(room(), errors)
+    reach = np.linalg.norm(table.xyz_noisy - CENTRE, axis=1)
+    assert reach == pytest.approx(table["distance_noisy"], abs=1e-9)
+
+
+def test_a_job_knows_how_many_rays_it_fires() -> None:
+    job = ScanJob(room(), VLP16, SMALL, open_error_model("none"), CENTRE)
+    assert job.rays == 60 * 15 * 16
+
+
+@pytest.mark.parametrize("rays", [1, 1000, 10**6])
+def test_a_scan_in_portions_has_the_same_rows(rays: int) -> None:
+    """At least a frame at a time, whatever the bound."""
+    job = ScanJob(room(), VLP16, Sweep(duration_s=0.05), open_error_model("vlp16"), CENTRE)
+    parts = list(job.portions(np.random.default_rng(1), rays_in_a_portion=rays))
+    whole = job.table(np.random.default_rng(1))
+    assert len(parts) == {1: 6, 1000: 6, 10**6: 1}[rays]
+    joined_rows = np.concatenate([part["distance_noisy"] for part in parts])
+    assert joined_rows.tolist() == whole["distance_noisy"].tolist()
