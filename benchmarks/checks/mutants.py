@@ -43,7 +43,7 @@ TESTS = {
     "lidar/errors/receiver": "lidar/test_receiver lidar/test_mirrors",
     "lidar/kernels": "lidar/test_kernels lidar/test_scan lidar/test_footprint",
     "lidar/placement": "lidar/test_origin lidar/test_placement",
-    "lidar/raycast": "lidar/test_origin lidar/test_placement lidar/test_scan",
+    "lidar/raycast": "lidar/test_placement lidar/test_scan lidar/test_trajectory",
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
     "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
     "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds",
