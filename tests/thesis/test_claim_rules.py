@@ -450,3 +450,8 @@ def test_10_a_codec_on_one_data_set_is_not_compared() -> None:
     assert found["Draco alike"] == "CD differs 1 times at one rate, median 1"
     found = {part.statement: part.found for part in CLAIMS[8].test(times({"draco": 3, "gpcc": 9}))}
     assert found["Draco grows"] == "3 times the time, median 3"
+
+
+def test_12_tells_on_how_many_clouds_it_was_tested() -> None:
+    samples = {part.statement: part.sample for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
+    assert samples["shifted to more bits on scans"] == "10 clouds"
