@@ -103,6 +103,14 @@ def test_bounds_of_pairs_of_blocks_are_those_of_their_boxes() -> None:
         assert _cap_squared(points, boxes, i, j) >= along**2 + across**2
 
 
+def test_a_small_cloud_has_a_small_diameter() -> None:
+    points = generator(7, "blocks").normal(size=(150, 3)) / 1000
+    assert _pairs_squared(points, 0, 1) == pytest.approx(
+        cdist(points[:64], points[64:128]).max() ** 2
+    )
+    assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-12)
+
+
 def test_a_farther_pair_than_any_other_is_not_looked_for() -> None:
     points = generator(7, "blocks").normal(size=(150, 3))
     assert _largest_squared(points, 1e6) == 1e6
