@@ -51,6 +51,7 @@ def _check(results: Path) -> None:
     # Four points of five are lost at r1, and none at r2; a number takes 16 bits.
     assert table[table.rate == "r2"].bpp.tolist() == [48.0, 48.0]
     scan = pd.read_parquet(results / "scans" / "boxes" / "box_1.parquet")
+    assert table.centroid_m.between(0, 0.1).all()
     offset = scan["distance_noisy"] - scan["distance"]
     assert offset.to_numpy() == pytest.approx(0.01, abs=1e-6)
 
@@ -71,9 +72,16 @@ def test_the_same_files_serve_without_being_installed(fresh: Bench) -> None:
     config["scenes"]["boxes"]["loader"] = "example_data_set.py:Boxes"
     config["datasets"]["boxes"]["errors"] = "example_error_model.py:ConstantOffset"
     config["codecs"]["half_precision"]["class"] = "example_codec.py:HalfPrecision"
-    (fresh.folder / "config.yaml").write_text(yaml.safe_dump({**config, **RUN}))
-    fresh.made("tables")
+    config["metrics"] = ["example_metric.py:centroid"]
+    config["tables"] = ["example_table.py:cheapest"]
+    figures = {"own": ["example_figure.py:draw_bits"]}
+    (fresh.folder / "config.yaml").write_text(yaml.safe_dump({**config, **RUN, "figures": figures}))
+    fresh.made()
     _check(fresh.results)
+    assert (fresh.results / "figures" / "draw_bits.pdf").exists()
+    page = (fresh.results / "report.html").read_text(encoding="utf-8")
+    assert 'id="figure-draw_bits"' in page
+    assert 'id="table-cheapest"' in page
     inputs = '{"metrics": "results/tables/metrics.csv"}'
     puckbench = ["-m", "puckbench"]
     table = ["table", "example_table.py:cheapest", "cheapest.csv", "--inputs", inputs]

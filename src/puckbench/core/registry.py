@@ -54,6 +54,7 @@ class Registry(Generic[T]):
         self._rooms = rooms
         self._make = make
         self._loaded: dict[str, T] = {}
+        self._added: dict[str, str] = {}
         self._of_target: dict[int, T] = {}
 
     def register(self, name: str, **about: Any) -> Callable[[Registered], Registered]:
@@ -87,17 +88,35 @@ class Registry(Generic[T]):
         for room in self._rooms:
             yield from sorted((_SOURCES / room).rglob("*.py"))
 
+    def add(self, place: str) -> None:
+        """List a plug-in of ``module:Name`` or ``path/to/file.py:Name`` beside ours, as ``Name``.
+
+        Raises
+        ------
+        InputError
+            One of ours has that name, or the place is not of that form.
+        """
+        module, _, name = place.rpartition(":")
+        if not module or self._added.get(name, place) != place or name in self._ours:
+            fault = "that name is taken" if module else "must be module:Name or file.py:Name"
+            raise InputError(f"{self.kind} {place}: {fault}")
+        self._added[name] = place
+
     @cached_property
     def _installed(self) -> dict[str, str]:
         return {point.name: point.value for point in entry_points(group=self.group)}
 
     def names(self) -> list[str]:
-        """Names of ours and of installed packages' plug-ins."""
-        return list({**self._ours, **self._installed})
+        """Names of ours, of installed packages' plug-ins, and of those added."""
+        return list({**self._ours, **self._installed, **self._added})
 
     def module_of(self, name: str) -> str:
         """The module (or file) that a plug-in is defined in, for the fingerprint of its code."""
         return self._ours[name] if name in self._ours else self._place(name).rpartition(":")[0]
+
+    def place_of(self, name: str) -> str:
+        """What `get` finds a plug-in by in another process: an added one's place, else its name."""
+        return self._added.get(name, name)
 
     def get(self, name: str) -> T:
         """The plug-in of a name, of ``module:Name`` or of ``path/to/file.py:Name``.
@@ -117,10 +136,10 @@ class Registry(Generic[T]):
         return next(name for name, one in self._loaded.items() if one is plugin)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._ours or name in self._installed
+        return name in self.names()
 
     def _place(self, name: str) -> str:
-        place = self._installed.get(name, name)
+        place = self._added.get(name) or self._installed.get(name, name)
         if ":" not in place:
             raise InputError(f"unknown {self.kind} '{name}'{among(name, self.names())}")
         return place

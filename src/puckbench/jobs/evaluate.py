@@ -13,6 +13,7 @@ from puckbench.jobs.codecs import record_file
 from puckbench.jobs.decode import Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
+from puckbench.metrics.further import further_metrics
 from puckbench.metrics.measures import measures, picture_measures, truth_measures
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
@@ -25,12 +26,13 @@ class Evaluate(Decoding):
 
     dataset: its name, for the row. peak: of the PSNRs; by default the cloud's own, and none where
     its description tells no size.
-    views: pixels of six pictures to compare; 0 for none.
+    views: pixels of six pictures to compare; 0 for none. metrics: further ones, by name.
     """
 
     dataset: str | None = None
     peak: float | None = None
     views: int = 0
+    metrics: tuple[str, ...] = ()
 
     def run(
         self,
@@ -68,6 +70,7 @@ class Evaluate(Decoding):
             **picture_measures(reference, points, self.views, found),
             **_against_truth(reference, points, truth, visible, clean),
         }
+        result |= further_metrics(self.metrics, reference, points, result)
         result["cloud"] = result.pop("name", cloud.stem)
         if row:
             write_json(row, result)

@@ -14,6 +14,7 @@ from puckbench.jobs.encode import Encode
 from puckbench.jobs.evaluate import Evaluate
 from puckbench.jobs.joined import RowKind
 from puckbench.jobs.recovery import Recovery
+from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.planned_job import PlannedJob, planned
 
@@ -50,9 +51,11 @@ class CodingJobs:
             changes=self._entry(codec, rate),
             peak=None if settings.size == GRID else float(settings.size) - 1,
             views=settings.views,
+            metrics=self.plan.config.metrics,
             **self._timed,
         )
-        return planned(record, self._module(codec), also=self._weights(codec))
+        modules = (self._module(codec), *map(METRICS.module_of, record.metrics))
+        return planned(record, *modules, also=self._weights(codec))
 
     @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:

@@ -39,7 +39,9 @@ RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
 Seed = Annotated[int, Field(ge=0)]
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
+Places = Annotated[tuple[str, ...], AfterValidator(_different)]
+"""Of plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
 class SceneSource(Model):
@@ -95,7 +97,7 @@ class DataSetConfig(Model):
         gt=0,
         description="Height of the sensor above the floor where the scene names no position, in m.",
     )
-    origin: Place | dict[str, Place] | None = Field(
+    origin: Position | dict[str, Position] | None = Field(
         None,
         description="Where the sensor stands, `[x, y, z]` in m, or a table of scenes and places; "
         "where none is named, at the scene's own place, else at a free one near the middle.",
@@ -152,7 +154,7 @@ class DataSetConfig(Model):
         """Whether the virtual sensor makes the clouds."""
         return self.make == "scan"
 
-    def origin_in(self, scene: str) -> Place | None:
+    def origin_in(self, scene: str) -> Position | None:
         """Where the sensor stands in a scene, if that is configured."""
         return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
@@ -341,6 +343,11 @@ class FiguresConfig(Model):
     options: dict[str, Options] = Field(
         {}, description="Changes to the look of one figure, by its name."
     )
+    own: Places = Field(
+        (),
+        description="Figures of your own: functions, `module:function` or "
+        "`path/to/file.py:function`, by whose names they are called.",
+    )
     examples: ExamplesConfig = Field(
         ExamplesConfig(),
         description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
@@ -379,6 +386,16 @@ class Config(Model):
     )
     codecs: dict[Name, CodecConfig | None] = Field(
         {"draco": CodecConfig()}, min_length=1, description="Codecs by name."
+    )
+    tables: Places = Field(
+        (),
+        description="Tables of your own: functions, `module:function` or "
+        "`path/to/file.py:function`, by whose names they are called.",
+    )
+    metrics: Places = Field(
+        (),
+        description="Further metrics of every decoded cloud: their names (`density`), or functions "
+        "of your own, `module:function` or `path/to/file.py:function`.",
     )
     train: dict[Name, TrainingConfig] = Field(
         {}, description="Weights of learned codecs to train, by name: `snakemake train`."

@@ -37,7 +37,7 @@ from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import JoinedTable, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.roles import codec_roles, verdict_options
-from puckbench.report.contents import Contents
+from puckbench.report.contents import Contents, add_own
 from puckbench.report.page import assets_version
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
 
@@ -50,6 +50,7 @@ class OutputJobs:
 
     def __init__(self, plan: Plan, coding: CodingJobs) -> None:
         self.plan, self.coding, self.config = plan, coding, plan.config
+        add_own(self.config.figures.own, self.config.tables)
         for name in self.figures:
             self._check_style(name)
         for name in self.tables:
@@ -112,7 +113,9 @@ class OutputJobs:
     @cache  # noqa: B019 (one plan lives as long as the process)
     def table(self, name: str) -> PlannedJob:
         """Make a table of others."""
-        record = Table(table=name, inputs=self.tables[name], options=self.table_options(name))
+        record = Table(
+            table=TABLES.place_of(name), inputs=self.tables[name], options=self.table_options(name)
+        )
         return planned(record, TABLES.module_of(name))
 
     def table_category(self, name: str) -> str:
@@ -155,7 +158,9 @@ class OutputJobs:
     @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:
         """Draw a figure."""
-        record = Figure(figure=name, inputs=self.figures[name], style=self.figure_style(name))
+        record = Figure(
+            figure=FIGURES.place_of(name), inputs=self.figures[name], style=self.figure_style(name)
+        )
         return planned(record, FIGURES.module_of(name), also=self._codec_styles)
 
     @cached_property

@@ -21,6 +21,7 @@ from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds
 from puckbench.geometry.scaling import GRID
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
+from puckbench.metrics.further import METRICS
 from puckbench.planning.config import (
     CaptureConfig,
     Config,
@@ -141,6 +142,9 @@ class Plan:
         self.trainings: dict[str, TrainingPlan] = {}
         for name, value in config.train.items():
             self.trainings[name] = self._training(name, value)
+        with naming("metrics"):
+            for name in config.metrics:
+                METRICS.module_of(name)
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")

@@ -29,6 +29,8 @@ def planned_contents(
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
         tables={name: str(folder / f"{name}.csv") for name in (*first, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
+        own_figures=plan.config.figures.own,
+        own_tables=plan.config.tables,
         examples=tuple(_examples(plan, chosen.rates)),
         logs=str(plan.results / "logs"),
         configuration=plan.config.as_json(),

@@ -16,7 +16,7 @@ from puckbench.report.captions import caption_html
 from puckbench.report.claims import TABLE as CLAIMS
 from puckbench.report.claims import Claims, claim_cards
 from puckbench.report.clouds import viewer_payload
-from puckbench.report.contents import Contents
+from puckbench.report.contents import Contents, add_own
 from puckbench.report.curves import curves
 from puckbench.report.facts import run_facts
 from puckbench.report.findings import findings
@@ -91,6 +91,7 @@ def build_page(
     InputError
         A file is missing or cannot be read.
     """
+    add_own(contents.own_figures, contents.own_tables)
     style = FigureStyle.from_config(*contents.style)
     metrics = None if contents.metrics is None else read_table(Path(contents.metrics))
     tables = {name: read_table(Path(file)) for name, file in contents.tables.items()}

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from puckbench.core.models import Model, parsed
+from puckbench.figures.registry import FIGURES
+from puckbench.metrics.registry import TABLES
 
 TITLE = "Point-cloud compression on virtual LiDAR scans"
 POINTS = 20_000
@@ -45,6 +47,8 @@ class Contents(Model):
         File of all results, None without one.
     tables, figures
         Name -> file (CSV; PNG).
+    own_figures, own_tables
+        Places of those that are a user's own.
     examples
         Clouds of the viewer.
     logs
@@ -63,6 +67,8 @@ class Contents(Model):
     metrics: str | None = None
     tables: Mapping[str, str] = {}
     figures: Mapping[str, str] = {}
+    own_figures: tuple[str, ...] = ()
+    own_tables: tuple[str, ...] = ()
     examples: tuple[Example, ...] = ()
     logs: str | None = None
     configuration: Mapping[str, Any] = {}
@@ -86,3 +92,11 @@ class Contents(Model):
         decoded = [files for example in self.examples for files in example.decoded.values()]
         coded = [file for files in decoded for file in files.values()]
         return [*metrics, *self.tables.values(), *self.figures.values(), *originals, *coded]
+
+
+def add_own(figures: Iterable[str], tables: Iterable[str]) -> None:
+    """List a user's own figures and tables, by their places, beside ours."""
+    for place in figures:
+        FIGURES.add(place)
+    for place in tables:
+        TABLES.add(place)
