@@ -1,0 +1,55 @@
+"""Further metrics: ours, a user's own, and those that cannot be used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.metrics.density import density
+from puckbench.metrics.further import further_metrics
+from puckbench.planning.config import checked
+from puckbench.planning.plan import Plan
+
+POINTS = np.random.default_rng(1).random((400, 3)) * 10
+OWN = """
+def moved(reference, decoded):
+    return {"moved": float((decoded.xyz - reference.xyz).mean())}
+"""
+
+
+def test_density_of_the_decoded_cloud_is_in_metres() -> None:
+    reference = PointCloud(POINTS, about={"scale": 20.0})
+    found = further_metrics(["density"], reference, PointCloud(POINTS[:300]), {})
+    metres = density(POINTS[:300] / 20)
+    assert found["decoded_spacing_median_m"] == pytest.approx(metres["spacing_median"])
+    assert found["decoded_density_q95_m2"] == pytest.approx(metres["density_q95"])
+
+
+def test_a_function_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    place = f"{tmp_path / 'own.py'}:moved"
+    clouds = PointCloud(POINTS), PointCloud(POINTS + 2)
+    assert further_metrics([place], *clouds, {})["moved"] == pytest.approx(2)
+    with pytest.raises(InputError, match="the column 'moved' is taken"):
+        further_metrics([place], *clouds, {"moved": 1})
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("densty", r"^metrics: unknown metric 'densty' .* did you mean 'density'"),
+        ("no_such.py:f", r"^metrics: metric no_such.py:f: cannot load"),
+    ],
+)
+def test_a_metric_that_does_not_exist_is_named_before_anything_runs(name: str, fault: str) -> None:
+    config = {
+        "scenes": {"objects": {"loader": "embedded_objects"}},
+        "datasets": {"objects": {"scenes": "objects", "make": "sample"}},
+    }
+    Plan(checked({**config, "metrics": ["density"]}))
+    with pytest.raises(InputError, match=fault):
+        Plan(checked({**config, "metrics": [name]}))
