@@ -5,12 +5,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from puckbench.core import compiling
-from puckbench.core.compiling import CompilingNotice
 
 SOURCE = Path(__file__).parents[2] / "src"
 OUTER = """
@@ -36,9 +34,11 @@ def inner():
 _COMPILED = shutil.ignore_patterns("__pycache__")
 
 
-def _run(folder: Path, source: Path = SOURCE) -> str:
+def _run(folder: Path, source: Path = SOURCE, more: dict[str, str] | None = None) -> str:
     environment = {**os.environ, "PYTHONPATH": f"{source}:{folder}"}
-    environment.pop("NUMBA_CACHE_DIR", None)
+    for name in ("NUMBA_CACHE_DIR", "NUMBA_BOUNDSCHECK"):
+        environment.pop(name, None)
+    environment |= more or {}
     done = subprocess.run(
         [sys.executable, folder / "outer.py"],
         env=environment,
@@ -116,21 +116,32 @@ def test_functions_that_call_blas_are_compiled() -> None:
     assert done.stdout.split() == ["False", "9.0"]
 
 
-def test_long_compilation_is_told_once_at_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+OUTSIDE = """
+import numpy as np
+from puckbench.core.compiling import compiled, compiled_in_place
+
+@compiled_in_place
+def last(values, at):
+    return values[at]
+
+@compiled
+def outer(count, at):
+    return last(np.zeros(count), at)
+
+try:
+    outer(3, 3)
+    print("read")
+except IndexError:
+    print("refused")
+"""
+
+
+@pytest.mark.parametrize(("checks", "found"), [("", "read"), ("1", "refused")])
+def test_indices_are_checked_on_demand_with_a_cache_of_their_own(
+    tmp_path_factory: pytest.TempPathFactory, checks: str, found: str
 ) -> None:
-    now = [0.0]
-    monkeypatch.setattr("puckbench.core.compiling.time.monotonic", lambda: now[0])
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    notice = CompilingNotice()
-    event: Any = None
-    for seconds in (1.0, 1.0, 2.0, 1.0):
-        notice.on_start(event)
-        notice.on_start(event)  # of a loop that the first one calls
-        now[0] += seconds
-        notice.on_end(event)
-        notice.on_end(event)
-        now[0] += 100.0  # work between compilations does not count
-    assert capsys.readouterr().err.splitlines() == [
-        "puckbench: compiling loops for this machine, once: this takes up to two minutes"
-    ]
+    folder = tmp_path_factory.getbasetemp() / "checked_indices"
+    folder.mkdir(exist_ok=True)
+    (folder / "outer.py").write_text(OUTSIDE)
+    changed = {"NUMBA_BOUNDSCHECK": checks} if checks else {}
+    assert _run(folder, more=changed) == found

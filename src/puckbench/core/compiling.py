@@ -3,6 +3,9 @@
 Numba's own cache looks at the file of a function alone, and would go on using machine code in which
 an older version of another file's function or constant is compiled. Here the place of the cache is
 named after the contents of the function's file and of all that it imports.
+
+With ``NUMBA_BOUNDSCHECK=1`` in the environment every index of every compiled loop is checked: one
+outside its array raises IndexError. Such machine code, some three times slower, has its own cache.
 """
 
 from __future__ import annotations
@@ -10,8 +13,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import re
-import sys
-import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,6 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import extending
-from numba.core.event import Event, Listener, register
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -37,8 +37,6 @@ INLINED: Any = {
 }
 """Numba's options for a function that only other compiled functions call, and become one with."""
 
-_SECONDS_UNTIL_NOTICE = 3.0
-_COMPILING = "puckbench: compiling loops for this machine, once: this takes up to two minutes"
 _PACKAGE = Path(__file__).parents[1]
 _config: Any = numba.config  # its entries come from the environment
 
@@ -61,37 +59,6 @@ def _start_without_blas() -> None:
 _start_without_blas()
 
 
-class CompilingNotice(Listener):
-    """Says once, at a terminal, that loops are being compiled, when that takes a while.
-
-    Loops from the cache are not compiled, and raise no event.
-    """
-
-    def __init__(self) -> None:
-        self._depth, self._seconds, self._began = 0, 0.0, 0.0
-        self._told = False
-
-    def on_start(self, event: Event) -> None:
-        """A loop begins to be compiled, perhaps within another one."""
-        now = time.monotonic()
-        self._began = self._began if self._depth else now
-        self._depth += 1
-        spent = self._seconds + now - self._began
-        if spent > _SECONDS_UNTIL_NOTICE and not self._told and sys.stderr.isatty():
-            self._told = True
-            print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
-
-    def on_end(self, event: Event) -> None:
-        """It is compiled."""
-        self._depth -= 1
-        if not self._depth:
-            self._seconds += time.monotonic() - self._began
-
-
-_register: Any = register  # numba has no type hints here
-_register("numba:compile", CompilingNotice())
-
-
 def compiled(function: Function, **options: Any) -> Function:
     """Compile `function` on its first call; later processes load it from the cache.
 
@@ -102,7 +69,8 @@ def compiled(function: Function, **options: Any) -> Function:
     """
     file = Path(function.__code__.co_filename)
     chosen = _config.CACHE_DIR
-    _config.CACHE_DIR = str(Path(chosen or file.parent / "__pycache__") / state_of(file))
+    place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
+    _config.CACHE_DIR = str(Path(chosen or file.parent / "__pycache__") / place)
     try:
         return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
     finally:

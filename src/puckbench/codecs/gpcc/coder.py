@@ -30,9 +30,19 @@ __all__ = [
 
 MAX_POINTS = 1 << 24
 """Points of a stream, at most: as many as one slice can signal, so that memory is bounded."""
+MAX_LEVELS = 1 << 14
+"""Octree levels of all slices of a stream, at most: each begins anew, however few points it has."""
+MAX_PARAMETER_BYTES = 1 << 16
+"""Bytes of a stream's parameter sets and tile inventories, at most: they are read bit by bit."""
 
 _MAX_ORIGIN = 1 << 31
 _MAX_DENOMINATOR = 1 << 16
+
+_PARAMETERS = {
+    syntax.SEQUENCE_PARAMETER_SET,
+    syntax.GEOMETRY_PARAMETER_SET,
+    syntax.TILE_INVENTORY,
+}
 
 # Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
 _AXIS_ORDERS = (
@@ -108,6 +118,8 @@ def encode_geometry(
     slices = list(_partition(points, low, options))
     if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
+    if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
+        raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
     for number, slice_points in enumerate(slices):
         data_unit = _data_unit(slice_points, number, sps, gps)
         stream.append(syntax.encapsulate(syntax.GEOMETRY_DATA_UNIT, data_unit))
@@ -257,9 +269,14 @@ class _StreamReader:
         self._frame: int | None = None
         self._contexts: Contexts = initial_contexts()
         self._slices: list[Ints] = []
+        self._points = self._levels = self._parameter_bytes = 0
 
     def take(self, payload_type: int, payload: bytes) -> None:
         """Read one payload."""
+        if payload_type in _PARAMETERS:
+            self._parameter_bytes += len(payload)
+            if self._parameter_bytes > MAX_PARAMETER_BYTES:
+                raise InputError(f"G-PCC stream: more than {MAX_PARAMETER_BYTES} parameter bytes")
         if payload_type == syntax.SEQUENCE_PARAMETER_SET:
             sps = syntax.SequenceParameterSet()
             syntax.sequence_parameter_set(Reader(payload), sps)
@@ -284,8 +301,12 @@ class _StreamReader:
             raise InputError("G-PCC stream: slices of different sequences")
         self._active = sps
         coded = read_slice(payload, sps, gps)
-        if sum(map(len, self._slices)) + coded.points > MAX_POINTS:
+        self._points += coded.points
+        self._levels += len(coded.header.tree_lvl_coded_axis_list)
+        if self._points > MAX_POINTS:
             raise InputError(f"G-PCC stream: more than {MAX_POINTS} points")
+        if self._levels > MAX_LEVELS:
+            raise InputError(f"G-PCC stream: more than {MAX_LEVELS} octree levels in its slices")
         self._check_single_frame(coded)
         if not coded.header.entropy_continuation_flag:
             self._contexts = initial_contexts()

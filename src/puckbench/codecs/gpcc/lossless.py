@@ -57,15 +57,15 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
     return b"".join([*map(signed_128, low.tolist()), *numbers]) + encode_octree(tree, header, _GPS)
 
 
-def decode_voxels(stream: bytes) -> Ints:
-    """Voxels (m, 3) int64, in the order of the octree's leaves; InputError for damaged streams."""
+def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
+    """Voxels (m, 3) int64 in the order of the octree's leaves; InputError for more than `most`."""
     if not stream:
         return np.empty((0, 3), dtype=np.int64)
     reader = Reader(stream)
     low = [reader.signed() for _ in range(3)]
     count, sides = reader.number(), reader.number()
     bits = (sides & 31, sides >> 5 & 31, sides >> 10)
-    if not 0 < count <= _MAX_VOXELS or max(bits) > MOST_BITS:
+    if not 0 < count <= min(most, _MAX_VOXELS) or max(bits) > MOST_BITS:
         raise InputError("packed voxels: the header is damaged")
     coded = CodedSlice(_header(bits), reader.rest(), count)
     codes = decode_slice(coded, _SPS, _GPS, initial_contexts())
