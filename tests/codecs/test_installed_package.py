@@ -107,7 +107,7 @@ def test_it_is_titled_coded_recognised_and_checked(package: Path) -> None:
 
 def test_it_is_listed_and_drawn(package: Path) -> None:
     listed = _python(package, "-m", "puckbench", "codecs").split("\n")
-    assert "raw available; r1 kind <f2; r2 kind <f4" in [" ".join(line.split()) for line in listed]
+    assert "raw r1 to r2" in [" ".join(line.split()) for line in listed]
     program = """
 import numpy as np
 from puckbench.figures import panels

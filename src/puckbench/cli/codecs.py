@@ -43,6 +43,9 @@ def _entry(name: str) -> dict[str, Any]:
 
 
 def _row(entry: dict[str, Any]) -> dict[str, str]:
-    first, *_, last = entry["rates"]
+    rates = list(entry["rates"])
     state = "" if entry["available"] else f" (not here: {entry['why']})"
-    return {"rates": f"{first} to {last}", "take it for": entry["use"] + state}
+    return {
+        "rates": " to ".join(dict.fromkeys([rates[0], rates[-1]])),
+        "take it for": entry["use"] + state,
+    }
