@@ -84,3 +84,5 @@ def test_without_a_scale_units_are_metres_at_the_origin() -> None:
     found = truth_measures(PointCloud(GRID[:5]), RAISED[:5], flat, None, None)
     assert found["truth_d2_rms_m"] == pytest.approx(0.5)
     assert found["truth_points_a"] == 5
+    corners = np.array([[0.0, 0, 0.5], [9, 9, 0.5]])
+    assert truth_measures(PointCloud(GRID), corners, flat, None, None)["truth_acd_ba_point"] == 0.25
