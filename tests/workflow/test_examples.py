@@ -69,7 +69,8 @@ def test_a_package_brings_a_codec_as_its_page_shows(fresh: Bench, tmp_path: Path
     target = tmp_path / "installed"
     _python(tmp_path, "-m", "pip", "install", *offline, "--target", str(target), "./package")
     path = f"{ROOT / 'src'}{os.pathsep}{target}"
-    assert "r3 step 4" in _python(tmp_path, "-m", "puckbench", "codecs", path=path)
+    listed = _python(tmp_path, "-m", "puckbench", "codecs", path=path)
+    assert re.search(r"^ *grid +r1 to r3", listed, re.MULTILINE)
     fresh.configure({"codecs": {"grid": {}}, "sensor_study": None, "figures": {}})
     row = "results/metrics/objects/chair_01/grid/r3.json"
     _python(fresh.folder, *fresh.command(row)[1:], path=path)
