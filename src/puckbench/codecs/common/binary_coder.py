@@ -69,6 +69,14 @@ def read_to_its_end(coder: BitCoder) -> bool:
     return 0 <= int(coder.registers[POSITION]) - len(coder.buffer) <= PAST_THE_END
 
 
+@compiled_in_place
+def exhausted(coder: BitCoder) -> bool:
+    """Whether a reader has gone further than any stream of its length lets it."""
+    registers = coder.registers
+    past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
+    return bool(registers[WRITING] == 0 and past)
+
+
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Tables ``stretch`` (4096,), probability to logit, and ``squash`` (2 ENDS,), its inverse.

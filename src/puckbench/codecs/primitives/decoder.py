@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.common.binary_coder import PAST_THE_END, POSITION
+from puckbench.codecs.common.binary_coder import exhausted
 from puckbench.codecs.primitives import voxel_mode
 from puckbench.codecs.primitives.entropy import reader
 from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
@@ -30,6 +30,7 @@ from puckbench.codecs.primitives.revolution import (
     unpack_parameters,
 )
 from puckbench.codecs.primitives.stream import (
+    MAX_COLUMNS,
     MAX_POINTS,
     MAX_REVOLUTION_POINTS,
     SurfaceHeader,
@@ -151,12 +152,19 @@ def read_patches(header: SurfaceHeader, bits: bytes) -> Patches:
     ]
     whole = code_octree(coder, geometry, _NO_NODES, leaves, leaf_map)
     if whole:
+        if columns_of(leaves) > MAX_COLUMNS:
+            raise InputError(f"the stream is damaged ({columns_of(leaves)} columns)")
         code_occupancy_maps(coder, geometry, leaves, leaf_map, NO_CRITERION, occupancy)
         for surface, columns in revolutions:
             code_unrolled_map(coder, surface.columns(), columns)
-    if not whole or coder.bits.registers[POSITION] > len(bits) + PAST_THE_END:
-        raise InputError("the stream is damaged (it ends too early)")
+    if not whole or exhausted(coder.bits):
+        raise InputError("the stream is damaged (its octree is too large, or it ends too early)")
     return Patches(header, geometry, leaves, occupancy, revolutions)
+
+
+def columns_of(leaves: Leaves) -> int:
+    """Columns of all leaves, whether their planes cross them or not."""
+    return int((leaves.side[: leaves.counts[0]] ** 2).sum())
 
 
 def octree_geometry(header: SurfaceHeader, lmbda: float = 0.0) -> OctreeGeometry:

@@ -24,6 +24,8 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
+_MAX_LEAVES, _MAX_RECTANGLES = 1 << 16, 1 << 20
+"""Bounds of a mesh's work and memory."""
 _MIN_CONE_ANGLE = 0.02
 """Angle of a cone, in radians, below which it is called a cylinder."""
 
@@ -37,11 +39,15 @@ def decode_mesh(header: SurfaceHeader, bits: bytes) -> Mesh:
     Raises
     ------
     InputError
-        If the stream is damaged or has no surface.
+        If the stream is damaged, has no surface, or too many for a mesh.
     """
     patches = read_patches(header, bits)
+    if patches.leaves.counts[0] > _MAX_LEAVES:
+        raise InputError(f"the stream has more than {_MAX_LEAVES} leaves, too many for a mesh")
     surface = (patches.geometry, patches.leaves, patches.occupancy)
     count = _rectangles(*surface, np.empty((0, 4, 3)), np.empty(0, np.int64))
+    if count + sum(int(columns.sum()) for _, columns in patches.revolutions) > _MAX_RECTANGLES:
+        raise InputError(f"the stream has more than {_MAX_RECTANGLES} rectangles of a mesh")
     quads, leaf_of_quad = np.empty((count, 4, 3)), np.empty(count, np.int64)
     _rectangles(*surface, quads, leaf_of_quad)
     revolution_quads = [column_corners(each, columns) for each, columns in patches.revolutions]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from puckbench.codecs.common.binary_coder import exhausted
 from puckbench.codecs.primitives.entropy import Coder, code_bit
 from puckbench.codecs.primitives.occupancy_decision import (
     RdCriterion,
@@ -28,13 +29,11 @@ from puckbench.codecs.primitives.octree_arrays import (
     leaf_at,
     plane_height,
 )
+from puckbench.codecs.primitives.stream import MAX_LEAF_COLUMNS
 from puckbench.codecs.primitives.traversal import CONTEXTS as TREE_CONTEXTS
 from puckbench.codecs.primitives.traversal import MIXERS as TREE_MIXERS
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-
-MAX_COLUMNS = 256
-"""Columns across the largest leaf."""
 
 _FACES = TREE_CONTEXTS
 _NEIGHBOURHOOD = _FACES + 81 * 9
@@ -53,7 +52,7 @@ def code_occupancy_maps(
     criterion: RdCriterion,
     occupancy: Bytes,
 ) -> None:
-    """Code the occupancy maps of all leaves.
+    """Code the occupancy maps of all leaves, or of those until a stream ends.
 
     Parameters
     ----------
@@ -71,9 +70,11 @@ def code_occupancy_maps(
         if leaves.side[i] == 1:
             cell = leaves.corner[i]
             occupancy[cell[0], cell[1], cell[2]] = OCCUPIED
-    bits = np.zeros((MAX_COLUMNS, MAX_COLUMNS), np.uint8)
+    bits = np.zeros((MAX_LEAF_COLUMNS, MAX_LEAF_COLUMNS), np.uint8)
     for i in range(leaves.counts[0]):
         side = leaves.side[i]
+        if exhausted(coder.bits):
+            return
         if side == 1:
             continue
         if coder.bits.registers[4] == 1:

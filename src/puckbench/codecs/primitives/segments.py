@@ -11,6 +11,8 @@ from puckbench.codecs.primitives.region_merging import MergeLimits, adjacent_lea
 from puckbench.geometry.cloud import Floats
 
 _MIN_COSINE = float(np.cos(np.radians(20)))
+_CHUNK = 1 << 18
+"""Points whose moments are in memory together."""
 _MAX_ADDED_DISTANCE = 0.2
 """Squared distance, in columns, that a merge may add for each point of the smaller segment."""
 
@@ -37,9 +39,11 @@ def leaf_segments(patches: Patches) -> Ints:
 def _merged_leaves(patches: Patches, xyz: Floats, leaf_of_point: Ints) -> Ints:
     """`leaf_segments` of patches whose points (m, 3) lie on the leaves leaf_of_point (m,)."""
     moments = np.zeros((int(patches.leaves.counts[0]), 10))
-    np.add.at(
-        moments, leaf_of_point, moments_of((xyz - xyz.mean(axis=0)) / patches.header.cell_size)
-    )
+    middle = xyz.mean(axis=0) if len(xyz) else np.zeros(3)
+    for first in range(0, len(xyz), _CHUNK):
+        rows = slice(first, first + _CHUNK)
+        own = moments_of((xyz[rows] - middle) / patches.header.cell_size)
+        np.add.at(moments, leaf_of_point[rows], own)
     pairs = adjacent_leaves(patches.leaves, patches.geometry.shape)
     occupied = moments[:, 0] > 0
     pairs = pairs[occupied[pairs].all(axis=1)]

@@ -32,8 +32,15 @@ _ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
 _CHECKSUM = struct.Struct("<H")
 MAX_CELLS = 1 << 26
-MAX_LEAVES = 1 << 22
-MAX_POINTS = 1 << 24
+"""Cells of the grid, at most. This and the next five bound a decoder's work and memory; a surface
+that would exceed them is coded as voxels."""
+MAX_NODES = 1 << 20
+"""Nodes of the octree on all levels that are coded, and with them its leaves."""
+MAX_LEAF_COLUMNS = 256
+"""Columns across the largest leaf."""
+MAX_COLUMNS = 1 << 22
+"""Columns of all leaves."""
+MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
 BLOCK_SIZES = (1, 2, 4)
 """Sides of blocks, in voxels, of which 3 x 3 x 3 share a local plane."""
@@ -146,7 +153,8 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader, bytes]:
     if kind == VOXELS:
         return _voxel_header(GridPlacement(place[:3], float(place[3])), numbers[4], bits)
     header = SurfaceHeader(place[:3], float(place[3]), numbers[4:7], *numbers[7:])
-    _validate(header)
+    if not is_decodable(header):
+        raise InputError("the stream is damaged (its header makes no sense)")
     return _with_options(header, kind, bits)
 
 
@@ -175,23 +183,21 @@ def _voxel_header(place: GridPlacement, block_size: int, bits: bytes) -> tuple[V
     return VoxelHeader(place, DisplacementTable(block_size, factors)), bits[CLASSES:]
 
 
-def _validate(header: SurfaceHeader) -> None:
-    """InputError for a header that no encoder writes, or that asks for too much memory."""
+def is_decodable(header: SurfaceHeader) -> bool:
+    """Whether a header is consistent and asks for no more work and memory than is allowed."""
     size = np.array(header.shape, dtype=np.int64)
     depth, finest, coarsest = header.depth, header.finest_leaf_level, header.coarsest_leaf_level
-    consistent = (
+    return bool(
         size.min() > 0
         and size.prod() <= MAX_CELLS
         and size.max() <= 1 << depth
         and 0 <= coarsest <= finest <= depth <= 16
-        and (depth - coarsest <= 8 or coarsest == 0)
+        and 1 << (depth - coarsest) <= MAX_LEAF_COLUMNS
         and 1 <= header.points_across <= 16
         and 1 <= header.column_spacing <= 64
         and header.plane_step > 0
-        and header.leaf_capacity <= MAX_LEAVES
+        and header.leaf_capacity <= MAX_NODES
     )
-    if not consistent:
-        raise InputError("the stream is damaged (its header makes no sense)")
 
 
 def _with_checksum(body: bytes) -> bytes:

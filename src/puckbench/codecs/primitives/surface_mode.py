@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.common.binary_coder import written
-from puckbench.codecs.primitives.decoder import Patches, empty_arrays, octree_geometry
+from puckbench.codecs.primitives.decoder import Patches, columns_of, empty_arrays, octree_geometry
 from puckbench.codecs.primitives.entropy import writer
 from puckbench.codecs.primitives.manhattan_frame import RotationVector, rotation_matrix
 from puckbench.codecs.primitives.occupancy_decision import RdCriterion
@@ -38,7 +38,14 @@ from puckbench.codecs.primitives.revolution_occupancy import (
 )
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.shape_detection import detect_revolutions
-from puckbench.codecs.primitives.stream import MAX_REVOLUTION_POINTS, SurfaceHeader, pack_surface
+from puckbench.codecs.primitives.stream import (
+    MAX_COLUMNS,
+    MAX_POINTS,
+    MAX_REVOLUTION_POINTS,
+    SurfaceHeader,
+    is_decodable,
+    pack_surface,
+)
 from puckbench.codecs.primitives.traversal import code_octree
 from puckbench.geometry.cloud import Floats
 
@@ -112,7 +119,7 @@ def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | No
     Returns
     -------
     CodedSurface or None
-        None if the decoder would make no points, or more than were coded.
+        None if the decoder would make no points, or more than were coded, or refuse the stream.
     """
     surface, corner = _rotated(cloud, mode.rotation)
     column = column_size(surface, cloud.settings)
@@ -121,7 +128,12 @@ def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | No
     header, levels = _plan_octree(surface, cloud.settings, column)
     header = _place(header, cloud, mode, corner, column)
     header = header._replace(revolutions=b"".join(pack_parameters(each.surface) for each in maps))
-    patches, bits = _code_patches(header, levels, surface, maps, cloud, column)
+    if not is_decodable(header):
+        return None
+    coded = _code_patches(header, levels, surface, maps, cloud, column)
+    if coded is None:
+        return None
+    patches, bits = coded
     density = _density(patches, len(cloud.points), column)
     if density is None:
         return None
@@ -136,8 +148,11 @@ def _code_patches(
     maps: list[UnrolledMap],
     cloud: PreparedCloud,
     column: float,
-) -> tuple[Patches, bytes]:
-    """Decide and code octree, planes and occupancy maps; what a decoder reads, and the bytes."""
+) -> tuple[Patches, bytes] | None:
+    """Decide and code octree, planes and occupancy maps: what a decoder reads, and the bytes.
+
+    None where they are more than a decoder takes.
+    """
     points, lmbda = len(cloud.points), _lambda_in_columns(cloud, column)
     geometry = octree_geometry(header, lmbda)
     levels_of_leaves = (header.coarsest_leaf_level, header.finest_leaf_level)
@@ -146,10 +161,14 @@ def _code_patches(
     lmbda_of_maps = max(lmbda, _MIN_LAMBDA_NOISE * noise / points)
     limits = MergeLimits(_REGION_BITS * lmbda_of_maps, _REGION_NOISE * noise, _MIN_REGION_COSINE)
     map_columns = sum(len(each.bits) for each in maps)
-    max_bytes = 4096 + _BYTES_PER_NODE * header.leaf_capacity + map_columns // 4
+    node_bytes = _BYTES_PER_NODE + 2 * 4 ** (header.depth - header.finest_leaf_level)
+    max_bytes = 4096 + node_bytes * header.leaf_capacity + map_columns // 4
     coder = writer(CONTEXTS, MIXERS, max_bytes)
     leaves, leaf_map, occupancy = empty_arrays(header)
-    code_octree(coder, geometry, _nodes(levels, geometry.shape, limits), leaves, leaf_map)
+    nodes = _nodes(levels, geometry.shape, limits)
+    whole = code_octree(coder, geometry, nodes, leaves, leaf_map)
+    if not whole or columns_of(leaves) > MAX_COLUMNS:
+        return None
     criterion = _criterion(surface, lmbda_of_maps, column)
     code_occupancy_maps(coder, geometry, leaves, leaf_map, criterion, occupancy)
     for each in maps:
@@ -292,6 +311,7 @@ def _density(patches: Patches, max_points: int, column: float) -> tuple[int, int
     """
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
     revolution_columns = sum(int(bits.sum()) for _, bits in patches.revolutions)
+    max_points = min(max_points, MAX_POINTS)
     across, spacing = min(max(round(column / _POINT_SPACING), 1), _MAX_POINTS_ACROSS), 1
     while True:
         points = count_points(*arrays, across, spacing)

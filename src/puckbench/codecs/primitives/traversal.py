@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from puckbench.codecs.common.binary_coder import exhausted
 from puckbench.codecs.primitives.entropy import Coder, code_bit
 from puckbench.codecs.primitives.octree_arrays import (
     Bytes,
@@ -20,6 +21,7 @@ from puckbench.codecs.primitives.octree_arrays import (
 from puckbench.codecs.primitives.plane_coding import CONTEXTS as PLANE_CONTEXTS
 from puckbench.codecs.primitives.plane_coding import MIXERS as PLANE_MIXERS
 from puckbench.codecs.primitives.plane_coding import code_plane
+from puckbench.codecs.primitives.stream import MAX_NODES
 from puckbench.core.compiling import compiled, compiled_in_place
 
 # States of the nodes of a level.
@@ -58,11 +60,12 @@ def code_octree(
     Returns
     -------
     bool
-        False if a stream has more nodes or leaves than there is room for.
+        False if there are more leaves than there is room for, more nodes than `MAX_NODES`, or a
+        stream ends too early.
     """
     capacity = len(leaves.side)
     nodes_here, children = np.zeros((capacity, 4), np.int64), np.zeros((capacity, 4), np.int64)
-    count = 1
+    count = nodes_so_far = 1
     states = np.full((3, 3, 3), _EMPTY, np.uint8)
     states[1, 1, 1] = _OCCUPIED
     for level in range(geometry.finest_leaf_level + 1):
@@ -76,7 +79,8 @@ def code_octree(
             count = _code_splits(
                 coder, geometry, level, nodes_here[:count], states_of_levels, nodes, children
             )
-            if count < 0:
+            nodes_so_far += count
+            if count < 0 or nodes_so_far > MAX_NODES:
                 return False
             nodes_here, children = children, nodes_here
             states = child_states
@@ -100,7 +104,7 @@ def _code_leaves(
         if not _code_is_leaf(coder, geometry, level, node, states, nodes):
             states[node[0] + 1, node[1] + 1, node[2] + 1] = _SPLIT
             continue
-        if leaves.counts[0] >= len(leaves.side):
+        if leaves.counts[0] >= len(leaves.side) or exhausted(coder.bits):
             return False
         code_plane(coder, (_PLANES, _PLANE_MIXER), geometry, level, node, nodes, leaves, leaf_map)
         node[3] = -1
@@ -117,11 +121,11 @@ def _code_splits(
     nodes: Nodes,
     children: Ints,
 ) -> int:
-    """List the children of a level's split nodes; their number, -1 without room for them."""
+    """List the children of a level's split nodes; their number, -1 where a stream has too many."""
     count = 0
     for i in range(len(nodes_here)):
         if nodes_here[i, 3] >= 0:
-            if count + 8 > len(children):
+            if count + 8 > len(children) or exhausted(coder.bits):
                 return -1
             count = _code_children(
                 coder, geometry, level, nodes_here[i], states_of_levels, nodes, children, count
