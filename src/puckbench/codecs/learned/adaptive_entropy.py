@@ -20,6 +20,7 @@ from puckbench.codecs.common.binary_coder import (
     bit_reader,
     bit_writer,
     code_gamma,
+    exhausted,
     read_to_its_end,
     written,
 )
@@ -161,6 +162,8 @@ def _code_values(
     starts: Ints,
 ) -> None:  # fmt: skip
     for row in range(len(values)):
+        if exhausted(mixer.bits):
+            return
         _find_neighbourhood(around, neighbours, row)
         for channel in range(values.shape[1]):
             _find_contexts(around, values, row, channel)

@@ -32,7 +32,7 @@ _ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
 _CHECKSUM = struct.Struct("<H")
 MAX_CELLS = 1 << 26
-"""Cells of the grid, at most. This and the next five bound a decoder's work and memory; a surface
+"""Cells of the grid, at most. This and those below bound a decoder's work and memory; a surface
 that would exceed them is coded as voxels."""
 MAX_NODES = 1 << 20
 """Nodes of the octree on all levels that are coded, and with them its leaves."""
@@ -42,6 +42,8 @@ MAX_COLUMNS = 1 << 22
 """Columns of all leaves."""
 MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
+MAX_DISPLACED = 1 << 22
+"""Voxels that are displaced; of more, none is."""
 BLOCK_SIZES = (1, 2, 4)
 """Sides of blocks, in voxels, of which 3 x 3 x 3 share a local plane."""
 CLASSES = 24

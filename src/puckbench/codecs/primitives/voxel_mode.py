@@ -13,6 +13,7 @@ from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.settings import UNITS
 from puckbench.codecs.primitives.stream import (
     CLASSES,
+    MAX_DISPLACED,
     DisplacementTable,
     GridPlacement,
     VoxelHeader,
@@ -94,7 +95,7 @@ def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNI
 
 def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> Floats:
     """Points (m, 3) of voxels; InputError for a damaged stream."""
-    voxels = decode_voxels(bits)
+    voxels = decode_voxels(bits) if table is None else decode_voxels(bits, MAX_DISPLACED)
     xyz = displace(voxels, table) if table is not None and len(voxels) else voxels
     return np.asarray(xyz * place.cell_size + place.origin)
 
@@ -110,6 +111,8 @@ def decode_undisplaced(stream: bytes) -> Floats:
 def _displacements(voxelised: Voxelised, voxel_bytes: int) -> DisplacementTable | None:
     """The best displacements; None if they save less of the error than they add to the bytes."""
     counts = voxelised.counts
+    if len(counts) > MAX_DISPLACED:
+        return None
     weights = counts / counts.sum() + 1 / len(counts)
     table, gain = fit_displacements(voxelised.voxels, voxelised.means, weights)
     error = (weights[:, None] * (voxelised.voxels - voxelised.means) ** 2).sum()

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.common.binary_coder import read_to_its_end, written
+from puckbench.codecs.common.binary_coder import exhausted, read_to_its_end, written
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
     LevelState,
@@ -31,7 +32,7 @@ from puckbench.codecs.learned.octree_net.inference import (
 from puckbench.codecs.learned.octree_net.layers import Rows
 from puckbench.codecs.learned.octree_net.mixing import code_symbols, reader, writer
 from puckbench.codecs.learned.octree_net.model import OctreeNet
-from puckbench.codecs.learned.octree_net.stream import MAX_VOXELS, Part
+from puckbench.codecs.learned.octree_net.stream import MAX_VOXELS, Part, max_nodes
 from puckbench.codecs.learned.octree_net.symbols import (
     Frequencies,
     Symbols,
@@ -61,6 +62,14 @@ Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
 """Codes the first or second symbols of some rows of a level's group; returns the symbols."""
 
 
+class Limits(NamedTuple):
+    """Voxels of a level and of all but the finest, at most; whether a stream has not ended yet."""
+
+    voxels: int
+    nodes: int
+    goes_on: Callable[[], bool]
+
+
 @dataclass(frozen=True)
 class Coder:
     """Encoder and decoder of voxels; the number of threads does not change the result."""
@@ -69,11 +78,15 @@ class Coder:
     threads: int | None = None
 
     def encode(self, keys: Keys) -> Part:
-        """Code voxels by their keys (n,), ascending and distinct."""
+        """Code voxels by their keys (n,), ascending and distinct.
+
+        InputError where a decoder would refuse the part.
+        """
         sets = [keys]
         while len(sets[-1]) > _MAX_TOP:
             sets.append(parents_of(sets[-1])[0])
-        mixer = writer(sum(map(len, sets[1:])))
+        nodes = sum(map(len, sets[1:]))
+        mixer = writer(nodes)
         waiting = chain.from_iterable(map(_symbol_runs, sets[:0:-1], sets[-2::-1]))
 
         def code(
@@ -83,9 +96,13 @@ class Coder:
             code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        self._traverse(sets[-1], len(sets) - 1, code, len(keys))
+        limits = Limits(len(keys), nodes, lambda: True)
+        self._traverse(sets[-1], len(sets) - 1, code, limits)
         top = encode_voxels(morton_voxels(sets[-1]))
-        return Part(len(keys), len(sets) - 1, top, written(mixer.bits))
+        part = Part(len(keys), len(sets) - 1, top, written(mixer.bits))
+        if nodes > max_nodes(part):
+            raise InputError(f"the cloud's octree has {nodes} nodes, too many for its bytes")
+        return part
 
     def decode(self, part: Part) -> Keys:
         """The keys of a part; InputError when it is damaged."""
@@ -98,19 +115,27 @@ class Coder:
             code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        keys = self._traverse(_top_keys(part), part.levels, code, part.count)
+        limits = Limits(part.count, max_nodes(part), lambda: not exhausted(mixer.bits))
+        keys = self._traverse(_top_keys(part), part.levels, code, limits)
         if len(keys) != part.count or not read_to_its_end(mixer.bits):
             raise InputError("the stream is damaged (its number of voxels)")
         return keys
 
-    def _traverse(self, top: Keys, levels: int, code: Code, max_voxels: int) -> Keys:
-        """Code from the top level down; the keys of the finest level."""
+    def _traverse(self, top: Keys, levels: int, code: Code, limits: Limits) -> Keys:
+        """Code from the top level down; the keys of the finest level.
+
+        InputError where a stream exceeds its limits.
+        """
+        nodes = 0
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
             voxels = pyramid(top, 0)[0][0]
             level = Level(network, pool, voxels, root_features(network, len(top)))
             for depth in range(levels, 0, -1):
-                level = level.next(code, max_voxels, last=depth == 1)
+                nodes += len(level.voxels)
+                if nodes > limits.nodes or not limits.goes_on():
+                    raise InputError("the stream is damaged (its octree)")
+                level = level.next(code, limits.voxels, last=depth == 1)
         return level.voxels.keys
 
 
@@ -189,7 +214,7 @@ def _keys_only(keys: Keys) -> Voxels:
 
 
 def _top_keys(part: Part) -> Keys:
-    voxels: NDArray[np.int64] = decode_voxels(part.top)
+    voxels: NDArray[np.int64] = decode_voxels(part.top, _MAX_TOP)
     least, most = 0, 2 ** (AXIS_BITS - part.levels)
     if not 0 < len(voxels) <= _MAX_TOP or voxels.min() < least or voxels.max() >= most:
         raise InputError("the stream is damaged (its top level)")

@@ -10,6 +10,7 @@ each part: voxels, levels that the network codes, bytes of the top level and of 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +24,13 @@ MAGIC, VERSION = b"PBON", 3
 MAX_VOXELS = 2**21
 """Voxels of a part; larger clouds are cut, so that working memory is bounded."""
 _MAX_TOTAL = 2**25
+_TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
+"""Voxels of all parts, at most, and for each byte of their symbols."""
 _MAX_VOXELS_PER_BYTE = 2**14
 """A bound: eight binary decisions, each at least 0.0007 bits, bring at most 8 voxels."""
+_NODES, _NODES_PER_BYTE = 2**17, 4
+"""Voxels of the levels above the finest, at most and for each byte, beside 3/8 of the voxels there.
+A plane has a third; each takes the network some 4 microseconds."""
 _MIN_SCALE = 2.0**-400
 """With a smaller scale and the largest unit coordinates could exceed double precision."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
@@ -59,6 +65,7 @@ def write_stream(coded: Coded) -> bytes:
     """The bytes of a coded cloud; InputError when it has too many voxels."""
     if sum(part.count for part in coded.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
+    _check(coded.parts)
     framed = coded.frame != Frame()
     body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
     if framed:
@@ -119,12 +126,18 @@ def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _check(parts: list[Part]) -> None:
-    """A damaged stream must not keep the decoder busy for long."""
+def max_nodes(part: Part) -> int:
+    """Voxels of all levels above the finest that a part of its size may have."""
+    return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
+
+
+def _check(parts: Sequence[Part]) -> None:
+    """A damaged stream must not keep the decoder busy for long, and no encoder makes one."""
     for part in parts:
         most = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= most or part.levels >= AXIS_BITS:
-            raise InputError("the stream is damaged (its number of voxels)")
+            raise InputError("the stream is damaged, or promises too much (its number of voxels)")
     voxels = sum(part.count for part in parts)
-    if voxels > _MAX_TOTAL or len(parts) != -(-voxels // MAX_VOXELS):
-        raise InputError("the stream is damaged (its number of voxels)")
+    most = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
+    if voxels > min(most, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
+        raise InputError("the stream is damaged, or promises too much (its number of voxels)")

@@ -30,6 +30,7 @@ from puckbench.codecs.learned.pcgcv1.entropy_coding import (
 )
 from puckbench.codecs.learned.pcgcv1.laplace import Indexes, joined
 from puckbench.codecs.learned.pcgcv1.occupied_blocks import (
+    STRIDE,
     Bools,
     Support,
     blocks_of,
@@ -39,7 +40,7 @@ from puckbench.codecs.learned.pcgcv1.occupied_blocks import (
     rows_of,
     support_of,
 )
-from puckbench.codecs.learned.pcgcv1.stream import BATCH, Batch, Coded
+from puckbench.codecs.learned.pcgcv1.stream import BATCH, Batch, Coded, check_work, max_sparse
 from puckbench.codecs.learned.pcgcv1.weights import Weights
 from puckbench.codecs.learned.point_reconstruction import (
     SiblingBlocks,
@@ -95,7 +96,7 @@ class Encoder:
     point_reconstruction: bool = True
 
     def encode(self, points: Floats) -> Coded:
-        """Code points (n, 3), n >= 1; InputError when they are too far apart."""
+        """Code points (n, 3), n >= 1; InputError for what a decoder would refuse."""
         side = self.weights.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
         dense = cubes.counts >= self.min_points
@@ -113,7 +114,7 @@ class Encoder:
         density = 0
         if self.point_reconstruction:
             density = points_per_voxel(len(points), len(cubes.keys), self.rho)
-        return Coded(
+        coded = Coded(
             self.weights.digest,
             self.rate,
             self.scale,
@@ -126,6 +127,10 @@ class Encoder:
             _encode_latents(parts, coded_at),
             tuple(part.batch for part in parts),
         )
+        check_work(coded, side, int(counts.sum()))
+        if len(cubes.keys) - len(kept.keys) > max_sparse(coded) and self.sparse_cubes:
+            raise InputError("the cloud has too many voxels in sparse cubes")
+        return coded
 
     def _analyse(self, cubes: Cubes, blocks: Bools, first: int, pool: ThreadPool) -> _Analysed:
         def one(cube: int) -> tuple[Integers, Integers, Indexes]:
@@ -149,11 +154,14 @@ class Decoder:
     def decode(self, coded: Coded) -> Floats:
         """The points (m, 3); InputError when the stream is damaged."""
         side = self.weights.shape.cube_size
+        check_work(coded, side, 0)
         counts = decode_counts(coded.counts, coded.cubes, side**3)
-        support = _support(decode_voxels(coded.positions), self.weights)
+        check_work(coded, side, sum(counts))
+        blocks = (side // STRIDE) ** 3 if self.weights.shape.occupied_blocks else 1
+        support = _support(decode_voxels(coded.positions, coded.cubes * blocks), self.weights)
         if len(support.positions) != coded.cubes:
             raise InputError("the stream is damaged (positions)")
-        sparse = decode_voxels(coded.sparse)
+        sparse = decode_voxels(coded.sparse, max_sparse(coded))
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
         check_points_per_voxel(coded.points_per_voxel, len(sparse) + sum(counts))

@@ -26,6 +26,11 @@ BATCH = 32
 """Cubes of a batch; the last one may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
 """Bounds of a scale; with a smaller one coordinates could exceed double precision."""
+_VOXELS, _VOXELS_PER_BYTE = 3 * 2**20, 2**13
+"""Voxels of all cubes, at most and for each byte: 12 cubes of 64, which take some 3 s, and one more
+for 32 bytes; those of scans have more than 140 bytes."""
+_KEPT, _KEPT_PER_BYTE = 2**19, 2**10
+_SPARSE, _SPARSE_PER_BYTE = 2**16, 16
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv1")
 _HEADER = struct.Struct("<8sBdBH")
 _CHECK = struct.Struct("<I")
@@ -101,8 +106,26 @@ def _batch_bytes(batch: Batch) -> bytes:
 
 
 def _max_cubes(body: bytes) -> int:
-    """A cube takes a tenth of a second: a damaged stream must not promise many."""
+    """A cube takes a quarter of a second: a damaged stream must not promise many."""
     return 64 + len(body)
+
+
+def check_work(coded: Coded, side: int, kept: int) -> None:
+    """InputError for cubes, of a side in voxels, that would keep a decoder busy for too long.
+
+    kept: voxels of all cubes that are decoded.
+    """
+    size = len(coded.positions) + len(coded.counts) + len(coded.latent)
+    size += sum(len(batch.hyper) for batch in coded.batches)
+    if coded.cubes * side**3 > _VOXELS + _VOXELS_PER_BYTE * size:
+        raise InputError(f"{coded.cubes} cubes are too many for {size} bytes")
+    if kept > _KEPT + _KEPT_PER_BYTE * size:
+        raise InputError(f"{kept} voxels are too many for {size} bytes")
+
+
+def max_sparse(coded: Coded) -> int:
+    """Voxels coded without the network, at most; in sparse cubes one takes more than half a bit."""
+    return min(_SPARSE + _SPARSE_PER_BYTE * len(coded.sparse), 2**21)
 
 
 def read_stream(stream: bytes) -> Coded:

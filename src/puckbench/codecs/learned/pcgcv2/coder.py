@@ -148,7 +148,7 @@ class Coder:
 
 
 def _coarse_keys(block: Block) -> Keys:
-    voxels = decode_voxels(block.coordinates)
+    voxels = decode_voxels(block.coordinates, block.counts[3])
     if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
         raise InputError("the stream is damaged (coordinates)")
     keys = unique_keys(morton_keys(voxels))

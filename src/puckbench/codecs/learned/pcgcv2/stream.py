@@ -27,7 +27,11 @@ MAGIC = b"PCG2"
 VERSION = 6
 MAX_VOXELS = 2**20
 """Voxels of a block, at any scale; larger clouds are coded as several blocks."""
+MAX_BLOCKS = 64
 _RAW, _NETWORK = 0, 1
+_COARSE, _COARSE_PER_BYTE = 2**16, 2**8
+"""Voxels at strides 2, 4 and 8, at most and for each byte: each takes the network some 40
+microseconds, and scans have at most some 60 for each byte."""
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
 _HEADER = struct.Struct("<8sBBBH")
 
@@ -105,14 +109,16 @@ def write_raw(points: Floats) -> bytes:
 
 
 def write_coded(coded: Coded) -> bytes:
-    """The stream of a coded cloud."""
+    """The stream of a coded cloud; InputError when a decoder would refuse it."""
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
     for block in coded.blocks:
         sizes = (len(block.coordinates), len(block.latent))
         parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.latent]
-    return _FRAMING.framed(b"".join(parts), bytes([_NETWORK]))
+    body = b"".join(parts)
+    _check_work(coded, body)
+    return _FRAMING.framed(body, bytes([_NETWORK]))
 
 
 def read_stream(stream: bytes) -> Coded | Floats:
@@ -148,19 +154,24 @@ def _read_coded(body: bytes) -> Coded:
     if quarter_octaves > MAX_QUARTER_OCTAVES or tools > ALL_TOOLS:
         raise InputError("the stream is damaged (its header)")
     origin = (reader.signed(), reader.signed(), reader.signed())
-    blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), len(body))))
+    blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), MAX_BLOCKS)))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
     coded = Coded(digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel)
-    if coded.voxels > _max_voxels(body):
-        raise InputError("the stream is damaged (it promises too many voxels)")
+    _check_work(coded, body)
     check_points_per_voxel(points_per_voxel, coded.voxels)
     return coded
 
 
-def _max_voxels(body: bytes) -> int:
-    """Largest believable count: a damaged stream must not keep the decoder busy for long."""
-    return 65536 + 8192 * len(body)
+def _check_work(coded: Coded, body: bytes) -> None:
+    """InputError for voxels that would keep a decoder busy for too long for the stream's size."""
+    coarse = sum(sum(block.counts[1:]) for block in coded.blocks)
+    if (
+        coded.voxels > 65536 + 8192 * len(body)
+        or coarse > _COARSE + _COARSE_PER_BYTE * len(body)
+        or len(coded.blocks) > MAX_BLOCKS
+    ):
+        raise InputError(f"a stream of {len(body)} bytes cannot hold that many voxels")
 
 
 def _read_block(reader: Reader) -> Block:
