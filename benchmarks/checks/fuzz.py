@@ -1,12 +1,17 @@
-"""Fuzzing of every decoder with damaged streams: each must decode or end in one clean error.
+"""Fuzzing of every decoder: streams must decode or end in one clean error.
 
     python -m benchmarks.checks.fuzz [--seconds 300] [--streams N] [--codecs NAME ...] [--first 0]
-                              [--keep FOLDER]
+                              [--keep FOLDER] [--kind damaged|structured|both] [--unchecked]
 
-All decoders share the seconds; with --streams each gets that many streams instead. What they get is
-small clouds coded at several rates, for `gpcc` the conformance vectors too, damaged by
-tests/support/stream_damage.py, half of them with check sums that fit again; number N is the same in
-every run. Each decoder has a process of its own. A fault is whatever ends that process, an
+All decoders share the seconds; with --streams each gets that many streams instead. Every other one
+is structured: fields at their limits, written by the codecs' own writers
+(tests/support/structured_streams.py). The others are small clouds coded at several rates, for
+`gpcc` the conformance vectors, damaged by tests/support/stream_damage.py, half of them with check
+sums that fit again. Number N is the same in every run. Each decoder has a process of its own, whose
+compiled loops check every index; that is slow, so that limits of time are CHECKED_FACTOR as long.
+With --unchecked it runs as users run it, with the real limits.
+
+A fault is whatever ends that process, an
 exception other than InputError or of several lines, coordinates that are not finite, and what takes
 more of the processor (SECONDS) or of memory (MIB, above what was there before) than any stream
 should: its number is printed and its stream kept in FOLDER. Prints counts, the slowest and the
@@ -32,6 +37,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from tests.support.stream_damage import damaged
+from tests.support.structured_streams import WRITERS, structured
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codecs, has_weights, open_codec
@@ -39,8 +45,11 @@ from puckbench.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 SECONDS, MIB = 5, 1024
-LEARNED_SECONDS = 60
-"""A network at work on as many voxels as a stream of some hundred bytes may promise."""
+LEARNED_SECONDS = 30
+"""A network at work on as many voxels as a stream of some thousand bytes may promise."""
+CHECKED_FACTOR = 4
+"""Time of loops with checked indices to the time of those without, at most."""
+CHECKED = "NUMBA_BOUNDSCHECK"
 DRACO_MIB = 4096
 """Draco may promise 8192 points a byte, as rooms of ten million points at its lowest rate need."""
 ADDRESS_SPACE = 2**32
@@ -176,7 +185,17 @@ def shapes() -> np.ndarray:
     return together + random.normal(size=together.shape)
 
 
-def work(decoder: str, first: int, end: int) -> None:
+def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
+    """Stream `number` of a decoder, from `whole` ones."""
+    name = decoder.partition(" ")[0]
+    if kind == "both":
+        kind, number = ("damaged", "structured")[number % 2], number // 2
+    if kind == "structured" and name in WRITERS:
+        return structured(name, whole, number)
+    return damaged(whole, number, name)
+
+
+def work(decoder: str, first: int, end: int, kind: str) -> None:
     """Decode the streams from `first` on, a line for each; what kills us is seen from outside."""
     codec = opened(decoder)
     whole = streams(decoder, codec)
@@ -187,7 +206,7 @@ def work(decoder: str, first: int, end: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (size + ADDRESS_SPACE, size + ADDRESS_SPACE))
     print("ready", flush=True)
     for number in range(first, end):
-        stream = damaged(whole, number, decoder.partition(" ")[0])
+        stream = made(decoder, whole, number, kind)
         signal.setitimer(signal.ITIMER_PROF, limit)  # ends the process: no handler is heard
         signal.alarm(limit * AWAKE)
         before, start = _peak_mib(reset=True), time.process_time()
@@ -201,7 +220,8 @@ def work(decoder: str, first: int, end: int) -> None:
 
 def seconds_of(decoder: str) -> int:
     """The processor's seconds that a stream may take."""
-    return LEARNED_SECONDS if has_weights(decoder.partition(" ")[0]) else SECONDS
+    seconds = LEARNED_SECONDS if has_weights(decoder.partition(" ")[0]) else SECONDS
+    return seconds * (CHECKED_FACTOR if os.environ.get(CHECKED) else 1)
 
 
 def _peak_mib(reset: bool = False) -> float:
@@ -225,7 +245,7 @@ def outcome(decoder: str, codec: Codec, stream: bytes) -> str:
     return "points" if np.isfinite(points).all() else "coordinates that are not finite"
 
 
-def results(decoder: str, first: int, end: int, seconds: float) -> Iterator[Line]:
+def results(decoder: str, first: int, end: int, seconds: float, kind: str) -> Iterator[Line]:
     """What became of each stream, over as many processes as that needs, in the seconds given.
 
     The first process gets ready before the clock starts.
@@ -233,7 +253,7 @@ def results(decoder: str, first: int, end: int, seconds: float) -> Iterator[Line
     deadline = 0.0
     while first < end:
         module = "benchmarks.checks.fuzz"
-        words = [sys.executable, "-m", module, "--worker", decoder, str(first), str(end)]
+        words = [sys.executable, "-m", module, "--worker", decoder, str(first), str(end), kind]
         with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as worker:
             assert worker.stdout is not None
             if worker.stdout.readline() != "ready\n":
@@ -255,20 +275,21 @@ def results(decoder: str, first: int, end: int, seconds: float) -> Iterator[Line
 def campaign(decoder: str, options: argparse.Namespace, seconds: float) -> Tally:
     """All streams of one decoder."""
     tally = Tally()
-    for line in results(decoder, options.first, options.first + options.streams, seconds):
+    end = options.first + options.streams
+    for line in results(decoder, options.first, end, seconds, options.kind):
         tally.add(line)
         if line.is_fault:
             print(f"{decoder} #{line.number}: {line.found[:160]}", flush=True)
-            keep(decoder, line.number, options.keep)
+            keep(decoder, line.number, options.keep, options.kind)
     return tally
 
 
-def keep(decoder: str, number: int, folder: Path | None) -> None:
+def keep(decoder: str, number: int, folder: Path | None, kind: str) -> None:
     """Write the stream of a fault, if there is a folder for it."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         name = decoder.partition(" ")[0]
-        stream = damaged(streams(decoder, opened(decoder)), number, name)
+        stream = made(decoder, streams(decoder, opened(decoder)), number, kind)
         (folder / f"{name}_{number}.bin").write_bytes(stream)
 
 
@@ -279,12 +300,16 @@ def main() -> None:
     parser.add_argument("--codecs", nargs="+", help="names of decoders; all that run here")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for the streams of faults")
-    parser.add_argument("--worker", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--kind", choices=("damaged", "structured", "both"), default="both")
+    parser.add_argument("--unchecked", action="store_true", help="indices; real limits of time")
+    parser.add_argument("--worker", nargs=4, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
-        decoder, first, end = options.worker
-        work(decoder, int(first), int(end))
+        decoder, first, end, kind = options.worker
+        work(decoder, int(first), int(end), kind)
         return
+    if not options.unchecked:
+        os.environ[CHECKED] = "1"  # of the workers, too
     known = decoders()
     chosen = options.codecs or [name for name, why in known.items() if not why]
     seconds = float("inf") if options.streams else options.seconds / len(chosen)

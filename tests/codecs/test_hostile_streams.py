@@ -1,0 +1,248 @@
+"""Streams that no encoder makes, crafted with the codecs' own writers: each ends in one error."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.gpcc import coder, syntax
+from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.learned.octree_net import stream as octree_stream
+from puckbench.codecs.learned.pcgcv1 import stream as pcgcv1_stream
+from puckbench.codecs.learned.pcgcv2 import stream as pcgcv2_stream
+from puckbench.codecs.primitives import stream as limits
+from puckbench.codecs.primitives.settings import Settings
+from puckbench.codecs.primitives.stream import SurfaceHeader, is_decodable, pack_surface
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from tests.support.learned_codecs import changes, save_tiny, shell
+from tests.support.structured_streams import structured
+
+
+def _surface(**changed: Any) -> SurfaceHeader:
+    header = SurfaceHeader(np.zeros(3), 1.0, (256, 256, 256), 8, 6, 2, 16, 1, 1, 64)
+    return header._replace(**changed)
+
+
+@pytest.mark.parametrize("bits", [b"", b"\0" * 40, b"\xff" * 40, b"\x11" * 40])
+@pytest.mark.parametrize("depth", [11, 12, 14, 16])
+def test_a_leaf_of_thousands_of_columns_is_refused(depth: int, bits: bytes) -> None:
+    """It once wrote outside the decoder's arrays."""
+    side = min(1 << depth, 65535)
+    header = _surface(
+        shape=(side, min(side, (1 << 26) // side), 1), depth=depth, coarsest_leaf_level=0
+    )
+    with pytest.raises(InputError, match="its header makes no sense"):
+        open_codec("primitives").decode(pack_surface(header, bits))
+
+
+@pytest.mark.parametrize(
+    ("bound", "beyond"),
+    [
+        ({"depth": 8, "coarsest_leaf_level": 0}, {"depth": 9, "coarsest_leaf_level": 0}),
+        ({"coarsest_leaf_level": 6}, {"coarsest_leaf_level": 7}),
+        ({"finest_leaf_level": 8}, {"finest_leaf_level": 9}),
+        ({"shape": (256, 1, 1)}, {"shape": (257, 1, 1)}),
+        ({"shape": (1, 1, 1)}, {"shape": (1, 0, 1)}),
+        ({"leaf_capacity": 1 << 20}, {"leaf_capacity": (1 << 20) + 1}),
+        ({"points_across": 16}, {"points_across": 17}),
+        ({"column_spacing": 64}, {"column_spacing": 65}),
+        ({"plane_step": 1}, {"plane_step": 0}),
+        ({"shape": (1 << 13, 1 << 13, 1), "depth": 13, "coarsest_leaf_level": 5},
+         {"shape": (1 << 13, (1 << 13) + 1, 1), "depth": 14, "coarsest_leaf_level": 6}),
+    ],
+)  # fmt: skip
+def test_each_field_of_a_surface_has_its_bound(
+    bound: dict[str, Any], beyond: dict[str, Any]
+) -> None:
+    assert is_decodable(_surface(**bound))
+    assert not is_decodable(_surface(**beyond))
+
+
+@pytest.mark.parametrize("side", [(256, 256, 16), (8192, 1024, 1), (65535, 15, 1)])
+def test_a_small_stream_cannot_fill_the_whole_grid_of_primitives(
+    side: tuple[int, int, int],
+) -> None:
+    """All-zero bits split every node and occupy every column."""
+    depth = int(np.ceil(np.log2(max(side))))
+    header = _surface(
+        shape=side, depth=depth, finest_leaf_level=depth, coarsest_leaf_level=depth
+    )._replace(leaf_capacity=limits.MAX_NODES)
+    with pytest.raises(InputError, match="damaged"):
+        open_codec("primitives").decode(pack_surface(header, b"\0" * 30))
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("MAX_NODES", 1), ("MAX_COLUMNS", 1), ("MAX_CELLS", 8)]
+)
+def test_what_a_decoder_would_refuse_primitives_codes_as_voxels(
+    monkeypatch: pytest.MonkeyPatch, name: str, least: int
+) -> None:
+    from puckbench.codecs.primitives import surface_mode
+    from puckbench.codecs.primitives.preparation import prepare
+    from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
+
+    rng = np.random.default_rng(0)
+    cloud = prepare(np.column_stack([rng.random((2000, 2)) * 100, np.zeros(2000)]), Settings())
+    assert encode_surface(cloud, SurfaceMode()) is not None
+    for module in (limits, surface_mode):
+        if hasattr(module, name):
+            monkeypatch.setattr(module, name, least)
+    assert encode_surface(cloud, SurfaceMode()) is None
+
+
+def _bare(corner: int = 0) -> tuple[bytes, bytes]:
+    """Parameter sets, and one slice of a point."""
+    stream = encode_geometry(np.full((1, 3), corner), PROFILES["ctc"])
+    units = [syntax.encapsulate(*unit) for unit in syntax.payloads(stream)]
+    return b"".join(units[:-1]), units[-1]
+
+
+def test_slices_have_a_bound_on_their_levels() -> None:
+    """40,000 slices of a point each once took 39 s."""
+    head, unit = _bare()
+    assert len(decode_geometry(head + unit * 1000).points) == 1000
+    with pytest.raises(InputError, match="more than 16384 octree levels"):
+        decode_geometry(head + unit * 40_000)
+
+
+def test_an_encoder_refuses_slices_that_a_decoder_would(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(0).integers(0, 1000, (200, 3))
+    options = PROFILES["ctc"].model_copy(update={"slice_max_points": 20})
+    stream = encode_geometry(points, options)
+    monkeypatch.setattr(coder, "MAX_LEVELS", 1)
+    with pytest.raises(InputError, match="more than 1 octree levels"):
+        encode_geometry(points, options)
+    with pytest.raises(InputError, match="more than 1 octree levels"):
+        decode_geometry(stream)
+
+
+def test_parameter_sets_have_a_bound() -> None:
+    head, unit = _bare()
+    inventory = syntax.encapsulate(syntax.TILE_INVENTORY, b"\0" * 4)
+    spare = coder.MAX_PARAMETER_BYTES - sum(len(unit) for kind, unit in syntax.payloads(head))
+    assert len(decode_geometry(head + inventory * (spare // 4) + unit).points) == 1
+    with pytest.raises(InputError, match="parameter bytes"):
+        decode_geometry(head + inventory * (spare // 4 + 1) + unit)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_largest_origin_of_a_sequence_is_just_below_2_to_the_31(sign: int) -> None:
+    most = (1 << 31) - 1
+    stream = encode_geometry(np.zeros((1, 3), int), PROFILES["minimal"], 1, (0, sign * most, 0))
+    assert decode_geometry(stream).origin == (0, sign * most, 0)
+    with pytest.raises(InputError, match="origin"):
+        encode_geometry(np.zeros((1, 3), int), PROFILES["minimal"], 1, (0, sign * (most + 1), 0))
+
+
+@pytest.mark.parametrize(("origin", "fits"), [((1 << 31) - 1, True), (1 << 31, False)])
+def test_origins_are_bounded_in_decoders_too(origin: int, fits: bool) -> None:
+    sps = syntax.SequenceParameterSet(seq_origin_bits=32, seq_origin_xyz=(0, -origin, 0))
+    written = syntax.written(syntax.sequence_parameter_set, sps)
+    head, unit = _bare()
+    units = list(syntax.payloads(head))
+    stream = syntax.encapsulate(0, written) + syntax.encapsulate(*units[1]) + unit
+    if fits:
+        assert decode_geometry(stream).origin == (0, -origin, 0)
+    else:
+        with pytest.raises(InputError, match="the origin is too large"):
+            decode_geometry(stream)
+
+
+def test_voxels_are_21_bits_apart_at_most() -> None:
+    ends = np.array([[0, 0, 0], [0, (1 << 21) - 1, 0]])
+    packed = encode_voxels(ends)
+    assert np.array_equal(np.sort(decode_voxels(packed), axis=0), ends)
+    with pytest.raises(InputError, match="more than 21 bits apart"):
+        encode_voxels(ends + np.array([[0, 0, 0], [0, 1, 0]]))
+    from puckbench.codecs.common.byte_io import base_128
+
+    bits = packed.index(base_128(21 << 5), 3)  # after the corner and the number of voxels
+    beyond = packed[:bits] + base_128(22 << 5) + packed[bits + len(base_128(21 << 5)) :]
+    with pytest.raises(InputError, match="header is damaged"):
+        decode_voxels(beyond)
+
+
+def test_no_more_voxels_are_decoded_than_a_codec_takes() -> None:
+    packed = encode_voxels(np.arange(30).reshape(-1, 3))
+    assert len(decode_voxels(packed, 10)) == 10
+    with pytest.raises(InputError, match="header is damaged"):
+        decode_voxels(packed, 9)
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Codec, bytes]]:
+    """Codecs of tiny networks, and a stream of each."""
+    found = {}
+    for name in ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net"):
+        weights = tmp_path_factory.mktemp(name) / "tiny.safetensors"
+        save_tiny(name, weights)
+        codec = open_codec(name, changes(name, weights))
+        found[name] = (codec, codec.encode(shell(), "r2"))
+    return found
+
+
+def test_pcgcv1_cannot_promise_cubes_without_bytes(
+    learned: dict[str, tuple[Codec, bytes]],
+) -> None:
+    """A stream of 220 bytes once kept the network busy for 40 s."""
+    coded = pcgcv1_stream.read_stream(learned["pcgcv1_plus"][1])
+    side, empty = 64, replace(coded, positions=b"", counts=b"", latent=b"", batches=())
+    pcgcv1_stream.check_work(replace(empty, cubes=12), side, 2**19)
+    with pytest.raises(InputError, match="13 cubes are too many for 0 bytes"):
+        pcgcv1_stream.check_work(replace(empty, cubes=13), side, 1)
+    with pytest.raises(InputError, match="524289 voxels are too many"):
+        pcgcv1_stream.check_work(replace(empty, cubes=12), side, 2**19 + 1)
+    pcgcv1_stream.check_work(replace(empty, cubes=13, latent=bytes(32)), side, 1)
+
+
+def test_pcgcv2_cannot_promise_coarse_voxels_without_bytes(
+    learned: dict[str, tuple[Codec, bytes]],
+) -> None:
+    """A stream of 169 bytes once kept the network busy for 40 s."""
+    coded = pcgcv2_stream.read_stream(learned["pcgcv2_plus"][1])
+    assert isinstance(coded, pcgcv2_stream.Coded)
+    block = replace(coded.blocks[0], counts=(1, 2**19, 2**17, 2**15))
+    with pytest.raises(InputError, match="cannot hold that many voxels"):
+        pcgcv2_stream.write_coded(replace(coded, blocks=(block,)))
+    with pytest.raises(InputError, match="cannot hold that many voxels"):
+        pcgcv2_stream.write_coded(replace(coded, blocks=coded.blocks[:1] * 65))
+
+
+def test_the_octree_net_cannot_promise_parts_without_bytes(
+    learned: dict[str, tuple[Codec, bytes]],
+) -> None:
+    """A stream of 4,327 bytes in 16 parts once kept the network busy for 40 s."""
+    coded = octree_stream.read_stream(learned["sparse_octree_net"][1])
+    part = replace(coded.parts[0], count=2**21, symbols=bytes(200))
+    with pytest.raises(InputError, match="promises too much"):
+        octree_stream.write_stream(replace(coded, parts=(part,) * 16))
+    assert octree_stream.max_nodes(replace(part, count=8, symbols=b"")) == 2**17 + 3
+
+
+def _endure(codec: Codec, stream: bytes) -> None:
+    refused = ""
+    try:
+        assert np.isfinite(codec.decode(stream)).all()
+    except InputError as error:
+        refused = str(error)
+    assert "\n" not in refused
+
+
+@pytest.mark.parametrize("name", ["primitives", "gpcc"])
+def test_structured_streams_end_in_points_or_one_error(name: str) -> None:
+    codec = open_codec(name)
+    for number in range(60):
+        _endure(codec, structured(name, [], number))
+
+
+@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net"])
+def test_structured_streams_of_networks_end_in_points_or_one_error(
+    name: str, learned: dict[str, tuple[Codec, bytes]]
+) -> None:
+    codec, stream = learned[name]
+    for number in range(40):
+        _endure(codec, structured(name, [stream], number))

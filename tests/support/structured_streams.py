@@ -1,0 +1,218 @@
+"""Streams whose header and syntax fields are at their limits, with check sums that fit.
+
+They come from the codecs' own writers, whose refusals are switched off: what no encoder makes, an
+attacker may. The same number makes the same stream.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import fields, replace
+from itertools import count
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from puckbench.codecs.common.byte_io import base_128, signed_128
+from puckbench.codecs.gpcc import syntax
+from puckbench.core.seeding import generator
+
+Random = np.random.Generator
+
+
+def structured(codec: str, streams: Sequence[bytes], number: int) -> bytes:
+    """One structured stream of a codec, of which `streams` are whole ones."""
+    for attempt in count():
+        with suppress(ValueError, struct.error):  # a number that its field has no room for
+            return WRITERS[codec](streams, generator(number, f"structured streams {attempt}"))
+    raise AssertionError
+
+
+def limit(random: Random, bits: int) -> int:
+    """A number of at most `bits` bits: 0, 1, the largest, a power of two or its neighbour."""
+    power = 1 << int(random.integers(bits))
+    found = (0, 1, (1 << bits) - 1, power - 1, power, power + 1)[random.integers(6)]
+    return min(found, (1 << bits) - 1)
+
+
+def data(random: Random) -> bytes:
+    """Coded bits: none, all zeros or ones (one decision for ever), a pattern, noise."""
+    size = limit(random, 12)
+    patterns = (b"", b"\0", b"\xff", b"\x11", b"\0\0\0\xa0", b"\x80\0")
+    pattern = patterns[random.integers(len(patterns))] * size
+    noise = random.integers(0, 256, int(random.integers(200)), dtype=np.uint8).tobytes()
+    return (pattern, noise, pattern[: int(random.integers(1, 40))] + noise)[random.integers(3)]
+
+
+def packed_voxels(random: Random) -> bytes:
+    """Voxels as `gpcc.lossless` packs them, of any size and number."""
+    sides = sum(min(limit(random, 5), 31) << 5 * axis for axis in range(3))
+    low = [limit(random, 31) * int(random.choice([-1, 1])) for _ in range(3)]
+    numbers = [*map(signed_128, low), base_128(limit(random, 25)), base_128(sides)]
+    return b"".join(numbers) + data(random)
+
+
+def primitives(streams: Sequence[bytes], random: Random) -> bytes:
+    """A header of surfaces or voxels, changed in a few fields or in all."""
+    from puckbench.codecs.primitives.stream import (
+        CLASSES,
+        MAX_CELLS,
+        DisplacementTable,
+        GridPlacement,
+        SurfaceHeader,
+        pack_surface,
+        pack_voxels,
+    )
+
+    place = GridPlacement(random.normal(size=3), float(10.0 ** random.integers(-30, 30)))
+    if random.random() < 0.1:
+        factors = random.integers(-128, 128, CLASSES).astype(np.int8)
+        table = DisplacementTable(int(random.choice([1, 2, 4, 3])), factors)
+        return pack_voxels(place, table if random.random() < 0.7 else None, packed_voxels(random))
+    depth = int(random.integers(18))
+    finest = int(random.integers(depth + 1)) if random.random() < 0.9 else limit(random, 5)
+    coarsest = max(depth - int(random.integers(10)), 0) if random.random() < 0.8 else finest
+    x, y = (1 << min(depth, int(random.integers(17))) for _ in range(2))
+    z = max(min(MAX_CELLS // (x * y), 1 << depth), 1)  # the product at its bound
+    sides = [max(1, min(65535, side + int(random.integers(-1, 2)))) for side in (x, y, z)]
+    random.shuffle(sides)
+    capacity = limit(random, 23) if random.random() < 0.5 else 1 << 20
+    density = (int(random.choice([1, 2, 16, 17, 0])), int(random.choice([1, 1, 16, 64, 65])))
+    revolutions = _revolution(random) * int(random.choice([0, 0, 1, 2, 255]))
+    header = SurfaceHeader(
+        place.origin, place.cell_size, (sides[0], sides[1], sides[2]),
+        depth, finest, min(coarsest, 255), max(limit(random, 8), 1), *density, capacity,
+        (0, 0, 0) if random.random() < 0.5 else (limit(random, 15), 1, -1), revolutions,
+    )  # fmt: skip
+    return pack_surface(header, data(random))
+
+
+def _revolution(random: Random) -> bytes:
+    from puckbench.codecs.primitives.revolution import _PARAMETERS
+
+    signed = [limit(random, 15) * int(random.choice([-1, 1])) for _ in range(7)]
+    kind, rows = int(random.integers(7)), limit(random, 16)
+    return _PARAMETERS.pack(kind, *signed[:5], limit(random, 16), *signed[5:], rows)
+
+
+def gpcc(streams: Sequence[bytes], random: Random) -> bytes:
+    """Parameter sets and slices of other fields than an encoder's, or more of them."""
+    sps, gps = syntax.SequenceParameterSet(seq_origin_bits=1), syntax.GeometryParameterSet()
+    _change(gps, random, 0.3)
+    gps.gps_geom_parameter_set_id = gps.gps_seq_parameter_set_id = gps.geom_tree_type = 0
+    gps.geom_angular_mode_enabled_flag = gps.geom_scaling_enabled_flag = (
+        gps.trisoup_enabled_flag
+    ) = 0
+    gps.bitwise_occupancy_coding_flag = 1
+    if random.random() < 0.3:
+        _change(sps, random, 0.2)
+        sps.sps_seq_parameter_set_id = sps.num_attributes = 0
+        sps.seq_origin_bits, sps.seq_bbox_size_bits = 1, 0
+        sps.seq_global_scale_refinement_num_bits %= 64
+        sps.seq_global_scale_refinement_factor = 0
+    depth = max(min(limit(random, 6), 63), 1)
+    axes = [int(random.choice([7, 7, 4, 2, 1, 0])) for _ in range(depth)]
+    header = syntax.GeometryHeader(
+        slice_geom_origin_bits_minus1=40, slice_geom_origin_xyz=(limit(random, 33), 0, 1),
+        tree_depth_minus1=depth - 1, tree_lvl_coded_axis_list=axes,
+        geom_stream_cnt_minus1=int(random.choice([0, 0, 0, 1, depth - 1, depth, 255])),
+    )  # fmt: skip
+    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    unit = syntax.written(syntax.geometry_header, header, sps, gps) + data(random)
+    unit += syntax.footer_bytes(footer)
+    parts = [
+        syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
+        syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
+    ]
+    return b"".join(parts) + syntax.encapsulate(2, unit) * int(random.choice([1, 1, 2, 1000]))
+
+
+def _change(record: Any, random: Random, share: float) -> None:
+    """Give some of a record's numbers, flags as a rule, other values."""
+    for field in fields(record):
+        if field.default in (0, 1) and random.random() < share:
+            flag = field.name.endswith(("flag", "present"))
+            small = field.name.endswith(("_bits", "mode", "order", "minus1"))
+            setattr(record, field.name, limit(random, 1 if flag else 2 if small else 5))
+
+
+def _learned(
+    module: str, change: Callable[[Any, Random], Any], write: str, checks: Sequence[str]
+) -> Callable[[Sequence[bytes], Random], bytes]:
+    """A writer that changes fields of a whole stream as it was parsed."""
+
+    def written(streams: Sequence[bytes], random: Random) -> bytes:
+        from importlib import import_module
+
+        stream = import_module(module)
+        coded = stream.read_stream(streams[random.integers(len(streams))])
+        if not hasattr(coded, "digest"):  # few points, uncompressed
+            return streams[0]
+        patches = [patch.object(stream, name, lambda *_: 2**62) for name in checks]
+        for each in patches:
+            each.start()
+        try:
+            return getattr(stream, write)(change(coded, random))  # type: ignore[no-any-return]
+        finally:
+            for each in patches:
+                each.stop()
+
+    return written
+
+
+def _changed1(coded: Any, random: Random) -> Any:
+    some = {
+        "cubes": limit(random, 16), "points_per_voxel": limit(random, 16),
+        "positions": packed_voxels(random), "sparse": packed_voxels(random),
+        "counts": data(random), "latent": data(random), "rate": limit(random, 3),
+        "context_mixing": bool(random.integers(2)), "scale": 2.0 ** int(random.integers(-400, 16)),
+        "batches": coded.batches * min(limit(random, 12), 64),
+    }  # fmt: skip
+    return replace(coded, **_some(some, random))
+
+
+def _changed2(coded: Any, random: Random) -> Any:
+    block = coded.blocks[0]
+    counts = [limit(random, 22) for _ in range(4)] if random.random() < 0.5 else [
+        min(8**k * block.counts[3], 2**21) for k in (3, 2, 1, 0)]  # fmt: skip
+    parts = {"counts": tuple(counts), "coordinates": packed_voxels(random), "latent": data(random)}
+    some = {
+        "blocks": (replace(block, **_some(parts, random)),) * max(min(limit(random, 8), 99), 1),
+        "quarter_octaves": limit(random, 8), "points_per_voxel": limit(random, 16),
+        "rate": limit(random, 3), "origin": (limit(random, 31), -limit(random, 31), 0),
+    }  # fmt: skip
+    return replace(coded, **_some(some, random))
+
+
+def _changed3(coded: Any, random: Random) -> Any:
+    part = coded.parts[0]
+    fields_of_part = {
+        "count": limit(random, 22), "levels": limit(random, 5),
+        "top": packed_voxels(random), "symbols": data(random),
+    }  # fmt: skip
+    changed = replace(part, **_some(fields_of_part, random))
+    some = {"parts": (changed,) * max(limit(random, 8), 1), "scale": 2.0 ** limit(random, 9),
+            "origin": (limit(random, 31), -limit(random, 31), 0)}  # fmt: skip
+    return replace(coded, **_some(some, random))
+
+
+def _some(changes: dict[str, Any], random: Random) -> dict[str, Any]:
+    """One of the changes, or a few."""
+    names = random.permutation(list(changes))[: int(random.choice([1, 1, 2, len(changes)]))]
+    return {name: changes[name] for name in names}
+
+
+_NETS = "puckbench.codecs.learned"
+WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
+    "primitives": primitives,
+    "gpcc": gpcc,
+    "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
+    "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),
+    "sparse_octree_net": _learned(
+        f"{_NETS}.octree_net.stream", _changed3, "write_stream", ["_check"]
+    ),
+}
+"""Codecs of our own; `pcgcv1` and `pcgcv2` share the decoders of ours."""
