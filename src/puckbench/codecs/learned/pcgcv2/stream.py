@@ -171,7 +171,7 @@ def _check_work(coded: Coded, body: bytes) -> None:
         or coarse > _COARSE + _COARSE_PER_BYTE * len(body)
         or len(coded.blocks) > MAX_BLOCKS
     ):
-        raise InputError(f"a stream of {len(body)} bytes cannot hold that many voxels")
+        raise InputError(f"too many voxels for a stream of {len(body)} bytes")
 
 
 def _read_block(reader: Reader) -> Block:
