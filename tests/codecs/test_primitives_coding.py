@@ -204,7 +204,7 @@ def test_displacement_tables_of_unknown_block_sizes_are_refused(block: int) -> N
 def test_streams_of_another_version_are_refused() -> None:
     stream = bytearray(pack_voxels(PLACE, None, b""))
     stream[4] = 1
-    with pytest.raises(InputError, match="version 1, this codec reads 3"):
+    with pytest.raises(InputError, match="version 1, this codec reads 3 and 4"):
         unpack(bytes(stream))
 
 

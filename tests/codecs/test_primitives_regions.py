@@ -152,7 +152,7 @@ def test_one_plane_serves_a_noisy_wall() -> None:
     across = rng.random((60_000, 2)) * [1000, 700]
     height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
     points = np.column_stack([across, height])
-    header, bits = unpack(open_codec("primitives").encode(points, "r6"))
+    header, bits = unpack(open_codec("primitives").encode(points, "r5"))
     assert isinstance(header, SurfaceHeader)
     patches = read_patches(header, bits)
     leaves, planes = patches.leaves.counts

@@ -1,4 +1,4 @@
-"""The codec `primitives`: planes and surfaces of revolution, or voxels where these are nearer."""
+"""The codec `primitives`: planes and surfaces of revolution, voxels, or both together."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 
 from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
-from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import naming
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
@@ -21,11 +20,12 @@ _SURFACE_PARAMETERS = (
 _RATES = {
     "r1": (64, 32, 256, 3000, 12, 0.1),
     "r2": (32, 16, 256, 600, 8, 0.2),
-    "r3": (16, 8, 256, 150, 5, 0.4),
-    "r4": (16, 8, 128, 30, 4, 0.7),
-    "r5": (8, 4, 128, 8, 3, 1),
-    "r6": (4, 2, 128, 3, 1, 1.4),
-    "r7": (4, 2, 64, 0.7, 1, 2),
+    "r3": (16, 8, 256, 70, 4.5, 0.4),
+    "r4": (8, 4, 128, 8, 3, 0.7),
+    "r5": (4, 2, 64, 0.7, 1, 1.2),
+}
+_SURFACES: dict[str, dict[str, float]] = {
+    name: dict(zip(_SURFACE_PARAMETERS, row, strict=True)) for name, row in _RATES.items()
 }
 
 
@@ -43,8 +43,10 @@ class Primitives(Codec):
     marker = "P"
     rank = 40
     rates: Mapping[str, Parameters] = {
-        **{name: dict(zip(_SURFACE_PARAMETERS, row, strict=True)) for name, row in _RATES.items()},
-        "r8": {"min_leaf_size": 0, "max_bpp": 3.5, "max_voxel_size": 4},
+        **_SURFACES,
+        "r6": {**_SURFACES["r5"], "refinement": 1 / 3},
+        "r7": {**_SURFACES["r5"], "refinement": 2 / 3},
+        "r8": {**_SURFACES["r5"], "refinement": 1, "max_voxel_size": 4},
     }
     magic = b"PBPR"
     surfaces = True
@@ -65,13 +67,11 @@ class Primitives(Codec):
         return encode(points, rate_settings(parameters))
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
+        from puckbench.codecs.primitives.decoder import surface_part
         from puckbench.codecs.primitives.mesh_reconstruction import decode_mesh
 
         with naming(f"codec {self.name}"):
-            header, bits = unpack(stream)
-            if not isinstance(header, SurfaceHeader):
-                raise InputError("the stream holds voxels, not planes: take a lower rate")
-            return decode_mesh(header, bits)
+            return decode_mesh(*surface_part(stream))
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.codecs.primitives.decoder import decode_stream

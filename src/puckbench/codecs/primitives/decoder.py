@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.common.binary_coder import exhausted
-from puckbench.codecs.primitives import voxel_mode
+from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.entropy import reader
 from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
 from puckbench.codecs.primitives.occupancy_decision import NO_CRITERION
@@ -33,6 +33,7 @@ from puckbench.codecs.primitives.stream import (
     MAX_COLUMNS,
     MAX_POINTS,
     MAX_REVOLUTION_POINTS,
+    HybridHeader,
     SurfaceHeader,
     unpack,
 )
@@ -70,7 +71,7 @@ class Patches(NamedTuple):
 
 
 def decode_stream(stream: bytes) -> Floats:
-    """Decode a stream of either mode.
+    """Decode a stream of any mode.
 
     Returns
     -------
@@ -85,7 +86,26 @@ def decode_stream(stream: bytes) -> Floats:
     header, bits = unpack(stream)
     if isinstance(header, SurfaceHeader):
         return decode_surface(header, bits).xyz
+    if isinstance(header, HybridHeader):
+        surface = decode_surface(*surface_part(stream))
+        return hybrid_mode.decode(header, surface.xyz, surface.normals)
     return voxel_mode.decode(header.place, header.table, bits)
+
+
+def surface_part(stream: bytes) -> tuple[SurfaceHeader, bytes]:
+    """Header and coded bits of the surface of a stream, which may be a hybrid.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged or holds voxels alone.
+    """
+    header, bits = unpack(stream)
+    if isinstance(header, HybridHeader):
+        header, bits = unpack(header.surface)
+    if not isinstance(header, SurfaceHeader):
+        raise InputError("the stream holds voxels, not planes: take a lower rate")
+    return header, bits
 
 
 def decode_surface(header: SurfaceHeader, bits: bytes) -> DecodedSurface:

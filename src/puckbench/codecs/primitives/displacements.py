@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
@@ -19,7 +20,8 @@ from puckbench.geometry.tangent_planes import tangents
 
 _DISTANCES = np.array([0.25, 0.5, 0.75, 1.0, 1.5])
 _THICKNESSES = np.array([0.3, 0.5, 0.9])
-_ONE = 64
+ONE = 64
+"""The whole distance, in units of a factor."""
 
 
 class _LocalPlanes(NamedTuple):
@@ -33,7 +35,7 @@ class _LocalPlanes(NamedTuple):
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
     """Displaced centres (m, 3) of voxels (m, 3), in voxels."""
     planes = _local_planes(voxels, table.block_size)
-    shift = table.factors[planes.classes] / _ONE * planes.distances
+    shift = table.factors[planes.classes] / ONE * planes.distances
     return np.asarray(voxels - shift[:, None] * planes.normals)
 
 
@@ -60,13 +62,27 @@ def fit_displacements(
     for block_size in BLOCK_SIZES:
         planes = _local_planes(voxels, block_size)
         wanted = np.einsum("ij,ij->i", voxels - means, planes.normals)
-        products = np.bincount(planes.classes, weights * wanted * planes.distances, CLASSES)
-        squares = np.bincount(planes.classes, weights * planes.distances**2, CLASSES)
-        factors = np.rint(_ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
-        gain = float((2 * factors / _ONE * products - (factors / _ONE) ** 2 * squares).sum())
+        factors, gain = fit_factors(planes.classes, planes.distances, wanted, weights)
         if gain > most:
-            best, most = DisplacementTable(block_size, factors.astype(np.int8)), gain
+            best, most = DisplacementTable(block_size, factors), gain
     return best, most
+
+
+def fit_factors(
+    classes: Ints, distances: Floats, wanted: Floats, weights: Floats
+) -> tuple[NDArray[np.int8], float]:
+    """Shares of the distances (m,), by class, of least squared error from the wanted shifts (m,).
+
+    Returns
+    -------
+    factors, gain
+        (CLASSES,) shares in units of 1 / `ONE`, and the weighted squared error that they save.
+    """
+    products = np.bincount(classes, weights * wanted * distances, CLASSES)
+    squares = np.bincount(classes, weights * distances**2, CLASSES)
+    factors = np.rint(ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
+    gain = float((2 * factors / ONE * products - (factors / ONE) ** 2 * squares).sum())
+    return factors.astype(np.int8), gain
 
 
 def _local_planes(voxels: Ints, block_size: int) -> _LocalPlanes:

@@ -15,8 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.primitives import voxel_mode
-from puckbench.codecs.primitives.decoder import Patches, decode_stream, points_and_normals
+from puckbench.codecs.primitives import hybrid_mode, voxel_mode
+from puckbench.codecs.primitives.decoder import (
+    Patches,
+    decode_stream,
+    decode_surface,
+    points_and_normals,
+    surface_part,
+)
 from puckbench.codecs.primitives.distortion import Distortion, DistortionEstimator
 from puckbench.codecs.primitives.grid_alignment import (
     frame_candidates,
@@ -48,7 +54,7 @@ The position of points within the surface is not coded, and alone keeps them som
 
 
 def encode(points: Floats, settings: Settings) -> bytes:
-    """Code a cloud as surfaces or as voxels, whichever costs less.
+    """Code a cloud as surfaces, as voxels, or as both, whichever costs less.
 
     Parameters
     ----------
@@ -70,6 +76,8 @@ def encode(points: Floats, settings: Settings) -> bytes:
     cloud = prepare(points, settings)
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
+    if settings.refinement:
+        return _hybrid_or_voxels(points, cloud, estimator, best, settings)
     if best.stream is None:
         return voxel_mode.encode_to_budget(points, max_bytes)
     return _surface_or_voxels(points, cloud, estimator, best, max_bytes)
@@ -98,9 +106,7 @@ def _surface_or_voxels(
     voxel_streams: list[bytes] = []
     smallest, comparison = b"", None
     for factor in _LAMBDA_FACTORS:
-        weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
-        scaled = cloud._replace(settings=weighted)
-        stream = best.stream if factor == 1 else _stream_of(scaled, best.mode)
+        stream = best.stream if factor == 1 else _stream_of(_weighted(cloud, factor), best.mode)
         fits = stream is not None and len(stream) <= max_bytes
         budget = len(stream) if stream and fits else max_bytes
         voxel_streams.append(voxel_mode.encode_to_budget(points, budget))
@@ -111,6 +117,49 @@ def _surface_or_voxels(
                 return stream
     surface_wins = comparison is not None and comparison.surface_is_better_by_product()
     return smallest if surface_wins else voxel_streams[0]
+
+
+def _hybrid_or_voxels(
+    points: Floats,
+    cloud: PreparedCloud,
+    estimator: DistortionEstimator,
+    best: _Candidate,
+    settings: Settings,
+) -> bytes:
+    """The surface refined by voxels, or voxels of as many bytes, by the product of the errors.
+
+    The less the surface is refined, the more the distance to it counts.
+    """
+
+    def cost(decoded: Floats) -> float:
+        found = estimator.measure(cloud.in_units(decoded))
+        return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
+
+    surface = _finest_within(cloud, best, int(settings.max_bpp * len(points) / 8))
+    max_bytes = settings.refined_bytes(len(surface) if surface else None, len(points))
+    hybrid = None
+    if surface:
+        decoded = decode_surface(*surface_part(surface))
+        part = hybrid_mode.SurfacePart(surface, decoded.xyz, decoded.normals)
+        hybrid = hybrid_mode.encode(points, part, max_bytes, settings.max_voxel_size, cost)
+    budget = len(hybrid[1]) if hybrid else max_bytes
+    voxels = voxel_mode.encode_to_budget(points, budget, settings.max_voxel_size)
+    return hybrid[1] if hybrid and hybrid[0] <= cost(decode_stream(voxels)) else voxels
+
+
+def _finest_within(cloud: PreparedCloud, best: _Candidate, max_bytes: int) -> bytes | None:
+    """The best surface at the least multiple of lambda at which it fits a budget, if any."""
+    for factor in _LAMBDA_FACTORS:
+        stream = best.stream if factor == 1 else _stream_of(_weighted(cloud, factor), best.mode)
+        if stream and len(stream) <= max_bytes:
+            return stream
+    return None
+
+
+def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:
+    """The cloud with a multiple of the rate's lambda."""
+    weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
+    return cloud._replace(settings=weighted)
 
 
 def _stream_of(cloud: PreparedCloud, mode: SurfaceMode) -> bytes | None:

@@ -21,6 +21,7 @@ class Settings(Model):
 
     Two candidate modes compete for a cloud: a *surface* (an octree whose leaves have planes, and
     surfaces of revolution, each with an occupancy map) and *voxels* (G-PCC's octree, displaced).
+    Rates of more bits than surfaces take code both together, the *hybrid* mode.
     """
 
     max_bpp: float = Field(
@@ -28,6 +29,16 @@ class Settings(Model):
     )
     max_voxel_size: float = Field(
         default=UNITS / 4, ge=0, description="side of voxels, at most, however many bits they take"
+    )
+    refinement: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="bits of a surface and voxels together: from the surface's own (0, no voxels) "
+        "to refined_bpp (1), in equal ratios",
+    )
+    refined_bpp: float = Field(
+        default=3.5, gt=0, description="bits per point of a surface and voxels at refinement 1"
     )
     min_leaf_size: float = Field(
         default=16.0,
@@ -51,6 +62,12 @@ class Settings(Model):
     smoothing_radius: float = Field(
         default=19.0, ge=0, description="radius of smoothing, in standard deviations of the noise"
     )
+
+    def refined_bytes(self, surface_bytes: int | None, points: int) -> int:
+        """Budget of a surface and the voxels that refine it; None if no surface fits `max_bpp`."""
+        bpp = self.max_bpp if surface_bytes is None else 8 * surface_bytes / points
+        ratio = max(self.refined_bpp / bpp, 1.0)
+        return int(bpp * ratio**self.refinement * points / 8)
 
     def adapted_to(self, noise: float) -> Settings:
         """Coarsen the settings where a cloud's noise exceeds the reference.

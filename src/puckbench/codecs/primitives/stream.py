@@ -3,8 +3,9 @@
 Little endian: magic ``PBPR``, version, kind. A surface goes on with the numbers of `_SURFACE`,
 those of `_ROTATION` if the grid is rotated, number and parameters of the surfaces of revolution if
 there are any, and the arithmetic-coded bits. Voxels go on with those of `_VOXELS`, a table of
-`CLASSES` displacements unless its block size is 0, and G-PCC's octree. The last two bytes are the
-low half of a CRC-32.
+`CLASSES` displacements unless its block size is 0, and G-PCC's octree. A hybrid goes on with those
+of `_HYBRID`, `CLASSES` displacements, and a whole stream of each kind, surface first. The last two
+bytes are the low half of a CRC-32. Version 4 has hybrids; the others are as in version 3.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 MAGIC = b"PBPR"
-VERSION = 3
-SURFACE, VOXELS, ROTATED, WITH_REVOLUTIONS = 1, 2, 4, 8
+VERSION, HYBRID_VERSION = 3, 4
+"""Version of streams of one kind, as earlier decoders read them, and of hybrids."""
+SURFACE, VOXELS, HYBRID, ROTATED, WITH_REVOLUTIONS = 1, 2, 3, 4, 8
 """Kinds of streams, and flags of those of surfaces."""
 REVOLUTION_BYTES = 19
 """Bytes of the parameters of a surface of revolution."""
@@ -30,6 +32,7 @@ _START = struct.Struct("<4sBB")
 _SURFACE = struct.Struct("<4f3HBBBBBBI")
 _ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
+_HYBRID = struct.Struct("<BI")
 _CHECKSUM = struct.Struct("<H")
 MAX_CELLS = 1 << 26
 """Cells of the grid, at most. This and those below bound a decoder's work and memory; a surface
@@ -48,6 +51,10 @@ BLOCK_SIZES = (1, 2, 4)
 """Sides of blocks, in voxels, of which 3 x 3 x 3 share a local plane."""
 CLASSES = 24
 """Classes of voxels that are displaced by the same share."""
+
+
+MAX_REACH = 8
+"""Sixteenths of a voxel from its centre to its sides."""
 
 
 class GridPlacement(NamedTuple):
@@ -77,6 +84,20 @@ class VoxelHeader(NamedTuple):
 
     place: GridPlacement
     table: DisplacementTable | None
+
+
+class HybridHeader(NamedTuple):
+    """Contents of a stream of a surface and voxels.
+
+    reach: points of the surface are kept within so many sixteenths of a voxel of an occupied
+    voxel's centre, along each axis. factors: (`CLASSES`,) shares in 1/64 of the distance to the
+    surface by which voxels move. surface, voxels: whole streams.
+    """
+
+    reach: int
+    factors: NDArray[np.int8]
+    surface: bytes
+    voxels: bytes
 
 
 class SurfaceHeader(NamedTuple):
@@ -127,8 +148,15 @@ def pack_voxels(place: GridPlacement, table: DisplacementTable | None, bits: byt
     return _with_checksum(head + (table.factors.tobytes() if table else b"") + bits)
 
 
-def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader, bytes]:
-    """Header and coded bits of a stream.
+def pack_hybrid(header: HybridHeader) -> bytes:
+    """A whole stream of a surface and voxels."""
+    head = _START.pack(MAGIC, HYBRID_VERSION, HYBRID)
+    head += _HYBRID.pack(header.reach, len(header.surface)) + header.factors.tobytes()
+    return _with_checksum(head + header.surface + header.voxels)
+
+
+def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, bytes]:
+    """Header and coded bits of a stream; a hybrid's are in the streams that its header holds.
 
     Raises
     ------
@@ -139,16 +167,19 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader, bytes]:
         raise InputError("not a stream of primitives, or truncated")
     body, checksum = stream[: -_CHECKSUM.size], _CHECKSUM.unpack(stream[-_CHECKSUM.size :])[0]
     _, version, kind = _START.unpack_from(body)
-    if version != VERSION:
-        raise InputError(f"the stream has version {version}, this codec reads {VERSION}")
-    layout = _VOXELS if kind == VOXELS else _SURFACE
-    known = kind == VOXELS or kind & ~(ROTATED | WITH_REVOLUTIONS) == SURFACE
+    if version != (HYBRID_VERSION if kind == HYBRID else VERSION):
+        known_versions = f"{VERSION} and {HYBRID_VERSION}"
+        raise InputError(f"the stream has version {version}, this codec reads {known_versions}")
+    layout = {VOXELS: _VOXELS, HYBRID: _HYBRID}.get(kind, _SURFACE)
+    known = kind in (VOXELS, HYBRID) or kind & ~(ROTATED | WITH_REVOLUTIONS) == SURFACE
     if not known or len(body) < _START.size + layout.size:
         raise InputError("the stream is truncated or of an unknown kind")
     if zlib.crc32(body) & 0xFFFF != checksum:
         raise InputError("the stream is damaged or truncated")
     numbers = layout.unpack_from(body, _START.size)
     bits = body[_START.size + layout.size :]
+    if kind == HYBRID:
+        return _hybrid_header(numbers[0], numbers[1], bits), b""
     place = np.array(numbers[:4])
     if not np.isfinite(place).all() or np.abs(place).max() > 1e30 or place[3] <= 0:
         raise InputError("the stream is damaged (its frame is not finite)")
@@ -174,6 +205,14 @@ def _with_options(header: SurfaceHeader, kind: int, bits: bytes) -> tuple[Surfac
         header = header._replace(revolutions=bits[1:end])
         bits = bits[end:]
     return header, bits
+
+
+def _hybrid_header(reach: int, surface_bytes: int, rest: bytes) -> HybridHeader:
+    end = CLASSES + surface_bytes
+    if reach > MAX_REACH or len(rest) < end:
+        raise InputError("the stream is damaged (its parts make no sense)")
+    factors = np.frombuffer(rest[:CLASSES], np.int8)
+    return HybridHeader(reach, factors, rest[CLASSES:end], rest[end:])
 
 
 def _voxel_header(place: GridPlacement, block_size: int, bits: bytes) -> tuple[VoxelHeader, bytes]:

@@ -96,16 +96,39 @@ def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNI
 def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> Floats:
     """Points (m, 3) of voxels; InputError for a damaged stream."""
     voxels = decode_voxels(bits) if table is None else decode_voxels(bits, MAX_DISPLACED)
-    xyz = displace(voxels, table) if table is not None and len(voxels) else voxels
-    return np.asarray(xyz * place.cell_size + place.origin)
+    return _placed(place, table, voxels)
+
+
+def without_displacements(stream: bytes) -> bytes:
+    """The stream of the same voxels that stay in their centres."""
+    place, _, bits = _unpacked(stream)
+    return pack_voxels(place, None, bits)
 
 
 def decode_undisplaced(stream: bytes) -> Floats:
     """The voxels' centres (m, 3), as G-PCC decodes them."""
+    place, _, bits = _unpacked(stream)
+    return decode(place, None, bits)
+
+
+def decoded_voxels(stream: bytes) -> tuple[GridPlacement, Ints, Floats]:
+    """Grid, voxels (m, 3), and displaced points (m, 3) of a stream; InputError for another kind."""
+    place, table, bits = _unpacked(stream)
+    voxels = decode_voxels(bits, MAX_DISPLACED)
+    return place, voxels, _placed(place, table, voxels)
+
+
+def _unpacked(stream: bytes) -> tuple[GridPlacement, DisplacementTable | None, bytes]:
     header, bits = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
-    return decode(header.place, None, bits)
+    return header.place, header.table, bits
+
+
+def _placed(place: GridPlacement, table: DisplacementTable | None, voxels: Ints) -> Floats:
+    """Points (m, 3) of decoded voxels (m, 3), displaced by the table."""
+    xyz = displace(voxels, table) if table is not None and len(voxels) else voxels
+    return np.asarray(xyz * place.cell_size + place.origin)
 
 
 def _displacements(voxelised: Voxelised, voxel_bytes: int) -> DisplacementTable | None:

@@ -1,0 +1,176 @@
+"""Hybrid mode: a surface, and voxels that say where on it and how far off it the points lie.
+
+A surface leaves out where on it the points are, and their noise; voxels know both, but not the
+surface as precisely. Together: each voxel moves along the surface's normal, by a share of its
+distance that the stream holds for each class of distances, and the surface keeps those of its own
+points that lie in occupied voxels, which makes the decoded cloud as dense as the coded one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.primitives import voxel_mode
+from puckbench.codecs.primitives.displacements import ONE, fit_factors
+from puckbench.codecs.primitives.octree_arrays import Ints
+from puckbench.codecs.primitives.stream import (
+    CLASSES,
+    GridPlacement,
+    HybridHeader,
+    pack_hybrid,
+)
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+
+_DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
+"""Borders in voxels of the classes of distances along the normal."""
+_BESIDE = 1.0
+"""Distance in voxels across the normal from which on the surface is beside a voxel, not below."""
+_REACHES = (0, 6, 7, 8)
+"""Half sides of the cube around a voxel's centre in which surface points are kept, in sixteenths
+of a voxel: the whole voxel at most."""
+_MAX_POINTS = 1.25
+"""Decoded points for each coded one, at most."""
+_MIN_VOXEL_SHARE = 0.1
+"""Share of the budget that is left for voxels, below which no voxels are worth their header."""
+
+
+class SurfacePart(NamedTuple):
+    """A stream of surfaces, and the points (m, 3) and unit normals that it decodes to."""
+
+    stream: bytes
+    xyz: Floats
+    normals: Floats
+
+
+def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
+    """Points (k, 3) of a hybrid stream, whose surface has points xyz (m, 3) with normals.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged.
+    """
+    place, voxels, points = voxel_mode.decoded_voxels(header.voxels)
+    if len(voxels) and len(xyz):
+        points = _displaced(points, xyz, normals, place.cell_size, header.factors)
+        inside = _within(xyz, place, voxels, header.reach)
+        points = np.concatenate([points, xyz[inside]])
+    if not len(points) or not np.isfinite(points).all():
+        raise InputError("the stream is damaged (it has no points, or some that are not finite)")
+    return points
+
+
+def encode(
+    points: Floats,
+    surface: SurfacePart,
+    max_bytes: int,
+    max_voxel_size: float,
+    cost: Callable[[Floats], float],
+) -> tuple[float, bytes] | None:
+    """Code a cloud as a surface and the finest voxels that fit beside it.
+
+    Parameters
+    ----------
+    points
+        (n, 3) points.
+    surface
+        The coded surface.
+    max_bytes
+        Budget of the whole stream.
+    max_voxel_size
+        As of `voxel_mode.encode_to_budget`.
+    cost
+        Distortion of decoded points, by which the kept points of the surface are chosen.
+
+    Returns
+    -------
+    tuple or None
+        Cost and stream of the best choice; None if the surface leaves too few bytes.
+    """
+    left = max_bytes - len(surface.stream)
+    if left < _MIN_VOXEL_SHARE * max_bytes:
+        return None
+    displaced = voxel_mode.encode_to_budget(points, left, max_voxel_size)
+    best: tuple[float, bytes] | None = None
+    for voxels in dict.fromkeys([displaced, voxel_mode.without_displacements(displaced)]):
+        for header, decoded in _choices(points, surface, voxels):
+            found = cost(decoded) if len(decoded) <= _MAX_POINTS * len(points) else np.inf
+            if best is None or found < best[0]:
+                best = found, pack_hybrid(header)
+    return best
+
+
+def _choices(
+    points: Floats, surface: SurfacePart, voxel_stream: bytes
+) -> Iterator[tuple[HybridHeader, Floats]]:
+    """Hybrids of a surface and voxels, by reach, and what each decodes to."""
+    place, voxels, placed = voxel_mode.decoded_voxels(voxel_stream)
+    factors = _fitted_factors(points, surface, place, voxels, placed)
+    moved = _displaced(placed, surface.xyz, surface.normals, place.cell_size, factors)
+    for reach in _REACHES:
+        inside = _within(surface.xyz, place, voxels, reach)
+        header = HybridHeader(reach, factors, surface.stream, voxel_stream)
+        yield header, np.concatenate([moved, surface.xyz[inside]])
+
+
+def _fitted_factors(
+    points: Floats, surface: SurfacePart, place: GridPlacement, voxels: Ints, placed: Floats
+) -> NDArray[np.int8]:
+    """Shares of least squared error between moved voxels and the means of their points."""
+    voxelised = voxel_mode.voxelise((points - place.origin) / place.cell_size)
+    low = voxels.min(axis=0)
+    rows = np.empty(len(voxels), np.int64)
+    rows[np.argsort(_keys(voxels - low))] = np.argsort(_keys(voxelised.voxels - low))
+    means, counts = voxelised.means[rows], voxelised.counts[rows]
+    offset, normals, classes = _offsets(placed, surface.xyz, surface.normals, place.cell_size)
+    wanted = (placed - place.origin) / place.cell_size - means
+    weights = counts / counts.sum() + 1 / len(counts)
+    along_normal = np.einsum("ij,ij->i", wanted, normals)
+    return fit_factors(classes, offset, along_normal, weights)[0]
+
+
+def _displaced(
+    points: Floats, xyz: Floats, normals: Floats, cell_size: float, factors: NDArray[np.int8]
+) -> Floats:
+    """Points (m, 3) moved along the normals of a surface, by the shares of their classes."""
+    offset, along, classes = _offsets(points, xyz, normals, cell_size)
+    shift = factors[classes] / ONE * offset * cell_size
+    return np.asarray(points - shift[:, None] * along)
+
+
+def _offsets(
+    points: Floats, xyz: Floats, normals: Floats, cell_size: float
+) -> tuple[Floats, Floats, Ints]:
+    """Signed distances (m,) in voxels from a surface, its normals (m, 3), and classes (m,)."""
+    from scipy.spatial import cKDTree
+
+    distance, row = cKDTree(xyz, balanced_tree=False, compact_nodes=False).query(points)
+    along = normals[row]
+    offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
+    across = (distance / cell_size) ** 2 - offset**2
+    classes = 2 * np.searchsorted(_DISTANCES, np.abs(offset)) + (across > _BESIDE**2)
+    return offset, along, classes
+
+
+def _within(xyz: Floats, place: GridPlacement, voxels: Ints, reach: int) -> NDArray[np.bool_]:
+    """Which points (m, 3) lie within `reach` sixteenths of a voxel of an occupied one's centre."""
+    cells = (xyz - place.origin) / place.cell_size
+    low, high = voxels.min(axis=0), voxels.max(axis=0)
+    inside = ((cells > low - 0.5) & (cells < high + 0.5)).all(axis=1)
+    nearest = np.rint(cells[inside])
+    near = (np.abs(cells[inside] - nearest) < reach / 16).all(axis=1)
+    inside[inside] = near & np.isin(_keys(nearest.astype(np.int64) - low), _keys(voxels - low))
+    return inside
+
+
+def _keys(cells: Ints) -> Ints:
+    """One integer for each cell (n, 3), of coordinates from 0 to 2^21."""
+    return (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+
+
+assert 2 * (len(_DISTANCES) + 1) == CLASSES  # noqa: S101
