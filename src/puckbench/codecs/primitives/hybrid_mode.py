@@ -165,7 +165,7 @@ def _within(xyz: Floats, place: GridPlacement, voxels: Ints, reach: int) -> NDAr
     nearest = np.rint(cells[inside])
     near = (np.abs(cells[inside] - nearest) < reach / 16).all(axis=1)
     inside[inside] = near & np.isin(_keys(nearest.astype(np.int64) - low), _keys(voxels - low))
-    return inside
+    return np.asarray(inside)
 
 
 def _keys(cells: Ints) -> Ints:

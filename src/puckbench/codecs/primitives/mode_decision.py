@@ -31,6 +31,7 @@ from puckbench.codecs.primitives.grid_alignment import (
 )
 from puckbench.codecs.primitives.preparation import PreparedCloud, prepare
 from puckbench.codecs.primitives.settings import Settings
+from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
 from puckbench.core.environment import allowed_threads
 from puckbench.core.threads import in_threads
@@ -77,9 +78,7 @@ def encode(points: Floats, settings: Settings) -> bytes:
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
     if settings.refinement:
-        return _hybrid_or_voxels(points, cloud, estimator, best, settings)
-    if best.stream is None:
-        return voxel_mode.encode_to_budget(points, max_bytes)
+        return _hybrid_or_voxels(points, cloud, estimator, best, max_bytes)
     return _surface_or_voxels(points, cloud, estimator, best, max_bytes)
 
 
@@ -103,6 +102,8 @@ def _surface_or_voxels(
     Where the surface of fewest bytes is better in one respect and worse in another, the product of
     the errors decides.
     """
+    if best.stream is None:
+        return voxel_mode.encode_to_budget(points, max_bytes)
     voxel_streams: list[bytes] = []
     smallest, comparison = b"", None
     for factor in _LAMBDA_FACTORS:
@@ -124,36 +125,32 @@ def _hybrid_or_voxels(
     cloud: PreparedCloud,
     estimator: DistortionEstimator,
     best: _Candidate,
-    settings: Settings,
+    max_bytes: int,
 ) -> bytes:
     """The surface refined by voxels, or voxels of as many bytes, by the product of the errors.
 
     The less the surface is refined, the more the distance to it counts.
     """
 
+    settings = cloud.settings
+
     def cost(decoded: Floats) -> float:
         found = estimator.measure(cloud.in_units(decoded))
         return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
 
-    surface = _finest_within(cloud, best, int(settings.max_bpp * len(points) / 8))
-    max_bytes = settings.refined_bytes(len(surface) if surface else None, len(points))
-    hybrid = None
+    kept = _surface_or_voxels(points, cloud, estimator, best, max_bytes)
+    max_bytes = settings.refined_bytes(len(kept), len(points))
+    header, _ = unpack(kept)
+    surface = kept if isinstance(header, SurfaceHeader) else best.stream
     if surface:
         decoded = decode_surface(*surface_part(surface))
         part = hybrid_mode.SurfacePart(surface, decoded.xyz, decoded.normals)
         hybrid = hybrid_mode.encode(points, part, max_bytes, settings.max_voxel_size, cost)
-    budget = len(hybrid[1]) if hybrid else max_bytes
-    voxels = voxel_mode.encode_to_budget(points, budget, settings.max_voxel_size)
-    return hybrid[1] if hybrid and hybrid[0] <= cost(decode_stream(voxels)) else voxels
-
-
-def _finest_within(cloud: PreparedCloud, best: _Candidate, max_bytes: int) -> bytes | None:
-    """The best surface at the least multiple of lambda at which it fits a budget, if any."""
-    for factor in _LAMBDA_FACTORS:
-        stream = best.stream if factor == 1 else _stream_of(_weighted(cloud, factor), best.mode)
-        if stream and len(stream) <= max_bytes:
-            return stream
-    return None
+        if hybrid:
+            equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), settings.max_voxel_size)
+            if hybrid[0] <= cost(decode_stream(equal)):
+                return hybrid[1]
+    return voxel_mode.encode_to_budget(points, max_bytes, settings.max_voxel_size)
 
 
 def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:

@@ -63,11 +63,10 @@ class Settings(Model):
         default=19.0, ge=0, description="radius of smoothing, in standard deviations of the noise"
     )
 
-    def refined_bytes(self, surface_bytes: int | None, points: int) -> int:
-        """Budget of a surface and the voxels that refine it; None if no surface fits `max_bpp`."""
-        bpp = self.max_bpp if surface_bytes is None else 8 * surface_bytes / points
-        ratio = max(self.refined_bpp / bpp, 1.0)
-        return int(bpp * ratio**self.refinement * points / 8)
+    def refined_bytes(self, kept_bytes: int, points: int) -> int:
+        """Budget of the refinement of a stream of so many bytes that has no refinement."""
+        ratio = max(self.refined_bpp * points / 8 / kept_bytes, 1.0)
+        return int(kept_bytes * ratio**self.refinement)
 
     def adapted_to(self, noise: float) -> Settings:
         """Coarsen the settings where a cloud's noise exceeds the reference.
