@@ -1,6 +1,6 @@
 """Rate and distortion of the primitives codec without each of its parts, by noise and density.
 
-    python -m benchmarks.ablations.primitives_ablations ROOM --captured FOLDER [--rates r4 r5]
+    python -m benchmarks.ablations.primitives_ablations ROOM --captured FOLDER [--rates r3 r4]
 
 Prints, for a scanned room, bpp, CD(plane) to the scan and to the truth: as shipped, with parts of
 the codec switched off, with fewer points, and with other noise (bias and ray sigma alike, m).
@@ -162,7 +162,7 @@ def main() -> None:
     parser.add_argument("room")
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
     parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
-    parser.add_argument("--rates", nargs="+", default=["r4", "r5"])
+    parser.add_argument("--rates", nargs="+", default=["r3", "r4"])
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))

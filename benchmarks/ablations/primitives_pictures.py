@@ -1,7 +1,7 @@
 """Picture of the codec `primitives`: a scan, its primitives, the decoded cloud, the errors.
 
     python -m benchmarks.ablations.primitives_pictures OUT.png [--results results]
-        [--cloud rooms_noisy/office_1] [--scene rooms/office_1] [--rate r5]
+        [--cloud rooms_noisy/office_1] [--scene rooms/office_1] [--rate r4]
 
 Cloud and scene are of a run's results, those of the default run where none are named. Above stand
 the cloud and the primitives in one colour each, below the decoded cloud, plain and with its errors:
@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.codecs.primitives.decoder import read_patches
+from puckbench.codecs.primitives.decoder import read_patches, surface_part
 from puckbench.codecs.primitives.segments import segment_points
-from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.registry import open_codec
 from puckbench.core.seeding import generator
 from puckbench.figures.drawing import lay_out, save_figure
@@ -121,14 +120,12 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results"))
     parser.add_argument("--cloud", default="rooms_noisy/office_1")
     parser.add_argument("--scene", default="rooms/office_1")
-    parser.add_argument("--rate", default="r5")
+    parser.add_argument("--rate", default="r4")
     options = parser.parse_args()
     cloud = read_cloud(options.results / "clouds" / f"{options.cloud}.ply")
     truth = read_mesh(options.results / "scenes" / f"{options.scene}.ply")
     stream = open_codec("primitives").encode(cloud.xyz, options.rate)
-    header, bits = unpack(stream)
-    assert isinstance(header, SurfaceHeader), "the stream holds voxels: take a lower rate"
-    patches = read_patches(header, bits)
+    patches = read_patches(*surface_part(stream))
     planes, rounds = int(patches.leaves.counts[1]), len(patches.revolutions)
     print(f"{8 * len(stream) / len(cloud):.4f} bpp, {planes} planes, {rounds} round surfaces")
     decoded, names = segment_points(patches)

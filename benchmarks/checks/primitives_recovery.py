@@ -1,6 +1,6 @@
 """Precision and recall of planes in generated rooms: of codec `primitives` and of other detectors.
 
-    python -m benchmarks.checks.primitives_recovery [--rooms office_1 ...] [--rates r3 r5]
+    python -m benchmarks.checks.primitives_recovery [--rooms office_1 ...] [--rates r3 r4]
         [--step 0.1]
         [--detectors]
 
@@ -120,7 +120,7 @@ def growing(room: Scanned) -> Ints:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    cloud = prepare(room.scan.xyz, rate_settings(open_codec("primitives").rates["r5"]))
+    cloud = prepare(room.scan.xyz, rate_settings(open_codec("primitives").rates["r4"]))
     xyz, normals = cloud.surface.xyz, cloud.surface.normals
     near = cKDTree(xyz).query(xyz, 9)[1]
     a, b = np.repeat(near[:, 0], 8), near[:, 1:].ravel()
@@ -171,7 +171,7 @@ def main() -> None:
     parser.add_argument("--captured", type=Path, default=Path("data/rooms_quest"))
     parser.add_argument("--furniture", type=Path, default=Path("data/sweethome3d"))
     parser.add_argument("--rooms", nargs="+", default=["office_1", "storage_1"])
-    parser.add_argument("--rates", nargs="+", default=["r3", "r5", "r7"])
+    parser.add_argument("--rates", nargs="+", default=["r3", "r4", "r5"])
     parser.add_argument("--errors", default="vlp16_divergence")
     parser.add_argument("--step", type=float, default=0.1)
     parser.add_argument("--cache", type=Path, default=Path("results/primitives_benchmark"))

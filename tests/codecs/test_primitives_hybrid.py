@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import decode_stream, decode_surface, surface_part
+from puckbench.codecs.primitives.mode_decision import _refined_budget
 from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.stream import (
@@ -123,12 +124,14 @@ def test_a_surface_that_takes_the_whole_budget_leaves_no_voxels() -> None:
     assert hybrid_mode.encode(_floor(), _surface(), budget, 1023, lambda xyz: 0.0) is None
 
 
-def test_the_budget_grows_from_the_surface_to_the_highest_rate_in_equal_ratios() -> None:
-    parts = [Settings(refinement=k / 3).refined_bytes(1000, 80_000) for k in range(4)]
-    assert parts[0] == 1000
-    assert parts[3] == 35_000
-    assert np.diff(np.log(parts)) == pytest.approx(np.log(35) / 3, rel=0.01)
-    assert Settings(refinement=0.5).refined_bytes(1000, 800) == 1000
+def test_bits_grow_from_the_surface_to_the_highest_rate_in_equal_ratios() -> None:
+    points = _floor()
+    for size, most in ((8, 3.5 * len(points) / 8), (0.1, 4.5 * len(points) / 8)):
+        rates = (Settings(max_voxel_size=size, refinement=k / 3) for k in range(4))
+        budgets = [_refined_budget(points, 1000, rate)[0] for rate in rates]
+        assert budgets[0] == 1000
+        assert budgets[3] >= int(most)
+        assert np.diff(np.log(budgets)) == pytest.approx(np.log(budgets[3] / 1000) / 3, rel=0.01)
 
 
 @pytest.mark.parametrize("part", ["surface", "voxels"])

@@ -44,13 +44,14 @@ class Primitives(Codec):
     rank = 40
     rates: Mapping[str, Parameters] = {
         **_SURFACES,
-        "r6": {**_SURFACES["r5"], "refinement": 1 / 3},
-        "r7": {**_SURFACES["r5"], "refinement": 2 / 3},
-        "r8": {**_SURFACES["r5"], "refinement": 1, "max_voxel_size": 4},
+        **{
+            f"r{5 + k}": {**_SURFACES["r5"], "refinement": k / 3, "max_voxel_size": 4}
+            for k in (1, 2, 3)
+        },
     }
     magic = b"PBPR"
     surfaces = True
-    version = "3"
+    version = "4"
 
     def load(self) -> None:
         """Compile what encoding and decoding need."""

@@ -30,7 +30,7 @@ from puckbench.codecs.primitives.grid_alignment import (
     shift_candidates,
 )
 from puckbench.codecs.primitives.preparation import PreparedCloud, prepare
-from puckbench.codecs.primitives.settings import Settings
+from puckbench.codecs.primitives.settings import UNITS, Settings
 from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
 from puckbench.codecs.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
 from puckbench.core.environment import allowed_threads
@@ -131,7 +131,6 @@ def _hybrid_or_voxels(
 
     The less the surface is refined, the more the distance to it counts.
     """
-
     settings = cloud.settings
 
     def cost(decoded: Floats) -> float:
@@ -139,18 +138,31 @@ def _hybrid_or_voxels(
         return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
 
     kept = _surface_or_voxels(points, cloud, estimator, best, max_bytes)
-    max_bytes = settings.refined_bytes(len(kept), len(points))
+    max_bytes, max_voxel_size = _refined_budget(points, len(kept), settings)
     header, _ = unpack(kept)
     surface = kept if isinstance(header, SurfaceHeader) else best.stream
     if surface:
         decoded = decode_surface(*surface_part(surface))
         part = hybrid_mode.SurfacePart(surface, decoded.xyz, decoded.normals)
-        hybrid = hybrid_mode.encode(points, part, max_bytes, settings.max_voxel_size, cost)
+        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, cost)
         if hybrid:
-            equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), settings.max_voxel_size)
+            equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), max_voxel_size)
             if hybrid[0] <= cost(decode_stream(equal)):
                 return hybrid[1]
-    return voxel_mode.encode_to_budget(points, max_bytes, settings.max_voxel_size)
+    return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
+
+
+def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tuple[int, float]:
+    """Bytes of the refinement of a stream of `kept_bytes`, and the largest side of its voxels.
+
+    Sparse clouds need more bits for voxels of that side than `refined_bpp`; the rates below the
+    highest lie between in equal ratios all the same, and may have larger voxels.
+    """
+    unit = float(np.ptp(points, axis=0).max()) / UNITS
+    coarsest = voxel_mode.encode_voxel_size(points, settings.max_voxel_size * unit)
+    most = max(settings.refined_bpp * len(points) / 8, len(coarsest), kept_bytes)
+    max_bytes = int(kept_bytes * (most / kept_bytes) ** settings.refinement)
+    return max_bytes, settings.max_voxel_size if settings.refinement == 1 else UNITS / 4
 
 
 def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:

@@ -35,7 +35,7 @@ class Settings(Model):
         ge=0,
         le=1,
         description="bits of a surface and voxels together: from the surface's own (0, no voxels) "
-        "to refined_bpp (1), in equal ratios",
+        "to refined_bpp, or what voxels of max_voxel_size take (1), in equal ratios",
     )
     refined_bpp: float = Field(
         default=3.5, gt=0, description="bits per point of a surface and voxels at refinement 1"
@@ -62,11 +62,6 @@ class Settings(Model):
     smoothing_radius: float = Field(
         default=19.0, ge=0, description="radius of smoothing, in standard deviations of the noise"
     )
-
-    def refined_bytes(self, kept_bytes: int, points: int) -> int:
-        """Budget of the refinement of a stream of so many bytes that has no refinement."""
-        ratio = max(self.refined_bpp * points / 8 / kept_bytes, 1.0)
-        return int(kept_bytes * ratio**self.refinement)
 
     def adapted_to(self, noise: float) -> Settings:
         """Coarsen the settings where a cloud's noise exceeds the reference.
