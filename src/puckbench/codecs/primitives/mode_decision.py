@@ -155,14 +155,16 @@ def _hybrid_or_voxels(
 def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tuple[int, float]:
     """Bytes of the refinement of a stream of `kept_bytes`, and the largest side of its voxels.
 
-    Sparse clouds need more bits for voxels of that side than `refined_bpp`; the rates below the
-    highest lie between in equal ratios all the same, and may have larger voxels.
+    Sparse clouds need more bits than `refined_bpp` for voxels of that side, beside the surface; the
+    rates below the highest lie between in equal ratios all the same, and may have larger voxels.
     """
     unit = float(np.ptp(points, axis=0).max()) / UNITS
-    coarsest = voxel_mode.encode_voxel_size(points, settings.max_voxel_size * unit)
-    most = max(settings.refined_bpp * len(points) / 8, len(coarsest), kept_bytes)
-    max_bytes = int(kept_bytes * (most / kept_bytes) ** settings.refinement)
-    return max_bytes, settings.max_voxel_size if settings.refinement == 1 else UNITS / 4
+    coarsest = len(voxel_mode.encode_voxel_size(points, settings.max_voxel_size * unit))
+    budget = max(int(settings.refined_bpp * len(points) / 8), kept_bytes)
+    if settings.refinement == 1:
+        return max(budget, coarsest), settings.max_voxel_size
+    ratio = max(budget, coarsest + kept_bytes) / kept_bytes
+    return int(kept_bytes * ratio**settings.refinement), UNITS / 4
 
 
 def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:

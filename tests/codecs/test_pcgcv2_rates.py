@@ -1,0 +1,30 @@
+"""Rates of PCGCv2+ with its shipped weights: more bits bring a decode nearer."""
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.registry import open_codec
+from puckbench.metrics.geometry import distortion
+from tests.support.default_clouds import CLOUDS, RAW_ROOM
+
+_CLOUDS = {**CLOUDS, "office_1, raw": RAW_ROOM}
+
+
+@pytest.mark.parametrize(
+    ("name", "cloud"),
+    [
+        ("pcgcv2_plus", "office_1, raw"),
+        ("pcgcv2_plus", "chair_01"),
+        ("pcgcv2_plus_rooms", "office_1, noisy scan"),
+    ],
+)
+def test_bits_grow_in_steps_below_3_and_distances_fall(name: str, cloud: str) -> None:
+    reference, codec, rows = _CLOUDS[cloud](), open_codec(name), []
+    for rate in codec.rates:
+        stream = codec.encode(reference.xyz, rate)
+        found = distortion(reference, codec.decode(stream))
+        rows.append([len(stream), found["d1_mse"], found["cd_plane"]])
+    steps = np.array(rows)[1:] / np.array(rows)[:-1]
+    assert steps[:, 0].min() > 1
+    assert steps[:, 0].max() < 3
+    assert (steps[:, 1:] < 1).all()
