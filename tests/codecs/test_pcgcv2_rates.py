@@ -18,7 +18,7 @@ _CLOUDS = {**CLOUDS, "office_1, raw": RAW_ROOM}
         ("pcgcv2_plus_rooms", "office_1, noisy scan"),
     ],
 )
-def test_bits_grow_in_steps_below_3_and_distances_fall(name: str, cloud: str) -> None:
+def test_bits_grow_in_steps_below_4_and_distances_fall(name: str, cloud: str) -> None:
     reference, codec, rows = _CLOUDS[cloud](), open_codec(name), []
     for rate in codec.rates:
         stream = codec.encode(reference.xyz, rate)
@@ -26,5 +26,5 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str, cloud: str) ->
         rows.append([len(stream), found["d1_mse"], found["cd_plane"]])
     steps = np.array(rows)[1:] / np.array(rows)[:-1]
     assert steps[:, 0].min() > 1
-    assert steps[:, 0].max() < 3
+    assert steps[:, 0].max() < 4
     assert (steps[:, 1:] < 1).all()

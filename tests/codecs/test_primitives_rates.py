@@ -60,11 +60,11 @@ def _curve(
 
 @pytest.mark.parametrize("name", CLOUDS)
 def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
-    found = _curve(CLOUDS[name]())
+    found = _curve(CLOUDS[name]())[:, :3]
     steps = found[1:] / found[:-1]
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 3
-    assert (steps[:, 1:3] <= 1).all()
+    assert (steps[:, 1:] < 1).all()
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.5])
