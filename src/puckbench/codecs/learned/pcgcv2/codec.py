@@ -127,9 +127,9 @@ class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
         "r2": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1},
         "r3": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 0.5},
         "r4": {"lmbda": 1, "mean_occupied_children": 2.5},
-        "r5": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
-        "r6": {"lmbda": 4, "mean_occupied_children": 2.5, "grid_level_offset": -0.75},
-        "r7": {"lmbda": 10, "mean_occupied_children": 2.5, "grid_level_offset": -1.25},
+        "r5": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
+        "r6": {"lmbda": 4, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
+        "r7": {"lmbda": 10, "mean_occupied_children": 2.5, "grid_level_offset": -1},
     }
     Options: type[Pcgcv2PlusOptions] = Pcgcv2PlusOptions
     options: Pcgcv2PlusOptions
@@ -156,9 +156,5 @@ class Pcgcv2PlusRooms(Pcgcv2Plus):
     marker = "d"
     line: Line = "--"
     rank = 130
-    rates: Mapping[str, Parameters] = {
-        **Pcgcv2Plus.rates,
-        "r6": {"lmbda": 4, "mean_occupied_children": 2.5, "grid_level_offset": -1},
-    }
     Options = Pcgcv2PlusRoomsOptions
     options: Pcgcv2PlusRoomsOptions
