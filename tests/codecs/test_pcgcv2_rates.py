@@ -1,13 +1,16 @@
 """Rates of PCGCv2+ with its shipped weights: more bits bring a decode nearer."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from puckbench.codecs.registry import open_codec
+from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.geometry import distortion
 from tests.support.default_clouds import CLOUDS, RAW_ROOM
 
-_CLOUDS = {**CLOUDS, "office_1, raw": RAW_ROOM}
+_CLOUDS: dict[str, Callable[[], PointCloud]] = {**CLOUDS, "office_1, raw": RAW_ROOM}
 
 
 @pytest.mark.parametrize(

@@ -127,27 +127,36 @@ def _hybrid_or_voxels(
     best: _Candidate,
     max_bytes: int,
 ) -> bytes:
-    """The surface refined by voxels, or voxels of as many bytes, by the product of the errors.
+    """The surface refined by voxels, or voxels of as many bytes.
 
-    The less the surface is refined, the more the distance to it counts.
+    What is refined is the surface that would be kept without voxels, and voxels alone take its
+    place only where they are nearer in both respects: more bits shall not lose what it had. Where
+    voxels were kept, the product of the errors decides. The less the surface is refined, the more
+    the distance to it counts.
     """
     settings = cloud.settings
 
+    def measured(decoded: Floats) -> Distortion:
+        return estimator.measure(cloud.in_units(decoded))
+
     def cost(decoded: Floats) -> float:
-        found = estimator.measure(cloud.in_units(decoded))
+        found = measured(decoded)
         return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
 
     kept = _surface_or_voxels(points, cloud, estimator, best, max_bytes)
     max_bytes, max_voxel_size = _refined_budget(points, len(kept), settings)
     header, _ = unpack(kept)
-    surface = kept if isinstance(header, SurfaceHeader) else best.stream
+    is_surface = isinstance(header, SurfaceHeader)
+    surface = kept if is_surface else best.stream
     if surface:
         decoded = decode_surface(*surface_part(surface))
         part = hybrid_mode.SurfacePart(surface, decoded.xyz, decoded.normals)
         hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, cost)
         if hybrid:
             equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), max_voxel_size)
-            if hybrid[0] <= cost(decode_stream(equal)):
+            voxels, ours = (measured(decode_stream(each)) for each in (equal, hybrid[1]))
+            farther = voxels.point >= ours.point or voxels.plane >= ours.plane
+            if farther if is_surface else hybrid[0] <= cost(decode_stream(equal)):
                 return hybrid[1]
     return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
 
