@@ -148,10 +148,10 @@ install_locks() { # names: the packages of envs/<name>.lock, all in one go
     pip_install "$(grep '^setuptools==' envs/requirements.lock)"
     # shellcheck disable=SC2046  # one word per lock
     tell "$(cat $(printf 'envs/%s.lock ' "$@") | grep -c '^[A-Za-z]')" &
-    trap 'kill $! 2>/dev/null' EXIT
+    teller=$!
+    trap 'kill "$teller" 2>/dev/null || :' EXIT
     # shellcheck disable=SC2046  # two words per lock
     pip_install $(printf -- '--requirement envs/%s.lock ' "$@")
-    kill $!
     rm .venv/.installing
     for name in "$@"; do mark_done "$name" "$key"; done
 }

@@ -56,6 +56,22 @@ def packed_voxels(random: Random) -> bytes:
 
 
 def primitives(streams: Sequence[bytes], random: Random) -> bytes:
+    """A surface, voxels, or a hybrid of two streams, each of which may be any of the three."""
+    from puckbench.codecs.primitives.stream import CLASSES, HybridHeader, pack_hybrid
+
+    if random.random() < 0.8:
+        return _surface_or_voxels(random)
+    surface, voxels = (_surface_or_voxels(random) for _ in range(2))
+    if random.random() < 0.5:
+        surface = streams[random.integers(len(streams))]
+    factors = random.integers(-128, 128, CLASSES).astype(np.int8)
+    hybrid = pack_hybrid(HybridHeader(limit(random, 8), factors, surface, voxels))
+    return (
+        hybrid if random.random() < 0.9 else pack_hybrid(HybridHeader(8, factors, hybrid, hybrid))
+    )
+
+
+def _surface_or_voxels(random: Random) -> bytes:
     """A header of surfaces or voxels, changed in a few fields or in all."""
     from puckbench.codecs.primitives.stream import (
         CLASSES,
