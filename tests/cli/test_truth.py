@@ -81,18 +81,12 @@ def test_a_wall_and_a_floor_are_found_where_they_are(
     assert planes["residual_m"] < 0.01
 
 
-def test_a_stream_of_points_has_no_primitives(
-    wall: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    row = _json(capsys, "recovery", wall / "points.bin", wall / "truth.ply", wall / "scene.ply")
-    assert (row["codec"], row["kinds"]) == ("draco", [])
-
-
 @pytest.mark.parametrize(
     ("stream", "points", "scene", "fault"),
     [
         ("none.bin", "truth.ply", "scene.ply", "none.bin: no such file"),
         ("cut.bin", "truth.ply", "scene.ply", "cut.bin: codec primitives: "),
+        ("points.bin", "truth.ply", "scene.ply", "points.bin: codec draco codes points, and no "),
         ("planes.bin", "bare.ply", "scene.ply", "bare.ply: the points have no labels"),
         ("planes.bin", "strange.ply", "scene.ply", "strange.ply: a point has a label that"),
         ("planes.bin", "truth.ply", "bare.off", "bare.off: the mesh has no labels"),

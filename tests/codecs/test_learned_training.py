@@ -31,7 +31,7 @@ SMALL: dict[str, dict[str, Any]] = {
 }
 TRAINED = {
     "pcgcv1_plus": [f"r{number}" for number in range(1, 7)],
-    "pcgcv2_plus": ["r1", "r2", "r3", "r4", "r6"],
+    "pcgcv2_plus": [f"r{number}" for number in range(1, 7)],
     "sparse_octree_net": [f"r{number}" for number in range(1, 9)],
 }
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -161,7 +161,7 @@ def test_the_command_writes_the_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        (["--distances", "1.7"], "'wall_floor_1.7m': unknown"),
+        (["--distances", "1.7"], "unknown calibration scene 'wall_floor_1.7m'"),
         (["--model", "wobble"], "unknown error model 'wobble'"),
     ],
 )

@@ -42,7 +42,7 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     card = read_json(weights / "tiny.json")
     assert card["data"] == ["chair_01.ply"]
     assert card["validation"]["data"] == ["copy_room_1.ply"]
-    assert list(card["validation"]["rates"]) == ["r1", "r2", "r3", "r4", "r6"]
+    assert list(card["validation"]["rates"]) == [f"r{number}" for number in range(1, 7)]
     again = read_json(weights / "again.json")
     assert again["data"] == ["objects/chair_01.ply", "raw/copy_room_1.ply"]
     assert again["start"] == "tiny"

@@ -131,6 +131,11 @@ class Codec(ABC):
         return ""
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether a stream can be decoded to a surface: the class implements `_decode_mesh`."""
+        return type(self)._decode_mesh is not Codec._decode_mesh
+
+    @property
     def needs_scaled(self) -> bool:
         """Whether rates are steps of a scaled cloud's grid: not where an option `unit` is given."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from puckbench import __version__
-from puckbench.codecs.registry import codes_surfaces
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_json, write_json
 from puckbench.geometry.cloud import PointCloud
@@ -60,10 +59,10 @@ class Recovery(CodecJob):
     def _decoded_surface(self, path: Path) -> tuple[str, Mesh | None]:
         """The codec's name and the labelled surface; None where the stream holds points alone."""
         name, stream = self.read_stream(path)
-        if not codes_surfaces(name, self.changes):
-            raise InputError(f"{path}: codec {name} codes points, and no surfaces with primitives")
         with naming(path):
             codec = self.loaded(name)
+            if not codec.has_surfaces:
+                raise InputError(f"codec {name} codes points, and no surfaces with primitives")
             try:
                 surface = codec.decode_mesh(stream)
             except InputError:
