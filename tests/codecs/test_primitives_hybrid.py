@@ -185,3 +185,14 @@ def test_damage_of_a_part_ends_in_an_error_or_points(data: st.DataObject) -> Non
         assert np.isfinite(decode_stream(pack_hybrid(whole))).all()
     except InputError:
         return
+
+
+def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stream = _hybrid()
+    monkeypatch.setattr(voxel_mode, "MAX_HYBRID_VOXELS", 10)
+    with pytest.raises(InputError):
+        decode_stream(stream)
+    found = hybrid_mode.encode(_floor(), _surface(), len(stream), 16.0, cost=lambda _: 0.0)
+    assert found is None

@@ -9,6 +9,7 @@ points that lie in occupied voxels, which makes the decoded cloud as dense as th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -97,11 +98,12 @@ def encode(
         return None
     displaced = voxel_mode.encode_to_budget(points, left, max_voxel_size)
     best: tuple[float, bytes] | None = None
-    for voxels in dict.fromkeys([displaced, voxel_mode.without_displacements(displaced)]):
-        for header, decoded in _choices(points, surface, voxels):
-            found = cost(decoded) if len(decoded) <= _MAX_POINTS * len(points) else np.inf
-            if best is None or found < best[0]:
-                best = found, pack_hybrid(header)
+    with suppress(InputError):  # of more voxels than a hybrid may have
+        for voxels in dict.fromkeys([displaced, voxel_mode.without_displacements(displaced)]):
+            for header, decoded in _choices(points, surface, voxels):
+                found = cost(decoded) if len(decoded) <= _MAX_POINTS * len(points) else np.inf
+                if best is None or found < best[0]:
+                    best = found, pack_hybrid(header)
     return best
 
 

@@ -47,6 +47,8 @@ MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
 MAX_DISPLACED = 1 << 22
 """Voxels that are displaced; of more, none is."""
+MAX_HYBRID_VOXELS = 1 << 20
+"""Voxels beside a surface, whose nearest points each costs some microseconds to find."""
 BLOCK_SIZES = (1, 2, 4)
 """Sides of blocks, in voxels, of which 3 x 3 x 3 share a local plane."""
 CLASSES = 24

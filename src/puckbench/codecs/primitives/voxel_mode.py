@@ -14,6 +14,7 @@ from puckbench.codecs.primitives.settings import UNITS
 from puckbench.codecs.primitives.stream import (
     CLASSES,
     MAX_DISPLACED,
+    MAX_HYBRID_VOXELS,
     DisplacementTable,
     GridPlacement,
     VoxelHeader,
@@ -114,7 +115,7 @@ def decode_undisplaced(stream: bytes) -> Floats:
 def decoded_voxels(stream: bytes) -> tuple[GridPlacement, Ints, Floats]:
     """Grid, voxels (m, 3), and displaced points (m, 3) of a stream; InputError for another kind."""
     place, table, bits = _unpacked(stream)
-    voxels = decode_voxels(bits, MAX_DISPLACED)
+    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS)
     return place, voxels, _placed(place, table, voxels)
 
 
