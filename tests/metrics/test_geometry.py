@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.metrics.geometry import distortion, squared_errors
+from puckbench.metrics.geometry import Reference, distortion, squared_errors
 from puckbench.metrics.psnr import mpeg_psnr
 
 DATA = Path(__file__).parents[1] / "data" / "pc_error"
@@ -162,6 +162,22 @@ def test_distortion_is_that_of_brute_force_in_any_order(a: Floats, b: Floats, se
     rows = random.permutation(len(a))
     values = distortion(PointCloud(a[rows], normals[rows]), random.permutation(b))
     assert {key: values[key] for key in expected} == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED))
+def test_one_reference_gives_many_decoded_clouds_the_values_of_one_off_calls(name: str) -> None:
+    cloud, decoded = load_pair(name)
+    several = [decoded, decoded[::3], cloud.xyz + 0.25, np.tile(decoded, (2, 1)), decoded]
+    for original in (cloud, PointCloud(cloud.xyz)):
+        reference = Reference(original)
+        for each in several:
+            assert distortion(reference, each) == distortion(original, each)
+
+
+def test_a_reference_knows_its_diameter_by_its_description_or_else_by_its_points() -> None:
+    points = floor(11, 1.0)
+    assert Reference(PointCloud(points)).diameter == 200**0.5
+    assert Reference(PointCloud(points, about={"diameter": 100.0})).diameter == 100
 
 
 @pytest.mark.parametrize("name", ["denser", "voxels", "random"])

@@ -5,6 +5,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
+from puckbench.metrics.geometry import Reference
 from puckbench.metrics.measures import measures, picture_measures, truth_measures
 
 GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
@@ -39,6 +40,14 @@ def test_a_psnr_without_a_peak_or_an_error_is_left_out() -> None:
     assert "d1_psnr" not in unknown
     assert unknown["d1_rms_m"] == 0.5
     assert not [name for name in measures(PointCloud(GRID, about=ABOUT), GRID) if "psnr" in name]
+
+
+def test_one_reference_gives_many_decoded_clouds_the_measures_of_one_off_calls() -> None:
+    for cloud in (PointCloud(GRID, UP, about=ABOUT), PointCloud(GRID)):
+        reference = Reference(cloud)
+        for decoded in (RAISED, GRID[::5] + 0.25, RAISED):
+            assert measures(reference, decoded) == measures(cloud, decoded)
+            assert measures(reference, decoded, peak=9) == measures(cloud, decoded, peak=9)
 
 
 def test_pictures_and_colours_are_measured_where_there_are_some() -> None:

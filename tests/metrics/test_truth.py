@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from puckbench.core.seeding import generator
-from puckbench.geometry.closest import closest_surface_points, mesh_in_frame
+from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.geometry import distortion
-from puckbench.metrics.truth import scan_distortion, truth_distortion
+from puckbench.metrics.geometry import Reference, distortion
+from puckbench.metrics.measures import truth_measures
+from puckbench.metrics.truth import Truth, scan_distortion, truth_distortion
 
 FLOOR = Mesh(
     np.array([[0.0, 0, 0], [8, 0, 0], [8, 8, 0], [0, 8, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
@@ -115,3 +116,46 @@ def test_a_mesh_is_brought_into_the_frame_of_a_scaled_cloud() -> None:
     cloud = PointCloud(np.zeros((1, 3)), about={"scale": 170.5, "offset": [-1.0, 2.0, 0.5]})
     moved = mesh_in_frame(FLOOR, cloud.about["scale"], cloud.about["offset"])
     np.testing.assert_allclose(cloud.to_metres(moved.vertices), FLOOR.vertices, atol=1e-12)
+
+
+def rough_floor() -> Mesh:
+    """A grid of 800 triangles whose corners are lifted at random."""
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
+    vertices = np.column_stack([x.ravel(), y.ravel(), generator(3, "rough").random(x.size)])
+    first = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()
+    squares = first[:, None] + [[0, 1, 22, 0, 22, 21]]
+    return Mesh(vertices, squares.reshape(-1, 3))
+
+
+def test_one_surface_and_one_reference_give_the_values_of_one_off_calls() -> None:
+    mesh, random = rough_floor(), generator(4, "above")
+    surface = Surface(mesh)
+    for number in (1, 300, 7, 300):
+        points = random.random((number, 3)) * [24, 24, 2] - 2
+        once, again = closest_surface_points(mesh, points), closest_surface_points(surface, points)
+        np.testing.assert_array_equal(once.xyz, again.xyz)
+        np.testing.assert_array_equal(once.normals, again.normals)
+        np.testing.assert_array_equal(once.triangles, again.triangles)
+        for measure in (truth_distortion, scan_distortion):
+            assert measure(Reference(SEEN), surface, points) == measure(SEEN, mesh, points)
+
+
+@pytest.mark.parametrize(
+    ("surface", "seen", "clean"),
+    [
+        (rough_floor(), None, None),
+        (rough_floor(), SEEN, None),
+        (rough_floor(), None, SEEN),
+        (SEEN, None, None),
+        (None, SEEN, None),
+        (None, None, SEEN),
+    ],
+)
+def test_one_truth_gives_many_decoded_clouds_the_values_of_one_off_calls(
+    surface: Mesh | PointCloud | None, seen: PointCloud | None, clean: PointCloud | None
+) -> None:
+    cloud = PointCloud(np.zeros((50, 3)), about={"scale": 10.0, "offset": [1.0, 2.0, 3.0]})
+    truth, random = Truth(cloud, surface, seen, clean), generator(5, "decoded")
+    for number in (200, 20, 200):
+        decoded = random.random((number, 3)) * 200
+        assert truth.measures(decoded) == truth_measures(cloud, decoded, surface, seen, clean)

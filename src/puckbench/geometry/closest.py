@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,8 @@ def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float,
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
-def closest_surface_points(mesh: Mesh, points: Floats) -> SurfacePoints:
-    """Find the point of a mesh that is closest to each query point.
+class Surface:
+    """A triangle mesh, made ready once for all points whose closest points on it are searched.
 
     Embree (through Open3D) finds the triangle in single precision, after a shift of the mesh's
     middle to the origin, where that is most exact; the closest point of this triangle is then
@@ -49,27 +50,52 @@ def closest_surface_points(mesh: Mesh, points: Floats) -> SurfacePoints:
     ----------
     mesh
         In the frame of the points.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._solid = np.flatnonzero(mesh.areas() > 0)
+        self._corners = mesh.corners()[self._solid]
+        self._normals = mesh.normals()[self._solid]
+        self._middle = (self._corners.min(axis=(0, 1)) + self._corners.max(axis=(0, 1))) / 2
+        self._scene = self._ray_casting_scene()
+
+    @classmethod
+    def of(cls, mesh: Mesh | Surface) -> Surface:
+        """The surface itself, or a mesh made ready."""
+        return mesh if isinstance(mesh, cls) else cls(cast(Mesh, mesh))
+
+    def closest(self, points: Floats) -> SurfacePoints:
+        """The closest points of the surface to `points` (m, 3)."""
+        chosen = self._closest_triangles(points)
+        queries = np.ascontiguousarray(points, np.float64)
+        closest = _closest_on_triangles(queries, self._corners[chosen])
+        return SurfacePoints(closest, self._normals[chosen], self._solid[chosen])
+
+    def _ray_casting_scene(self) -> Any:
+        o3d = open3d()
+        soup = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
+        scene = o3d.t.geometry.RaycastingScene()
+        numbers = np.arange(len(soup), dtype=np.uint32).reshape(-1, 3)
+        scene.add_triangles(o3d.core.Tensor.from_numpy(soup), o3d.core.Tensor.from_numpy(numbers))
+        return scene
+
+    def _closest_triangles(self, points: Floats) -> NDArray[np.int64]:
+        queries = (points - self._middle).astype(np.float32)
+        found = self._scene.compute_closest_points(open3d().core.Tensor.from_numpy(queries))
+        return np.asarray(found["primitive_ids"].numpy(), dtype=np.int64)
+
+
+def closest_surface_points(mesh: Mesh | Surface, points: Floats) -> SurfacePoints:
+    """Find the point of a mesh that is closest to each query point, as `Surface` does.
+
+    Parameters
+    ----------
+    mesh
+        In the frame of the points; as a `Surface` where it is searched several times.
     points
         Queries, (m, 3).
     """
-    solid = np.flatnonzero(mesh.areas() > 0)
-    corners = mesh.corners()[solid]
-    chosen = _closest_triangles(corners, points)
-    closest = _closest_on_triangles(np.ascontiguousarray(points, np.float64), corners[chosen])
-    return SurfacePoints(closest, mesh.normals()[solid[chosen]], solid[chosen])
-
-
-def _closest_triangles(corners: Floats, points: Floats) -> NDArray[np.int64]:
-    o3d = open3d()
-
-    middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
-    soup = (corners - middle).reshape(-1, 3).astype(np.float32)
-    scene = o3d.t.geometry.RaycastingScene()
-    numbers = np.arange(len(soup), dtype=np.uint32).reshape(-1, 3)
-    scene.add_triangles(o3d.core.Tensor.from_numpy(soup), o3d.core.Tensor.from_numpy(numbers))
-    queries = (points - middle).astype(np.float32)
-    found = scene.compute_closest_points(o3d.core.Tensor.from_numpy(queries))
-    return np.asarray(found["primitive_ids"].numpy(), dtype=np.int64)
+    return Surface.of(mesh).closest(points)
 
 
 @compiled

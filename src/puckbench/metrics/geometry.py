@@ -7,7 +7,8 @@ leave open: duplicates, points without normals, equidistant neighbours.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.neighbours import Neighbours, Points
 from puckbench.geometry.spatial_order import Rows, distinct_rows
+from puckbench.metrics.diameter import diameter
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,46 @@ class SquaredErrors:
     ba_plane: Floats | None = None
 
 
-def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
+class Reference:
+    """A reference cloud (A), made ready once for all decoded clouds that are compared with it.
+
+    Its distinct points are sorted and searched, its normals checked. Whatever takes a reference
+    takes it as a `PointCloud` too, and then makes it ready for one decoded cloud.
+
+    Parameters
+    ----------
+    cloud
+        The original cloud, with normals for the distances to plane.
+
+    Raises
+    ------
+    InputError
+        The cloud is empty or has values that are not finite.
+    """
+
+    def __init__(self, cloud: PointCloud) -> None:
+        check_points(cloud.xyz, "reference cloud")
+        self.cloud = cloud
+        xyz = _float64(cloud.xyz)
+        rows = distinct_rows(xyz)
+        self.xyz: Floats = xyz.take(rows, axis=0)
+        self.normals: Floats | None = None
+        if cloud.normals is not None:
+            self.normals = _checked_normals(cloud).take(rows, axis=0)
+        self.points = Points(self.xyz)
+
+    @classmethod
+    def of(cls, reference: PointCloud | Reference) -> Reference:
+        """The reference itself, or a cloud made ready."""
+        return reference if isinstance(reference, cls) else cls(cast(PointCloud, reference))
+
+    @cached_property
+    def diameter(self) -> float:
+        """Of the cloud, in its unit: as its description says, or else measured."""
+        return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
+
+
+def distortion(reference: PointCloud | Reference, decoded: Floats) -> dict[str, float]:
     """Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error measures them.
 
     Points with equal coordinates are merged first; the first one's normal stays. B's normals come
@@ -53,7 +94,8 @@ def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
     Parameters
     ----------
     reference
-        The original cloud (A), with normals for the distances to plane.
+        The original cloud (A), with normals for the distances to plane; as a `Reference` where
+        several decoded clouds are measured.
     decoded
         Coordinates (m, 3) of the decoded cloud (B), in the frame of A.
 
@@ -82,17 +124,16 @@ def distortion(reference: PointCloud, decoded: Floats) -> dict[str, float]:
     return summary(squared_errors(reference, decoded))
 
 
-def squared_errors(reference: PointCloud, decoded: Floats) -> SquaredErrors:
+def squared_errors(reference: PointCloud | Reference, decoded: Floats) -> SquaredErrors:
     """Squared error of every distinct point of both clouds, as `distortion` defines it."""
-    check_points(reference.xyz, "reference cloud")
+    reference = Reference.of(reference)
     check_points(decoded, "decoded cloud")
-    a, b = _float64(reference.xyz), _float64(decoded)
-    rows = distinct_rows(a)
-    a, b = a.take(rows, axis=0), b.take(distinct_rows(b), axis=0)
-    ab, ba = Points(b).nearest(a), Points(a).nearest(b)
-    if reference.normals is None:
+    a, b = reference.xyz, _float64(decoded)
+    b = b.take(distinct_rows(b), axis=0)
+    ab, ba = Points(b).nearest(a), reference.points.nearest(b)
+    normals = reference.normals
+    if normals is None:
         return SquaredErrors(b, ab.squared, ba.squared)
-    normals = _checked_normals(reference).take(rows, axis=0)
     normals_b = transferred_normals(normals, len(b), ab, ba)
     return SquaredErrors(
         b,

@@ -4,33 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 
+if TYPE_CHECKING:
+    from puckbench.metrics.geometry import Reference
 
-def measures(reference: PointCloud, decoded: Floats, peak: float | None = None) -> dict[str, float]:
+
+def measures(
+    reference: PointCloud | Reference, decoded: Floats, peak: float | None = None
+) -> dict[str, float]:
     """All distortions in the reference's frame, as PSNRs and in metres.
 
     Parameters
     ----------
     reference
-        The cloud that was coded; one without normals has no distances to planes.
+        The cloud that was coded; one without normals has no distances to planes. As a `Reference`
+        where several decoded clouds are measured.
     decoded : (m, 3)
         The decoded points, in the reference's frame.
     peak
         Peak of MPEG's PSNRs, in the reference's units; by default its own. Where it is not known
         they are left out, as is a PSNR without error.
     """
-    from puckbench.metrics.geometry import distortion
+    from puckbench.metrics.geometry import Reference, distortion
     from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
     from puckbench.metrics.units import in_metres
 
-    found = distortion(reference, decoded)
-    width = reference.about.get("diameter") or _diameter(reference)
-    peak = peak or reference.peak
-    psnrs = _finite({**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, width)})
-    return {**found, **psnrs, **in_metres(found, reference.about.get("scale", 1.0))}
+    reference = Reference.of(reference)
+    cloud, found = reference.cloud, distortion(reference, decoded)
+    peak = peak or cloud.peak
+    decibels = {**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, reference.diameter)}
+    return {**found, **_finite(decibels), **in_metres(found, cloud.about.get("scale", 1.0))}
 
 
 def picture_measures(
@@ -63,48 +70,14 @@ def truth_measures(
     seen: PointCloud | None,
     clean: PointCloud | None,
 ) -> dict[str, float]:
-    """Distortion against the true surface, in the reference's frame and in metres.
+    """Distortion of one decoded cloud against the true surface.
 
-    Parameters
-    ----------
-    surface
-        The true surface: a mesh in metres, or points in the reference's frame.
-    seen
-        Points of the true surface that the cloud's own stand for; drawn on the mesh if not given.
-    clean
-        The clean scan of the same rays, in place of `seen`.
+    See `puckbench.metrics.truth.Truth`, to be made once where there are several decoded clouds.
     """
-    from puckbench.geometry.closest import mesh_in_frame
-    from puckbench.metrics.truth import scan_distortion, truth_distortion
-    from puckbench.metrics.units import in_metres
+    from puckbench.metrics.truth import Truth
 
-    scale = reference.about.get("scale", 1.0)
-    visible = clean or seen
-    mesh = None
-    if isinstance(surface, PointCloud):
-        visible = visible or surface
-    elif surface is not None:
-        mesh = mesh_in_frame(surface, scale, reference.about.get("offset", (0.0, 0.0, 0.0)))
-    if visible is None:
-        visible = _sampled(mesh, len(reference))
-    measure = truth_distortion if clean is None else scan_distortion
-    found = measure(visible, mesh, decoded)
-    return {**found, **in_metres(found, scale)}
+    return Truth(reference, surface, seen, clean).measures(decoded)
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in values.items() if math.isfinite(value)}
-
-
-def _diameter(reference: PointCloud) -> float:
-    from puckbench.metrics.diameter import diameter
-
-    return float(diameter(reference.xyz))
-
-
-def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
-    from puckbench.core.seeding import generator
-    from puckbench.geometry.sampling import sample_surface
-
-    assert mesh is not None  # noqa: S101 (there is a surface, and it is no cloud)
-    return sample_surface(mesh, points, generator(0, "evaluate", "truth"))

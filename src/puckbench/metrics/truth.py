@@ -6,13 +6,64 @@ from dataclasses import replace
 
 import numpy as np
 
-from puckbench.geometry.closest import closest_surface_points
+from puckbench.core.seeding import generator
+from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_frame
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.geometry import SquaredErrors, squared_errors, summary
+from puckbench.geometry.sampling import sample_surface
+from puckbench.metrics.geometry import Reference, SquaredErrors, squared_errors, summary
+from puckbench.metrics.units import in_metres
 
 
-def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
+class Truth:
+    """The true surface of a cloud, made ready once for all decoded clouds compared with it.
+
+    Parameters
+    ----------
+    reference
+        The cloud that was coded; its description tells the frame.
+    surface
+        The true surface: a mesh in metres, or points in the reference's frame.
+    seen
+        Points of the true surface that the cloud's own stand for; drawn on the mesh if not given.
+    clean
+        The clean scan of the same rays, in place of `seen`.
+    """
+
+    def __init__(
+        self,
+        reference: PointCloud,
+        surface: Mesh | PointCloud | None,
+        seen: PointCloud | None = None,
+        clean: PointCloud | None = None,
+    ) -> None:
+        about = reference.about
+        self._scale = about.get("scale", 1.0)
+        self._is_scan = clean is not None
+        visible = clean or seen
+        mesh = None
+        if isinstance(surface, PointCloud):
+            visible = visible or surface
+        elif surface is not None:
+            mesh = mesh_in_frame(surface, self._scale, about.get("offset", (0.0, 0.0, 0.0)))
+        self._surface = None if mesh is None else Surface(mesh)
+        self._visible = Reference(visible or _sampled(mesh, len(reference)))
+
+    def measures(self, decoded: Floats) -> dict[str, float]:
+        """Distortion of a decoded cloud (m, 3), in the reference's frame and in metres."""
+        measure = scan_distortion if self._is_scan else truth_distortion
+        found = measure(self._visible, self._surface, decoded)
+        return {**found, **in_metres(found, self._scale)}
+
+
+def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
+    assert mesh is not None  # noqa: S101 (there is a surface, and it is no cloud)
+    return sample_surface(mesh, points, generator(0, "evaluate", "truth"))
+
+
+def truth_distortion(
+    visible: PointCloud | Reference, mesh: Mesh | Surface | None, decoded: Floats
+) -> dict[str, float]:
     """Distortion of a decoded cloud (B) against the true surface (A), not its noisy scan.
 
     * A to B: from the visible points to the decoded cloud, as in
@@ -49,7 +100,9 @@ def truth_distortion(visible: PointCloud, mesh: Mesh | None, decoded: Floats) ->
     return _to_truth(errors, mesh)
 
 
-def scan_distortion(clean: PointCloud, mesh: Mesh | None, decoded: Floats) -> dict[str, float]:
+def scan_distortion(
+    clean: PointCloud | Reference, mesh: Mesh | Surface | None, decoded: Floats
+) -> dict[str, float]:
     """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
 
     Beside the keys of `truth_distortion` it returns those of `distortion` with ``clean_`` before
@@ -73,12 +126,12 @@ def scan_distortion(clean: PointCloud, mesh: Mesh | None, decoded: Floats) -> di
     }
 
 
-def _to_truth(errors: SquaredErrors, mesh: Mesh | None) -> dict[str, float]:
+def _to_truth(errors: SquaredErrors, mesh: Mesh | Surface | None) -> dict[str, float]:
     measured = errors if mesh is None else _to_mesh(errors, mesh)
     return {f"truth_{key}": value for key, value in summary(measured).items()}
 
 
-def _to_mesh(errors: SquaredErrors, mesh: Mesh) -> SquaredErrors:
+def _to_mesh(errors: SquaredErrors, mesh: Mesh | Surface) -> SquaredErrors:
     """Replace the errors from decoded to truth by those to the mesh."""
     surface = closest_surface_points(mesh, errors.decoded)
     offset = errors.decoded - surface.xyz
