@@ -24,19 +24,37 @@ ONE = 64
 """The whole distance, in units of a factor."""
 
 
-class _LocalPlanes(NamedTuple):
-    """Planes around voxels: normals (m, 3), the voxels' distances (m,), their classes (m,)."""
+class LocalPlanes(NamedTuple):
+    """Planes beside voxels: normals (m, 3), the voxels' distances (m,), their classes (m,)."""
 
     normals: Floats
     distances: Floats
     classes: Ints
 
+    def shifts(self, factors: NDArray[np.int8]) -> Floats:
+        """How far voxels move against the normals (m,), by the shares of their classes."""
+        return np.asarray(factors[self.classes] / ONE * self.distances)
+
+    def fitted(self, apart: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
+        """Shares of least squared error from voxels that lie `apart` (m, 3) from their points.
+
+        Returns
+        -------
+        factors, gain
+            (CLASSES,) shares in units of 1 / `ONE`, and the weighted squared error that they save.
+        """
+        wanted = np.einsum("ij,ij->i", apart, self.normals)
+        products = np.bincount(self.classes, weights * wanted * self.distances, CLASSES)
+        squares = np.bincount(self.classes, weights * self.distances**2, CLASSES)
+        factors = np.rint(ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
+        gain = float((2 * factors / ONE * products - (factors / ONE) ** 2 * squares).sum())
+        return factors.astype(np.int8), gain
+
 
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
     """Displaced centres (m, 3) of voxels (m, 3), in voxels."""
     planes = _local_planes(voxels, table.block_size)
-    shift = table.factors[planes.classes] / ONE * planes.distances
-    return np.asarray(voxels - shift[:, None] * planes.normals)
+    return np.asarray(voxels - planes.shifts(table.factors)[:, None] * planes.normals)
 
 
 def fit_displacements(
@@ -60,34 +78,15 @@ def fit_displacements(
     """
     best, most = DisplacementTable(1, np.zeros(CLASSES, np.int8)), 0.0
     for block_size in BLOCK_SIZES:
-        planes = _local_planes(voxels, block_size)
-        wanted = np.einsum("ij,ij->i", voxels - means, planes.normals)
-        factors, gain = fit_factors(planes.classes, planes.distances, wanted, weights)
+        factors, gain = _local_planes(voxels, block_size).fitted(voxels - means, weights)
         if gain > most:
             best, most = DisplacementTable(block_size, factors), gain
     return best, most
 
 
-def fit_factors(
-    classes: Ints, distances: Floats, wanted: Floats, weights: Floats
-) -> tuple[NDArray[np.int8], float]:
-    """Shares of the distances (m,), by class, of least squared error from the wanted shifts (m,).
-
-    Returns
-    -------
-    factors, gain
-        (CLASSES,) shares in units of 1 / `ONE`, and the weighted squared error that they save.
-    """
-    products = np.bincount(classes, weights * wanted * distances, CLASSES)
-    squares = np.bincount(classes, weights * distances**2, CLASSES)
-    factors = np.rint(ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
-    gain = float((2 * factors / ONE * products - (factors / ONE) ** 2 * squares).sum())
-    return factors.astype(np.int8), gain
-
-
-def _local_planes(voxels: Ints, block_size: int) -> _LocalPlanes:
+def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:
     """Least-squares planes of the voxels around each voxel (m, 3)."""
     found = tangents(voxels, block_size)
     distance = np.searchsorted(_DISTANCES, np.abs(found.off))
     thickness = np.searchsorted(_THICKNESSES, found.thickness)
-    return _LocalPlanes(found.normals, found.off, distance * (len(_THICKNESSES) + 1) + thickness)
+    return LocalPlanes(found.normals, found.off, distance * (len(_THICKNESSES) + 1) + thickness)

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.primitives import voxel_mode
-from puckbench.codecs.primitives.displacements import ONE, fit_factors
+from puckbench.codecs.primitives.displacements import LocalPlanes
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import (
     CLASSES,
@@ -58,9 +58,10 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     """
     place, voxels, points = voxel_mode.decoded_voxels(header.voxels)
     if len(voxels) and len(xyz):
-        points = _displaced(points, xyz, normals, place.cell_size, header.factors)
-        inside = _within(xyz, place, voxels, header.reach)
-        points = np.concatenate([points, xyz[inside]])
+        planes = _planes_below(points, _tree(xyz), normals, place.cell_size)
+        points = _displaced(points, planes, place.cell_size, header.factors)
+        kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
+        points = np.concatenate([points, kept])
     if not len(points) or not np.isfinite(points).all():
         raise InputError("the stream is damaged (it has no points, or some that are not finite)")
     return points
@@ -97,10 +98,11 @@ def encode(
     if left < _MIN_VOXEL_SHARE * max_bytes:
         return None
     displaced = voxel_mode.encode_to_budget(points, left, max_voxel_size)
+    tree = _tree(surface.xyz)
     best: tuple[float, bytes] | None = None
     with suppress(InputError):  # of more voxels than a hybrid may have
         for voxels in dict.fromkeys([displaced, voxel_mode.without_displacements(displaced)]):
-            for header, decoded in _choices(points, surface, voxels):
+            for header, decoded in _choices(points, surface, tree, voxels):
                 found = cost(decoded) if len(decoded) <= _MAX_POINTS * len(points) else np.inf
                 if best is None or found < best[0]:
                     best = found, pack_hybrid(header)
@@ -108,20 +110,21 @@ def encode(
 
 
 def _choices(
-    points: Floats, surface: SurfacePart, voxel_stream: bytes
+    points: Floats, surface: SurfacePart, tree: Any, voxel_stream: bytes
 ) -> Iterator[tuple[HybridHeader, Floats]]:
     """Hybrids of a surface and voxels, by reach, and what each decodes to."""
     place, voxels, placed = voxel_mode.decoded_voxels(voxel_stream)
-    factors = _fitted_factors(points, surface, place, voxels, placed)
-    moved = _displaced(placed, surface.xyz, surface.normals, place.cell_size, factors)
+    planes = _planes_below(placed, tree, surface.normals, place.cell_size)
+    factors = _fitted_factors(points, planes, place, voxels, placed)
+    moved = _displaced(placed, planes, place.cell_size, factors)
+    off_centre = _off_centre(surface.xyz, place, voxels)
     for reach in _REACHES:
-        inside = _within(surface.xyz, place, voxels, reach)
         header = HybridHeader(reach, factors, surface.stream, voxel_stream)
-        yield header, np.concatenate([moved, surface.xyz[inside]])
+        yield header, np.concatenate([moved, surface.xyz[off_centre < reach / 16]])
 
 
 def _fitted_factors(
-    points: Floats, surface: SurfacePart, place: GridPlacement, voxels: Ints, placed: Floats
+    points: Floats, planes: LocalPlanes, place: GridPlacement, voxels: Ints, placed: Floats
 ) -> NDArray[np.int8]:
     """Shares of least squared error between moved voxels and the means of their points."""
     voxelised = voxel_mode.voxelise((points - place.origin) / place.cell_size)
@@ -129,45 +132,48 @@ def _fitted_factors(
     rows = np.empty(len(voxels), np.int64)
     rows[np.argsort(_keys(voxels - low))] = np.argsort(_keys(voxelised.voxels - low))
     means, counts = voxelised.means[rows], voxelised.counts[rows]
-    offset, normals, classes = _offsets(placed, surface.xyz, surface.normals, place.cell_size)
-    wanted = (placed - place.origin) / place.cell_size - means
     weights = counts / counts.sum() + 1 / len(counts)
-    along_normal = np.einsum("ij,ij->i", wanted, normals)
-    return fit_factors(classes, offset, along_normal, weights)[0]
+    return planes.fitted((placed - place.origin) / place.cell_size - means, weights)[0]
 
 
 def _displaced(
-    points: Floats, xyz: Floats, normals: Floats, cell_size: float, factors: NDArray[np.int8]
+    points: Floats, planes: LocalPlanes, cell_size: float, factors: NDArray[np.int8]
 ) -> Floats:
     """Points (m, 3) moved along the normals of a surface, by the shares of their classes."""
-    offset, along, classes = _offsets(points, xyz, normals, cell_size)
-    shift = factors[classes] / ONE * offset * cell_size
-    return np.asarray(points - shift[:, None] * along)
+    shift = planes.shifts(factors) * cell_size
+    return np.asarray(points - shift[:, None] * planes.normals)
 
 
-def _offsets(
-    points: Floats, xyz: Floats, normals: Floats, cell_size: float
-) -> tuple[Floats, Floats, Ints]:
-    """Signed distances (m,) in voxels from a surface, its normals (m, 3), and classes (m,)."""
+def _tree(xyz: Floats) -> Any:
+    """A search tree of a surface's points (m, 3)."""
     from scipy.spatial import cKDTree
 
-    distance, row = cKDTree(xyz, balanced_tree=False, compact_nodes=False).query(points)
+    return cKDTree(xyz, balanced_tree=False, compact_nodes=False)
+
+
+def _planes_below(points: Floats, tree: Any, normals: Floats, cell_size: float) -> LocalPlanes:
+    """The surface at its nearest point to each of some points (m, 3); distances in voxels."""
+    distance, row = tree.query(points)
     along = normals[row]
-    offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
+    offset = np.einsum("ij,ij->i", points - tree.data[row], along) / cell_size
     across = (distance / cell_size) ** 2 - offset**2
     classes = 2 * np.searchsorted(_DISTANCES, np.abs(offset)) + (across > _BESIDE**2)
-    return offset, along, classes
+    return LocalPlanes(along, offset, classes)
 
 
-def _within(xyz: Floats, place: GridPlacement, voxels: Ints, reach: int) -> NDArray[np.bool_]:
-    """Which points (m, 3) lie within `reach` sixteenths of a voxel of an occupied one's centre."""
+def _off_centre(xyz: Floats, place: GridPlacement, voxels: Ints) -> Floats:
+    """Distance along an axis, at most, of points (m, 3) from the centre of their voxel, (m,).
+
+    In voxels; infinite where no voxel is occupied.
+    """
     cells = (xyz - place.origin) / place.cell_size
     low, high = voxels.min(axis=0), voxels.max(axis=0)
     inside = ((cells > low - 0.5) & (cells < high + 0.5)).all(axis=1)
     nearest = np.rint(cells[inside])
-    near = (np.abs(cells[inside] - nearest) < reach / 16).all(axis=1)
-    inside[inside] = near & np.isin(_keys(nearest.astype(np.int64) - low), _keys(voxels - low))
-    return np.asarray(inside)
+    occupied = np.isin(_keys(nearest.astype(np.int64) - low), _keys(voxels - low))
+    found = np.full(len(xyz), np.inf)
+    found[inside] = np.where(occupied, np.abs(cells[inside] - nearest).max(axis=1), np.inf)
+    return found
 
 
 def _keys(cells: Ints) -> Ints:

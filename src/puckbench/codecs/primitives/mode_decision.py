@@ -139,9 +139,11 @@ def _hybrid_or_voxels(
     def measured(decoded: Floats) -> Distortion:
         return estimator.measure(cloud.in_units(decoded))
 
-    def cost(decoded: Floats) -> float:
-        found = measured(decoded)
+    def product(found: Distortion) -> float:
         return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
+
+    def cost(decoded: Floats) -> float:
+        return product(measured(decoded))
 
     kept = _surface_or_voxels(points, cloud, estimator, best, max_bytes)
     max_bytes, max_voxel_size = _refined_budget(points, len(kept), settings)
@@ -156,7 +158,7 @@ def _hybrid_or_voxels(
             equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), max_voxel_size)
             voxels, ours = (measured(decode_stream(each)) for each in (equal, hybrid[1]))
             farther = voxels.point >= ours.point or voxels.plane >= ours.plane
-            if farther if is_surface else hybrid[0] <= cost(decode_stream(equal)):
+            if farther if is_surface else hybrid[0] <= product(voxels):
                 return hybrid[1]
     return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
 
