@@ -24,7 +24,23 @@ EIGHTHS: Mapping[str, Parameters] = {
 """PCC Arena's rates, as the thesis ran them: what coordinates are multiplied by."""
 
 
-class GridOptions(Model):
+class UnitOptions(Model):
+    """Options of a codec whose rates are scales of the input's grid."""
+
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
+        "clouds",
+    )
+
+    @property
+    def step(self) -> float:
+        """The step of the input's grid."""
+        return self.unit or 1.0
+
+
+class GridOptions(UnitOptions):
     """How points come to the grid, and which of G-PCC's coding tools are used."""
 
     profile: Literal["minimal", "ctc", "defaults"] = Field(
@@ -36,12 +52,6 @@ class GridOptions(Model):
     )
     duplicates: Literal["merged", "kept"] = Field(
         "merged", description="points of one grid position: one, or all of them"
-    )
-    unit: float | None = Field(
-        None,
-        gt=0,
-        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
-        "clouds",
     )
     raw: bool = Field(False, description="write bare streams, as the reference software does")
 
@@ -61,12 +71,8 @@ class GridCodec(Codec):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self._unit / finest
+        self.grid = self.options.step / finest
         self.shifts_far_clouds = not self.options.raw
-
-    @property
-    def _unit(self) -> float:
-        return self.options.unit or 1.0
 
     @property
     def thesis_role(self) -> str:
@@ -75,7 +81,7 @@ class GridCodec(Codec):
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         scale = float(parameters["scale"])
-        frame = frame_of(points, self._unit, scale)
+        frame = frame_of(points, self.options.step, scale)
         if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):

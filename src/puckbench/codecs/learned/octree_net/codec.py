@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Memory, Parameters
-from puckbench.codecs.gpcc.codec import EIGHTHS
+from puckbench.codecs.gpcc.codec import EIGHTHS, UnitOptions
 from puckbench.codecs.gpcc.grid import frame_of, in_frame, quantised
 from puckbench.codecs.learned.catalogue import OCTREE_NET
 from puckbench.codecs.learned.codec import Learned, LearnedOptions
@@ -26,17 +26,11 @@ if TYPE_CHECKING:
     from puckbench.codecs.learned.octree_net.weights import Weights
 
 
-class OctreeNetOptions(LearnedOptions):
+class OctreeNetOptions(LearnedOptions, UnitOptions):
     """Options of the learned octree coder."""
 
     weights: str = Field(
         "sparse_octree_net_rooms", description="a shipped set's name, a file, or a folder"
-    )
-    unit: float | None = Field(
-        None,
-        gt=0,
-        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
-        "clouds",
     )
 
 
@@ -61,11 +55,7 @@ class SparseOctreeNet(Learned["Weights"]):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self._unit / finest
-
-    @property
-    def _unit(self) -> float:
-        return self.options.unit or 1.0
+        self.grid = self.options.step / finest
 
     def load(self) -> None:
         """Load the weights, and compile what is compiled on first use, at a scale that uses it."""
@@ -81,7 +71,7 @@ class SparseOctreeNet(Learned["Weights"]):
         from puckbench.codecs.learned.octree_net.stream import Coded
         from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
-        frame = frame_of(points, self._unit, scale)
+        frame = frame_of(points, self.options.step, scale)
         positions, origin = quantised(points, frame, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")
