@@ -69,11 +69,17 @@ def cpu_model() -> str:
     return (named or [platform.processor() or platform.machine()])[0]
 
 
+COMMIT = "PUCKBENCH_COMMIT"
+
+
 def source_commit() -> str:
     """The commit of the sources that run, with "-dirty" where files differ from it; else empty.
 
-    Known only where this package runs from a repository of its own, and git is there.
+    Known only where this package runs from a repository of its own, and git is there. A run asks
+    once, and hands it to its jobs as `COMMIT` in their environment.
     """
+    if COMMIT in os.environ:
+        return os.environ[COMMIT]
     root = Path(__file__).parents[3]
     if not (root / ".git").exists() or not shutil.which("git"):
         return ""
@@ -87,7 +93,7 @@ def source_commit() -> str:
         "--abbrev=12",
         "--exclude=*",
     ]
-    environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}  # many jobs ask at a time
+    environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}  # runs may ask at the same time
     done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""
 

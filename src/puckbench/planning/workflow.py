@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from puckbench.core.environment import COMMIT, source_commit
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.config import checked
@@ -42,7 +43,12 @@ class Workflow:
 
 
 def run_jobs_with(source: str) -> None:
-    """Let jobs find this Python first (a conda environment comes before it) and our `source`."""
+    """Let jobs find this Python first (a conda environment comes before it) and our `source`.
+
+    And tell them of which commit that is.
+    """
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
+    os.environ.pop(COMMIT, None)
+    os.environ[COMMIT] = source_commit()
