@@ -6,8 +6,6 @@ import argparse
 from typing import Any
 
 from puckbench.codecs.registry import codecs, open_codec
-from puckbench.core.errors import InputError
-from puckbench.core.models import among
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,10 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """One row (or JSON member) for each codec, or all that is known of one."""
-    names = list(codecs())
-    if options.codec and options.codec not in names:
-        raise InputError(f"unknown codec '{options.codec}'{among(options.codec, names)}")
-    table = {name: _entry(name) for name in names if options.codec in (None, name)}
+    table = {name: _entry(name) for name in ([options.codec] if options.codec else codecs())}
     if options.json:
         return table
     if options.codec:

@@ -136,7 +136,8 @@ class Registry(Generic[T]):
         return next(name for name, one in self._loaded.items() if one is plugin)
 
     def __contains__(self, name: str) -> bool:
-        return name in self.names()
+        # In this order: a look at the installed packages takes time, and mostly it is one of ours.
+        return name in self._ours or name in self._added or name in self._installed
 
     def _place(self, name: str) -> str:
         place = self._added.get(name) or self._installed.get(name, name)

@@ -53,8 +53,8 @@ class Scan(Job):
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         """Write the scan table (Parquet)."""
-        self._named()  # unknown names are told before a large mesh is read
-        job = self._job(read_surface(mesh), _described(mesh))
+        named = self._named()  # unknown names are told before a large mesh is read
+        job = self._job(named, read_surface(mesh), _described(mesh))
         rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
         if job.rays > _RAYS_IN_MEMORY:
             rows = write_scan_portions(table, job.portions(rng, progress))
@@ -70,11 +70,16 @@ class Scan(Job):
 
         described: position that the scene's description names, in m.
         """
-        self._job(surface, described).check()
+        self._job(self._named(), surface, described).check()
 
-    def _job(self, surface: Mesh, described: Sequence[float] | None) -> ScanJob:
+    def _job(
+        self,
+        named: tuple[Sensor, Sweep, ErrorModel],
+        surface: Mesh,
+        described: Sequence[float] | None,
+    ) -> ScanJob:
         origin, vouched = self._origin(surface, described)
-        return ScanJob(surface, *self._named(), origin, self.anywhere or vouched)
+        return ScanJob(surface, *named, origin, self.anywhere or vouched)
 
     def _named(self) -> tuple[Sensor, Sweep, ErrorModel]:
         model = open_error_model(self.errors, self.error_options)

@@ -48,7 +48,7 @@ def scene_faults(
     if settings.make == "cloud":
         return {}
     states = {
-        name: _state(scenes.files(name), settings, name) for name in chosen if scenes.files(name)
+        name: _state(files, settings, name) for name in chosen if (files := scenes.files(name))
     }
     known = read_json(kept) if states and kept.exists() else {}
     stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
