@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 from typing import Any
 
@@ -16,13 +17,13 @@ from numpy.typing import NDArray
 from pykdtree.kdtree import KDTree
 
 from puckbench.core.compiling import compiled
+from puckbench.geometry.box_search import SAME_DISTANCE, Nearest, nearest_two
+from puckbench.geometry.box_tree import box_tree
 from puckbench.geometry.cloud import Floats
 
 Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]
 
-SAME_DISTANCE = 1e-8
-"""pc_error's similarPointThreshold: squared distances closer than this are one distance."""
 LOOKED_AT_FIRST, LOOKED_AT_MORE, LOOKED_AT_MOST = 10, 5, 30
 """Numbers of neighbours that pc_error searches: more while all of them are equally near."""
 LEAF_SIZE = 16
@@ -62,29 +63,35 @@ class _Group:
 
 
 class Points:
-    """A search tree of distinct points (n, 3) float64."""
+    """Distinct points (n, 3) float64, made ready for searches among them and from them."""
 
     def __init__(self, points: Floats) -> None:
         self._points = points
-        self._tree: Any = KDTree(points, leafsize=LEAF_SIZE)
+        self._boxes = box_tree(points)
 
-    def nearest(self, queries: Floats) -> Neighbours:
-        """Nearest neighbours of queries (m, 3) with all ties.
+    @cached_property
+    def _tree(self) -> Any:
+        """A tree that finds many neighbours, in an order of its own where they tie."""
+        return KDTree(self._points, leafsize=LEAF_SIZE)
 
-        Few neighbours are searched first, more only for the queries where all of those tie.
+    def nearest(self, queries: Points) -> Neighbours:
+        """Nearest neighbours of the queries with all ties.
+
+        The nearest two are searched first; queries of which three or more tie, few but on grids,
+        are searched again, with more neighbours while all of those tie.
         """
-        nearest, rows, groups = np.empty(len(queries)), np.arange(len(queries)), []
+        found = nearest_two(queries._boxes, self._boxes)
+        rows, groups = np.flatnonzero(found.ties > 2), []
         for k in _growing_numbers():
-            index, squared = self._sorted_neighbours(queries[rows], k)
-            nearest[rows] = squared[:, 0]
+            if not len(rows):
+                break
+            index, squared = self._sorted_neighbours(queries._points[rows], k)
             counts, exact = _count_ties(squared)
             tied = counts == k if k < LOOKED_AT_FIRST else exact == k
             done = ~tied | (k >= len(self._points))
             groups.append(_Group(rows[done], index[done], counts[done], exact[done]))
             rows = rows[~done]
-            if not len(rows):
-                break
-        return _join(nearest, groups)
+        return _join(found, groups)
 
     def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
         """Indices and squared distances, (m, min(k, n)), sorted by our own float64 distances."""
@@ -95,7 +102,7 @@ class Points:
 
 
 def _growing_numbers() -> Iterator[int]:
-    yield from (2, 5, LOOKED_AT_FIRST)
+    yield from (5, LOOKED_AT_FIRST)
     yield from (LOOKED_AT_MOST * 4**power for power in count())
 
 
@@ -137,17 +144,25 @@ def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
     return counts, exact
 
 
-def _join(squared: Floats, groups: list[_Group]) -> Neighbours:
-    """Concatenate the groups' neighbours in the order of the queries."""
-    exact, starts = np.empty(len(squared), np.int64), np.zeros(len(squared) + 1, np.int64)
+def _join(found: Nearest, groups: list[_Group]) -> Neighbours:
+    """Concatenate the neighbours in the order of the queries; `groups` have more than two."""
+    counts, exact = found.ties, found.exact
     for group in groups:
-        exact[group.rows] = group.exact
-        starts[group.rows + 1] = group.counts
-    starts = np.cumsum(starts)
-    index = np.empty(starts[-1], np.int64)
+        counts[group.rows], exact[group.rows] = group.counts, group.exact
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    index = _first_two(found.rows, starts)
     for group in groups:
         _fill(index, starts, group.rows, group.index, group.counts)
-    return Neighbours(squared, starts, exact, index)
+    return Neighbours(found.squared, starts, exact, index)
+
+
+@compiled
+def _first_two(rows: Rows, starts: Rows) -> Rows:
+    index = np.empty(starts[-1], np.int64)
+    for i in range(len(rows)):
+        for j in range(min(2, starts[i + 1] - starts[i])):
+            index[starts[i] + j] = rows[i, j]
+    return index
 
 
 @compiled

@@ -17,8 +17,9 @@ Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]
 
 VOXELS_PER_AXIS = 1 << 16
-DIGIT_BITS = 12
-DIGITS = 4
+KEY_BITS = 48
+DIGIT_BITS = 8
+MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_rows(points: Floats) -> Rows:
@@ -26,20 +27,29 @@ def distinct_rows(points: Floats) -> Rows:
 
     Of points with equal coordinates the first in the array is taken, as MPEG's pc_error does.
     """
-    keys = _keys(points)
-    order = _sorting_order(keys)
-    return order[_first_of_equals(points.take(order, axis=0) + 0.0, keys[order])]
+    return distinct_points(points)[0]
+
+
+def distinct_points(points: Floats) -> tuple[Rows, Floats]:
+    """`distinct_rows`, and the points (m, 3) of these rows."""
+    keys = morton_keys(points)
+    order = sort_keys(keys)
+    ordered = points.take(order, axis=0)
+    kept = _first_of_equals(ordered, keys)
+    return (order, ordered) if len(kept) == len(order) else (order[kept], ordered[kept])
 
 
 def morton_order(points: Floats) -> Rows:
     """Rows (n,) of `points` (n, 3) in the order of a Morton curve."""
-    return _sorting_order(_keys(points))
+    return sort_keys(morton_keys(points))
 
 
-def _keys(points: Floats) -> Keys:
+@compiled
+def morton_keys(points: Floats) -> Keys:
+    """Morton keys (n,) of points (n, 3) in a cube of 65,536 cells an axis around all of them."""
     lowest, highest = _bounds(points)
-    extent = float(np.max(highest - lowest))
-    return _morton_keys(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
+    extent = np.max(highest - lowest)
+    return _keys_in_cube(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
 
 
 @compiled
@@ -54,7 +64,7 @@ def _bounds(points: Floats) -> tuple[Floats, Floats]:
 
 
 @compiled
-def _morton_keys(points: Floats, lowest: Floats, voxels_per_unit: float) -> Keys:
+def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Keys:
     """Interleave the bits of each point's three voxel coordinates, x lowest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
@@ -66,34 +76,53 @@ def _morton_keys(points: Floats, lowest: Floats, voxels_per_unit: float) -> Keys
 
 
 @compiled
-def _sorting_order(keys: Keys) -> Rows:
-    """Stable order of the keys, by radix sort."""
-    order, target = np.arange(len(keys)), np.empty(len(keys), np.int64)
-    mask = (1 << DIGIT_BITS) - 1
-    for digit in range(DIGITS):
-        shift = digit * DIGIT_BITS
-        places = np.zeros(mask + 2, np.int64)
-        for key in keys:
-            places[((key >> shift) & mask) + 1] += 1
-        places = np.cumsum(places)
-        for row in order:
-            value = (keys[row] >> shift) & mask
-            target[places[value]] = row
-            places[value] += 1
-        order, target = target, order
+def sort_keys(keys: Keys) -> Rows:
+    """Sort the keys, and return their stable order, by radix sort; quick where they are sorted."""
+    order, places = np.arange(len(keys)), _digit_places(keys)
+    if np.all(keys[1:] >= keys[:-1]):
+        return order
+    source, target, target_order = keys, np.empty_like(keys), np.empty_like(order)
+    for digit in range(len(places)):
+        _sort_by_digit(source, order, target, target_order, digit * DIGIT_BITS, places[digit])
+        source, target, order, target_order = target, source, target_order, order
     return order
+
+
+@compiled
+def _digit_places(keys: Keys) -> Rows:
+    """Where each value of each digit begins among the keys sorted by that digit."""
+    places = np.zeros((KEY_BITS // DIGIT_BITS, (1 << DIGIT_BITS) + 1), np.int64)
+    for key in keys:
+        for digit in range(len(places)):
+            places[digit, ((key >> (digit * DIGIT_BITS)) & MASK) + 1] += 1
+    for digit in range(len(places)):
+        places[digit] = np.cumsum(places[digit])
+    return places
+
+
+@compiled
+def _sort_by_digit(
+    keys: Keys, order: Rows, to_keys: Keys, to_order: Rows, shift: int, places: Rows
+) -> None:
+    for i in range(len(keys)):
+        value = (keys[i] >> shift) & MASK
+        place = places[value]
+        to_keys[place], to_order[place] = keys[i], order[i]
+        places[value] = place + 1
 
 
 @compiled
 def _first_of_equals(points: Floats, keys: Keys) -> Rows:
     """Positions of the points that differ from all before them; equal points have equal keys."""
     n = len(points)
-    slots = np.full(1 << int(np.ceil(np.log2(2 * n + 1))), -1, np.int64)
+    like_before, crowded = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
+    crowded[1:] |= like_before
+    crowded[:-1] |= like_before
+    slots = np.full(1 << int(np.ceil(np.log2(2 * crowded.sum() + 1))), -1, np.int64)
     kept, count = np.empty(n, np.int64), 0
     for i in range(n):
-        alone = (i == 0 or keys[i] != keys[i - 1]) and (i == n - 1 or keys[i] != keys[i + 1])
-        if not alone:
-            slot = _hash(points[i]) & (len(slots) - 1)
+        if crowded[i]:
+            slot = _hash(points[i] + 0.0) & (len(slots) - 1)
             while slots[slot] >= 0 and not _equal(points[slots[slot]], points[i]):
                 slot = (slot + 1) & (len(slots) - 1)
             if slots[slot] >= 0:

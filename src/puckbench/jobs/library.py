@@ -17,6 +17,8 @@ from puckbench.metrics.measures import measures
 if TYPE_CHECKING:
     import pandas as pd
 
+    from puckbench.metrics.geometry import Reference
+
 __all__ = ["Codec", "InputError", "PointCloud", "compare", "open_codec", "prepare", "read_cloud"]
 
 
@@ -51,16 +53,20 @@ def compare(
     """
     import pandas as pd
 
+    from puckbench.metrics.geometry import Reference
+
     chosen = list(codecs)
     for codec in chosen:
         codec.check_frame(cloud.frame)
     cells = [(codec, rate) for codec in map(ready, chosen) for rate in codec.rates]
-    return pd.DataFrame([_row(cloud, *cell, repeats, peak) for cell in cells])
+    reference = Reference(cloud)
+    return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
 
 
 def _row(
-    cloud: PointCloud, codec: Codec, rate: str, repeats: int, peak: float | None
+    reference: Reference, codec: Codec, rate: str, repeats: int, peak: float | None
 ) -> dict[str, object]:
+    cloud = reference.cloud
     coded = measured(lambda: codec.encode(cloud.xyz, rate), repeats, codec.cost)
     decoded = measured(lambda: codec.decode(coded.result), repeats, codec.cost)
     return {
@@ -70,5 +76,5 @@ def _row(
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
         **decoded.costs("decode"),
-        **measures(cloud, decoded.result, peak),
+        **measures(reference, decoded.result, peak),
     }

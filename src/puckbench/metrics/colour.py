@@ -56,8 +56,9 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
     """
     a, a_colours = _merged(reference, "reference cloud")
     b, b_colours = _merged(decoded, "decoded cloud")
-    forth = _squared(a_colours, b_colours, Points(b).nearest(a))
-    back = _squared(b_colours, a_colours, Points(a).nearest(b))
+    a_points, b_points = Points(a), Points(b)
+    forth = _squared(a_colours, b_colours, b_points.nearest(a_points))
+    back = _squared(b_colours, a_colours, a_points.nearest(b_points))
     errors = np.maximum(forth, back)
     values = {f"{name}_mse": float(errors[i]) for i, name in enumerate(_CHANNELS)}
     values |= {f"{name}_psnr": psnr(values[f"{name}_mse"], 1.0) for name in _CHANNELS}

@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.spatial_order import distinct_rows
+from puckbench.geometry.spatial_order import distinct_points
 from puckbench.metrics.further import METRICS
 
 NEIGHBOURS = 16
@@ -53,7 +53,7 @@ def density(points: Floats) -> dict[str, float]:
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
-    distinct = points.take(distinct_rows(points), axis=0)
+    _, distinct = distinct_points(points)
     found = {"duplicates": 1 - len(distinct) / len(points)}
     if len(distinct) == 1:
         return found

@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats, check_points
-from puckbench.geometry.spatial_order import distinct_rows
+from puckbench.geometry.spatial_order import distinct_points
 
 BLOCK = 64
 """Points of a block with one bounding box; the fastest size on spheres, the worst case."""
@@ -36,7 +36,7 @@ def diameter(points: Floats) -> float:
     middle, found = _far_pair(points)
     radii = _distances(points, middle)
     candidates = points[radii >= found * (1 - ROUNDING) - radii.max()]
-    candidates = candidates.take(distinct_rows(candidates), axis=0)
+    _, candidates = distinct_points(candidates)
     return float(np.sqrt(_largest_squared(candidates, found**2 * (1 - ROUNDING))))
 
 

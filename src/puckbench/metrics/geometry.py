@@ -17,7 +17,7 @@ from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.neighbours import Neighbours, Points
-from puckbench.geometry.spatial_order import Rows, distinct_rows
+from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.metrics.diameter import diameter
 
 
@@ -62,9 +62,7 @@ class Reference:
     def __init__(self, cloud: PointCloud) -> None:
         check_points(cloud.xyz, "reference cloud")
         self.cloud = cloud
-        xyz = _float64(cloud.xyz)
-        rows = distinct_rows(xyz)
-        self.xyz: Floats = xyz.take(rows, axis=0)
+        rows, self.xyz = distinct_points(_float64(cloud.xyz))
         self.normals: Floats | None = None
         if cloud.normals is not None:
             self.normals = _checked_normals(cloud).take(rows, axis=0)
@@ -128,9 +126,9 @@ def squared_errors(reference: PointCloud | Reference, decoded: Floats) -> Square
     """Squared error of every distinct point of both clouds, as `distortion` defines it."""
     reference = Reference.of(reference)
     check_points(decoded, "decoded cloud")
-    a, b = reference.xyz, _float64(decoded)
-    b = b.take(distinct_rows(b), axis=0)
-    ab, ba = Points(b).nearest(a), reference.points.nearest(b)
+    a, (_, b) = reference.xyz, distinct_points(_float64(decoded))
+    points_b = Points(b)
+    ab, ba = points_b.nearest(reference.points), reference.points.nearest(points_b)
     normals = reference.normals
     if normals is None:
         return SquaredErrors(b, ab.squared, ba.squared)

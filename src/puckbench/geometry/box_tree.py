@@ -1,0 +1,145 @@
+"""Tree of bounding boxes of points, an octree whose cells follow the Morton curve."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.spatial_order import KEY_BITS, Keys, Rows, morton_keys, sort_keys
+
+LEAF_SIZE = 24
+"""Points of a leaf at most; the fastest size on scans of rooms, 16 and 48 are as fast to 15 %."""
+
+
+class BoxTree(NamedTuple):
+    """Points, sorted so that those of a node stand side by side, and the nodes from the root down.
+
+    Parameters
+    ----------
+    columns
+        Coordinates, (3, n), in the tree's order.
+    rows
+        Rows (n,) of the points as they were given.
+    starts, ends
+        The points of node i are ``starts[i]`` to ``ends[i]``.
+    first, children
+        Its children are ``children[i]`` nodes from ``first[i]`` on; a leaf has none.
+    boxes
+        Lowest and highest coordinates of its points, (nodes, 6).
+    leaves
+        The nodes without children, in the order of their points.
+    largest, depth
+        Most points of a leaf, and most nodes from the root to a leaf.
+    """
+
+    columns: Floats
+    rows: Rows
+    starts: Rows
+    ends: Rows
+    first: Rows
+    children: Rows
+    boxes: Floats
+    leaves: Rows
+    largest: int
+    depth: int
+
+
+def box_tree(points: Floats) -> BoxTree:
+    """The tree of `points` (n, 3), faster where they are in the order of `distinct_rows`."""
+    keys = morton_keys(points)
+    rows = sort_keys(keys)
+    starts, ends, first, children = _nodes(points, rows, keys)
+    columns = _columns(points, rows)
+    boxes = _boxes(columns, starts, ends, first, children)
+    leaves = np.flatnonzero(children == 0)
+    leaves = leaves[np.argsort(starts[leaves])]
+    largest = int((ends - starts)[leaves].max())
+    depth = _depth(first, children)
+    return BoxTree(columns, rows, starts, ends, first, children, boxes, leaves, largest, depth)
+
+
+@compiled
+def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
+    """Starts, ends, first children and numbers of children of the nodes.
+
+    A cell that is the finest of its keys and has too many points still, where an outlier makes all
+    others crowd, is sorted by keys of its own, with its `rows`.
+    """
+    most = 2 * len(rows)
+    starts, ends = np.empty(most, np.int64), np.empty(most, np.int64)
+    first, children = np.empty(most, np.int64), np.empty(most, np.int64)
+    shifts = np.empty(most, np.int64)
+    starts[0], ends[0], shifts[0], count, node = 0, len(rows), KEY_BITS - 3, 1, 0
+    while node < count:
+        start, end = starts[node], ends[node]
+        first[node] = count
+        if end - start > LEAF_SIZE:
+            shift = _splitting_shift(keys, start, end, shifts[node])
+            if shift < 0:
+                keys[start:end] = morton_keys(points[rows[start:end]])
+                rows[start:end] = rows[start:end][sort_keys(keys[start:end])]
+                shift = _splitting_shift(keys, start, end, KEY_BITS - 3)
+            if shift >= 0:
+                while start < end:
+                    next_start = _end_of_cell(keys, start, end, shift)
+                    starts[count], ends[count], shifts[count] = start, next_start, shift - 3
+                    count, start = count + 1, next_start
+        children[node] = count - first[node]
+        node += 1
+    return starts[:count].copy(), ends[:count].copy(), first[:count].copy(), children[:count].copy()
+
+
+@compiled
+def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
+    """The first three bits of the keys from `shift` down in which they differ; -3 without any."""
+    while shift >= 0 and keys[start] >> shift == keys[end - 1] >> shift:
+        shift -= 3
+    return shift
+
+
+@compiled
+def _end_of_cell(keys: Keys, start: int, end: int, shift: int) -> int:
+    """Where the keys' bits above `shift` first differ from those at `start`; by bisection."""
+    cell, low, high = keys[start] >> shift, start + 1, end
+    while low < high:
+        middle = (low + high) >> 1
+        if keys[middle] >> shift == cell:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def _columns(points: Floats, rows: Rows) -> Floats:
+    columns = np.empty((3, len(rows)))
+    for i in range(len(rows)):
+        for axis in range(3):
+            columns[axis, i] = points[rows[i], axis]
+    return columns
+
+
+@compiled
+def _boxes(columns: Floats, starts: Rows, ends: Rows, first: Rows, children: Rows) -> Floats:
+    boxes = np.empty((len(starts), 6))
+    for node in range(len(starts) - 1, -1, -1):
+        for axis in range(3):
+            low, high = np.inf, -np.inf
+            if children[node] == 0:
+                for value in columns[axis, starts[node] : ends[node]]:
+                    low, high = min(low, value), max(high, value)
+            for child in range(first[node], first[node] + children[node]):
+                low, high = min(low, boxes[child, axis]), max(high, boxes[child, 3 + axis])
+            boxes[node, axis], boxes[node, 3 + axis] = low, high
+    return boxes
+
+
+@compiled
+def _depth(first: Rows, children: Rows) -> int:
+    levels = np.ones(len(first), np.int64)
+    for node in range(len(first)):
+        levels[first[node] : first[node] + children[node]] = levels[node] + 1
+    return int(levels.max())
