@@ -30,6 +30,7 @@ PAGES = [
         for path in sorted((ROOT / "docs" / folder).rglob("*.md"))
     ),
 ]
+STORE = "docs/how-to/store_a_recording.md"
 CALIBRATE, RECORDING = "docs/how-to/calibrate.md", "docs/how-to/use_a_recording.md"
 WEIGHTS = "src/puckbench/codecs/learned/weights/pcgcv2_objects.safetensors"
 
@@ -168,3 +169,11 @@ def test_a_recording_is_used(recordings: Callable[..., None]) -> None:
     recordings("tilted.pcap", pitch_deg=30)
     _run(RECORDING)
     assert Path("cloud.ply").exists()
+
+
+def test_a_recording_is_stored(recordings: Callable[..., None]) -> None:
+    recordings("room.pcap")
+    _run(STORE)
+    assert Path("again.pcap").read_bytes() == Path("room.pcap").read_bytes()
+    for code in blocks(STORE, "python"):
+        exec(compile(code, STORE, "exec"), {})  # noqa: S102

@@ -21,6 +21,8 @@ COMMANDS = {
     "scan": "scan a mesh with a virtual sensor: the table of all returns",
     "capture": "read a capture of a real VLP-16: the table of its returns",
     "export": "write a scan or a capture in the format of another tool",
+    "compress": "store a recording of a spinning LiDAR in a small file, bit for bit",
+    "decompress": "give back the recording of such a file",
     "residuals": "scan a wall and a floor: distances of the points to fitted planes",
     "calibrate": "estimate a range error model from residuals, real or virtual",
     "sample": "sample points at random on the surface of a mesh",

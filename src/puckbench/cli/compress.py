@@ -1,0 +1,35 @@
+"""`puckbench compress`: a recording of a spinning LiDAR as a small file, bit for bit."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+EFFORTS = ("fast", "normal", "thorough")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    from puckbench.cli.types import whole
+
+    parser.add_argument("recording", type=Path, help="packet capture or bag (any file)")
+    parser.add_argument("out", type=Path, help="file to write (.puck)")
+    parser.add_argument("--effort", choices=EFFORTS, default="normal", help="speed against size")
+    parser.add_argument(
+        "--key-every",
+        type=whole(0),
+        default=50,
+        metavar="TURNS",
+        help="turns from one that can be decoded alone to the next; 0: only the first",
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Write the file."""
+    from puckbench.codecs.puck.recording import account_of, compress
+    from puckbench.codecs.puck.turns import Settings
+    from puckbench.core.progress import Progress
+
+    settings = Settings(effort=options.effort, key_every=options.key_every)
+    return account_of(compress(options.recording, options.out, settings, Progress("byte")))

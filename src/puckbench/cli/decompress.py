@@ -1,0 +1,21 @@
+"""`puckbench decompress`: the recording of a file that `puckbench compress` wrote."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("stream", type=Path, help="file of `puckbench compress` (.puck)")
+    parser.add_argument("out", type=Path, help="recording to write")
+
+
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Write the recording."""
+    from puckbench.codecs.puck.recording import account_of, decompress
+    from puckbench.core.progress import Progress
+
+    return account_of(decompress(options.stream, options.out, Progress("byte")))

@@ -1,0 +1,11 @@
+"""`puck`: the returns of a spinning LiDAR as what they are, coded without loss or with little.
+
+A turn is an image (lasers by firing columns) of ranges on the sensor's quantum, with the azimuths
+of its blocks and, on demand, times and reflectivities. Whole recordings come back bit for bit.
+"""
+
+from puckbench.codecs.puck.layout import Layout, Turn
+from puckbench.codecs.puck.stream import decode, encode
+from puckbench.codecs.puck.turns import Settings
+
+__all__ = ["Layout", "Settings", "Turn", "decode", "encode"]

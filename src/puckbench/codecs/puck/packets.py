@@ -1,0 +1,175 @@
+"""Data packets of Velodyne's spinning sensors as turns, and turns as the same packets.
+
+Packets of the VLP-16, Puck Hi-Res and HDL-32E, of one return or two, have one size: 12 blocks of
+a flag, an azimuth and 32 returns, then the time, the return mode and the product.
+
+References
+----------
+VLP-16 User Manual 63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.puck.layout import Layout, Turn
+from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.packets import (
+    BLOCKS,
+    CENTIDEGREES,
+    FLAG,
+    MODES,
+    PACKET_BYTES,
+    RETURN,
+)
+from puckbench.lidar.sensor import load_sensor
+
+SENSORS = {0x21: "hdl32e", 0x22: "vlp16", 0x24: "puck_hires"}
+"""Sensors by the product byte of their packets."""
+_CHANNELS = 32
+_BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, _CHANNELS)])
+_PACKET = np.dtype([("blocks", _BLOCK, BLOCKS), ("time", "<u4"), ("mode", "u1"), ("product", "u1")])
+_BLOCK_BYTES = _BLOCK.itemsize
+_DUAL = 0x39
+
+Payloads = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class PacketKind:
+    """What all packets of a stretch have in common: the last two bytes, and so the layout."""
+
+    product: int
+    mode: int
+    layout: Layout
+
+    @property
+    def is_dual(self) -> bool:
+        """Whether blocks come in pairs of two returns of the same firings."""
+        return self.mode == _DUAL
+
+
+@cache
+def packet_kind(product: int, mode: int) -> PacketKind:
+    """The kind of packets that end with these bytes; InputError for none that is known."""
+    if product not in SENSORS or mode not in MODES:
+        raise InputError(f"no known packets: product 0x{product:02X}, return mode 0x{mode:02X}")
+    sensor = load_sensor(SENSORS[product])
+    order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
+    kinds = 2 if mode == _DUAL else 1
+    return PacketKind(
+        product, mode, Layout(order, _CHANNELS // sensor.lasers, BLOCKS // kinds, kinds)
+    )
+
+
+def find_packets(data: Payloads) -> NDArray[np.int64]:
+    """Places of known data packets in bytes (n,), ascending; they do not overlap."""
+    last = len(data) - PACKET_BYTES + 1
+    if last < 1:
+        return np.zeros(0, np.int64)
+    low, high = FLAG & 255, FLAG >> 8
+    found = np.flatnonzero((data[:last] == low) & (data[1 : last + 1] == high))
+    for block in range(1, BLOCKS):
+        at = found + block * _BLOCK_BYTES
+        found = found[(data[at] == low) & (data[at + 1] == high)]
+    known = np.isin(data[found + PACKET_BYTES - 1], list(SENSORS))
+    known &= np.isin(data[found + PACKET_BYTES - 2], list(MODES))
+    found = found[known]
+    for byte in (2, 3):  # both blocks of a pair have the same azimuth
+        at = found[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
+        alike = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
+        found = found[alike | (data[found + PACKET_BYTES - 2] != _DUAL)]
+    return _apart(found)
+
+
+def _apart(places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The places without those that overlap one before."""
+    if (np.diff(places) >= PACKET_BYTES).all():
+        return places
+    kept: list[int] = []
+    for place in places.tolist():
+        if not kept or place >= kept[-1] + PACKET_BYTES:
+            kept.append(place)
+    return np.array(kept, np.int64)
+
+
+def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
+    """Packets (p, 1206) by turns: a turn begins with the packet that passes azimuth 0.
+
+    It ends also where packets of another kind follow, or with the most that a turn may have.
+    """
+    packets = _viewed(payloads)
+    azimuths = packets["blocks"]["azimuth"].astype(np.int64)
+    before = np.concatenate([azimuths[:1, 0], azimuths[:-1, -1]])
+    falls = np.diff(azimuths, axis=1, prepend=before[:, None]) < -CENTIDEGREES // 2
+    ends = payloads[:, -2:].astype(np.int64) @ [256, 1]
+    starts = falls.any(axis=1) | (np.diff(ends, prepend=ends[:1]) != 0)
+    starts[:1] = True
+    edges = [*np.flatnonzero(starts).tolist(), len(payloads)]
+    for first, end in pairwise(edges):
+        kind = packet_kind(int(payloads[first, -1]), int(payloads[first, -2]))
+        most = kind.layout.max_blocks // kind.layout.blocks_per_time
+        for start in range(first, end, most):
+            yield kind, payloads[start : min(start + most, end)]
+
+
+def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
+    """The turn of packets (p, 1206) of a kind. Of two returns the strongest is the first kind."""
+    packets = _viewed(payloads)
+    blocks = packets["blocks"]
+    return Turn(
+        _imaged(kind, blocks["returns"]["distance"]),
+        np.ascontiguousarray(blocks["azimuth"][:, :: kind.layout.kinds].ravel()),
+        packets["time"].astype(np.uint32),
+        _imaged(kind, blocks["returns"]["reflectivity"]),
+    )
+
+
+def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
+    """The packets of `turn_of`.
+
+    Raises
+    ------
+    InputError
+        The turn has no times, no reflectivities, or not the blocks of whole packets.
+    """
+    layout = kind.layout
+    if turn.times is None or turn.reflectivities is None:
+        raise InputError("the stream holds no times or reflectivities, so no packets")
+    if len(turn.azimuths) != len(turn.times) * layout.blocks_per_time:
+        raise InputError("the stream holds a packet that is not whole")
+    packets = np.zeros(len(turn.times), dtype=_PACKET)
+    blocks = packets["blocks"]
+    blocks["flag"] = FLAG
+    azimuths = turn.azimuths.reshape(len(packets), -1)
+    blocks["azimuth"] = np.repeat(azimuths, layout.kinds, axis=1)
+    blocks["returns"]["distance"] = _blocked(kind, turn.ranges)
+    blocks["returns"]["reflectivity"] = _blocked(kind, turn.reflectivities)
+    packets["time"], packets["mode"], packets["product"] = turn.times, kind.mode, kind.product
+    return packets.view(np.uint8).reshape(-1, PACKET_BYTES)
+
+
+def _viewed(payloads: Payloads) -> NDArray[np.void]:
+    viewed: NDArray[np.void] = np.ascontiguousarray(payloads).view(_PACKET)[:, 0]
+    return viewed
+
+
+def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of blocks (p, 12, 32) as an image (kinds, columns, lasers)."""
+    layout = kind.layout
+    paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
+    images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)
+    return np.ascontiguousarray(images)
+
+
+def _blocked(kind: PacketKind, images: NDArray[Any]) -> NDArray[Any]:
+    """The inverse of `_imaged`."""
+    paired = images.reshape(kind.layout.kinds, -1, _CHANNELS).transpose(1, 0, 2)[:, ::-1]
+    return paired.reshape(-1, BLOCKS, _CHANNELS)

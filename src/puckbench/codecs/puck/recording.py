@@ -1,0 +1,433 @@
+"""Recordings as streams, bit for bit: turns of the known packets, and all other bytes beside them.
+
+Packets are found by their bytes, whatever the file's format: packet captures, and bags that are
+not compressed themselves. SQLite cuts what is long into pages, each of which begins with the number
+of the next; these numbers are taken out first, so that the packets are whole.
+"""
+
+from __future__ import annotations
+
+import lzma
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.common.byte_io import Reader, base_128
+from puckbench.codecs.puck.layout import unpacked
+from puckbench.codecs.puck.packets import (
+    PacketKind,
+    Payloads,
+    find_packets,
+    packet_kind,
+    packets_of,
+    split_turns,
+    turn_of,
+)
+from puckbench.codecs.puck.stream import Kind, Record, read_records, start
+from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import unreadable, written_whole
+from puckbench.lidar.recordings.packets import PACKET_BYTES
+
+_WINDOW = 1 << 24
+"""Bytes that are searched for packets at a time; their turns are one batch."""
+_MOST_RAW = 1 << 26
+"""Bytes between the packets of a batch, at most."""
+_GROUPS = 32
+"""Lengths of gaps that are coded together, at most."""
+_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 1 << 24}]
+_SQLITE = b"SQLite format 3\x00"
+_LINK = 4
+_DAMAGED = "the stream is damaged"
+
+Bytes = NDArray[np.uint8]
+Tell = Callable[[int, int], None]
+
+
+@dataclass
+class Account:
+    """What was in a recording, and what became of it."""
+
+    bytes: int = 0
+    compressed: int = 0
+    packets: int = 0
+    turns: int = 0
+    returns: int = 0
+    parts: dict[str, int] = field(default_factory=dict)
+
+
+def compress(
+    recording: Path, out: Path, settings: Settings | None = None, tell: Tell | None = None
+) -> Account:
+    """Write a recording as a stream from which `decompress` makes the same file.
+
+    Parameters
+    ----------
+    recording
+        Any file; what is no data packet of a known sensor is stored by LZMA.
+    out
+        The stream.
+    settings
+        Effort and key turns; a step other than 1 is refused.
+    tell
+        Called with the numbers of bytes done and in all.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read or `out` not be written.
+    """
+    chosen = settings or Settings()
+    if chosen.step != 1 or not chosen.times or not chosen.reflectivities:
+        raise InputError("a recording is compressed without loss and with all that is in it")
+    data = _opened(recording)
+    account = Account(bytes=len(data))
+    with written_whole(out) as temporary, temporary.open("wb") as stream:
+        stream.write(start())
+        for record in _records(data, chosen, account, tell):
+            packed = record.packed()
+            name = record.kind.name.lower()
+            account.parts[name] = account.parts.get(name, 0) + len(packed)
+            stream.write(packed)
+        account.compressed = stream.tell()
+    return account
+
+
+def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
+    """Write the recording of a stream.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged or another's, holds no whole recording, or `out` cannot be written.
+    """
+    try:
+        size = path.stat().st_size
+        source = path.open("rb")
+    except OSError as error:
+        raise unreadable(path, error) from error
+    with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
+        return _restore(source, stream, size, tell)
+
+
+def _opened(path: Path) -> Bytes:
+    """The bytes of a file, read when they are looked at."""
+    try:
+        if path.stat().st_size == 0:
+            return np.zeros(0, np.uint8)
+        data: Bytes = np.memmap(path, np.uint8, "r")
+    except (OSError, ValueError) as error:
+        if path.is_dir():
+            raise InputError(f"{path}: a folder; compress the files in it") from error
+        raise unreadable(path, OSError(str(error))) from error
+    return data
+
+
+def _records(
+    data: Bytes, settings: Settings, account: Account, tell: Tell | None
+) -> Iterator[Record]:
+    """The records of a recording's bytes."""
+    page = _page_size(data)
+    check = _check_of(data)
+    if page:
+        pages = data.reshape(-1, page)
+        yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK])))
+        data = pages[:, _LINK:].ravel()
+    encoder = _PacketEncoder(settings, account)
+    done = 0
+    while done < len(data):
+        window = data[done : done + _WINDOW]
+        places = find_packets(window)
+        is_last = done + len(window) == len(data)
+        # A packet that the window cuts is whole in the next one.
+        end = len(window) if is_last else max(len(window) - PACKET_BYTES + 1, _end_of(places))
+        yield from encoder.batch(window[:end], places)
+        done += end
+        if tell is not None:
+            tell(done, len(data))
+    yield Record(Kind.END, account.bytes.to_bytes(8, "little") + check)
+
+
+def _end_of(places: NDArray[np.int64]) -> int:
+    return int(places[-1]) + PACKET_BYTES if len(places) else 0
+
+
+def _check_of(data: Bytes) -> bytes:
+    check = 0
+    for first in range(0, len(data), _WINDOW):
+        check = zlib.crc32(data[first : first + _WINDOW].tobytes(), check)
+    return check.to_bytes(4, "little")
+
+
+def _page_size(data: Bytes) -> int:
+    """Bytes of a page of an SQLite file; 0 for another file, or one that is cut off."""
+    if data[: len(_SQLITE)].tobytes() != _SQLITE or len(data) < 512:
+        return 0
+    size = int.from_bytes(data[16:18].tobytes(), "big")
+    size = 65536 if size == 1 else size
+    return size if size >= 512 and len(data) % size == 0 else 0
+
+
+def _linked(links: Bytes) -> bytes:
+    """Big-endian numbers (n, 4) as differences, the highest bytes of all first."""
+    numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
+    return np.diff(numbers, prepend=np.uint32(0)).astype(">u4").view(np.uint8).reshape(
+        -1, _LINK
+    ).T.tobytes()  # fmt: skip
+
+
+def _unlinked(body: bytes) -> Bytes:
+    planes = np.frombuffer(body, np.uint8).reshape(_LINK, -1).T
+    steps = np.ascontiguousarray(planes).view(">u4")[:, 0].astype(np.uint32)
+    numbers = np.cumsum(steps, dtype=np.uint32).astype(">u4")
+    return numbers.view(np.uint8).reshape(-1, _LINK)
+
+
+class _PacketEncoder:
+    """Encodes batches of packets and what lies between them."""
+
+    def __init__(self, settings: Settings, account: Account) -> None:
+        self._settings, self._account = settings, account
+        self._kind: PacketKind | None = None
+        self._turns: TurnEncoder | None = None
+
+    def batch(self, data: Bytes, places: NDArray[np.int64]) -> Iterator[Record]:
+        """The records of some bytes with packets at some places."""
+        if len(places):
+            rows = places[:, None] + np.arange(PACKET_BYTES)
+            for kind, payloads in split_turns(data[rows]):
+                yield from self._turn(kind, payloads)
+        starts = np.concatenate([[0], places + PACKET_BYTES])
+        ends = np.concatenate([places, [len(data)]])
+        gaps = [
+            data[first:end].tobytes()
+            for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
+        ]
+        yield Record(Kind.GAPS, base_128(len(places)) + _packed(_gathered(gaps)))
+
+    def _turn(self, kind: PacketKind, payloads: Payloads) -> Iterator[Record]:
+        if self._turns is None or kind != self._kind:
+            self._kind, self._turns = kind, TurnEncoder(kind.layout, self._settings)
+            yield Record(Kind.LAYOUT, kind.layout.packed() + bytes([kind.product, kind.mode]))
+        turn = turn_of(kind, payloads)
+        self._account.turns += 1
+        self._account.packets += len(payloads)
+        self._account.returns += turn.returns
+        yield Record(Kind.TURN, self._turns.encode(turn))
+
+
+def _gathered(gaps: list[bytes]) -> bytes:
+    """Gaps by their lengths: the lengths as runs, then the gaps of each length together."""
+    lengths = np.array([len(gap) for gap in gaps])
+    edges = np.flatnonzero(np.diff(lengths, prepend=-1))
+    counts = np.diff(edges, append=len(lengths))
+    runs = [
+        base_128(int(lengths[edge])) + base_128(int(count))
+        for edge, count in zip(edges, counts, strict=True)
+    ]
+    parts = [base_128(len(runs)), *runs]
+    common = _common(lengths)
+    for length in common:
+        alike = [gap for gap in gaps if len(gap) == length]
+        parts.append(_columns(np.frombuffer(b"".join(alike), np.uint8).reshape(-1, length)))
+    parts += [gap for gap in gaps if len(gap) not in common]
+    return b"".join(parts)
+
+
+def _scattered(body: bytes, count: int) -> list[bytes]:
+    """The inverse of `_gathered`, for a number of gaps."""
+    reader = Reader(body)
+    runs = [(reader.number(), reader.number()) for _ in range(min(reader.number(), len(body)))]
+    if sum(times for _, times in runs) != count:
+        raise InputError(_DAMAGED)
+    lengths = np.repeat([length for length, _ in runs], [times for _, times in runs])
+    if sum(length * times for length, times in runs) > len(body):
+        raise InputError(_DAMAGED)
+    alike: dict[int, Iterator[bytes]] = {}
+    for length in _common(lengths):
+        rows = int(np.count_nonzero(lengths == length))
+        planes = np.frombuffer(reader.take(length * rows), np.uint8)
+        alike[length] = iter([row.tobytes() for row in _rows(planes, rows, length)])
+    found = [
+        next(alike[length]) if length in alike else reader.take(length)
+        for length in lengths.tolist()
+    ]
+    if reader.rest():
+        raise InputError(_DAMAGED)
+    return found
+
+
+def _common(lengths: NDArray[np.int64]) -> list[int]:
+    """Lengths above 0 that several gaps have, the most frequent first."""
+    values, counts = np.unique(lengths, return_counts=True)
+    order = np.lexsort((values, -counts))
+    return [int(values[k]) for k in order if values[k] > 0 and counts[k] > 1][:_GROUPS]
+
+
+def _columns(rows: Bytes) -> bytes:
+    """Headers (n, length), as differences of their words from row to row, byte by byte."""
+    words, rest = _words(rows)
+    words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
+    rest = np.diff(rest, axis=0, prepend=np.zeros_like(rest[:1]))
+    planes = np.concatenate([words.view(np.uint8).reshape(len(rows), -1), rest], axis=1)
+    return planes.T.tobytes()
+
+
+def _rows(planes: Bytes, count: int, length: int) -> Bytes:
+    """The inverse of `_columns`."""
+    words, rest = _words(np.ascontiguousarray(planes.reshape(length, count).T))
+    words = np.cumsum(words, axis=0, dtype="<u4")
+    rest = np.cumsum(rest, axis=0, dtype=np.uint8)
+    whole = words.astype("<u4").view(np.uint8).reshape(count, -1)
+    rows: Bytes = np.concatenate([whole, rest], axis=1)
+    return rows
+
+
+def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
+    """Rows as little-endian words, and what is left of each."""
+    whole = rows.shape[1] // 4 * 4
+    words = np.ascontiguousarray(rows[:, :whole]).view("<u4").reshape(len(rows), -1)
+    return words, np.ascontiguousarray(rows[:, whole:])
+
+
+def _packed(raw: bytes) -> bytes:
+    """Bytes by LZMA, after their number."""
+    return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=_FILTERS)
+
+
+def _unpacked(reader: Reader) -> bytes:
+    """The bytes of `_packed`; InputError when they are damaged or too many."""
+    size = reader.number()
+    if size > _MOST_RAW:
+        raise InputError(_DAMAGED)
+    machine = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=_FILTERS)
+    try:
+        raw = machine.decompress(reader.rest(), size + 1)
+    except lzma.LZMAError as error:
+        raise InputError(_DAMAGED) from error
+    if len(raw) != size:
+        raise InputError(_DAMAGED)
+    return raw
+
+
+class _Out:
+    """Writes a recording, with the links of its pages where it has any."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self.check, self.size = 0, 0
+        self._links: Bytes | None = None
+        self._page, self._at = 0, 0
+
+    def paged(self, page: int, links: Bytes) -> None:
+        """From the beginning on, insert these links (n, 4), one at the start of each page."""
+        if self.size or not 512 <= page <= 65536:
+            raise InputError(_DAMAGED)
+        self._page, self._links = page - _LINK, links
+
+    def write(self, data: bytes) -> None:
+        """Write bytes of the recording without links."""
+        while self._links is not None and data:
+            number, within = divmod(self._at, self._page)
+            if within == 0:
+                if number >= len(self._links):
+                    raise InputError(_DAMAGED)
+                self._put(self._links[number].tobytes())
+            part = data[: self._page - within]
+            self._put(part)
+            self._at += len(part)
+            data = data[len(part) :]
+        self._put(data)
+
+    def _put(self, data: bytes) -> None:
+        self.check = zlib.crc32(data, self.check)
+        self.size += len(data)
+        self._stream.write(data)
+
+
+def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None) -> Account:
+    """Write the recording of the records of `source`."""
+    account, out, packets = Account(compressed=size), _Out(stream), _PacketDecoder()
+    for record in read_records(source):
+        if record.kind == Kind.PAGES:
+            reader = Reader(record.body)
+            page = reader.number()
+            links = _unpacked(reader)
+            if len(links) % _LINK:
+                raise InputError(_DAMAGED)
+            out.paged(page, _unlinked(links))
+        elif record.kind == Kind.LAYOUT:
+            packets.begin(record.body)
+        elif record.kind == Kind.TURN:
+            account.returns += packets.turn(record.body)
+            account.turns += 1
+        elif record.kind == Kind.GAPS:
+            account.packets += packets.write(record.body, out)
+            if tell is not None:
+                tell(source.tell(), size)
+        elif record.body != out.size.to_bytes(8, "little") + out.check.to_bytes(4, "little"):
+            raise InputError("the stream is damaged, or holds no recording")
+    account.bytes = out.size
+    return account
+
+
+class _PacketDecoder:
+    """Decodes turns until what lies between their packets follows."""
+
+    def __init__(self) -> None:
+        self._kind: PacketKind | None = None
+        self._turns: TurnDecoder | None = None
+        self._waiting: list[Payloads] = []
+        self._bytes = 0
+
+    def begin(self, body: bytes) -> None:
+        """Go on with another layout."""
+        layout, ends = unpacked(body)
+        if len(ends) != 2:
+            raise InputError("the stream holds turns, but no packets")
+        known = packet_kind(*ends)
+        # The order of the lasers is the stream's own: tables of sensors may change.
+        if layout != replace(known.layout, order=layout.order):
+            raise InputError(_DAMAGED)
+        self._kind, self._turns = replace(known, layout=layout), TurnDecoder(layout)
+
+    def turn(self, body: bytes) -> int:
+        """Decode a turn; its number of returns."""
+        if self._turns is None or self._kind is None:
+            raise InputError(_DAMAGED)
+        turn = self._turns.decode(body)
+        self._waiting.append(packets_of(self._kind, turn))
+        self._bytes += self._waiting[-1].size
+        if self._bytes > 2 * _WINDOW:
+            raise InputError(_DAMAGED)
+        return turn.returns
+
+    def write(self, body: bytes, out: _Out) -> int:
+        """Write the packets that wait, and what lies between them; their number."""
+        packets = [row.tobytes() for payloads in self._waiting for row in payloads]
+        self._waiting, self._bytes = [], 0
+        reader = Reader(body)
+        if reader.number() != len(packets):
+            raise InputError(_DAMAGED)
+        gaps = _scattered(_unpacked(reader), len(packets) + 1)
+        out.write(b"".join(part for pair in zip(gaps, packets, strict=False) for part in pair))
+        out.write(gaps[-1])
+        return len(packets)
+
+
+def account_of(account: Account) -> dict[str, Any]:
+    """What a command prints."""
+    share = account.compressed / account.bytes if account.bytes else 1.0
+    return {
+        "bytes": account.bytes,
+        "compressed_bytes": account.compressed,
+        "share": round(share, 4),
+        "packets": account.packets,
+        "turns": account.turns,
+        "returns": account.returns,
+    }

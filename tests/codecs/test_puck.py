@@ -1,0 +1,215 @@
+"""The codec of a spinning sensor's returns: exact, by turns, the same everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.puck import Layout, Settings, Turn, decode, encode
+from puckbench.codecs.puck.packets import packets_of, split_turns, turn_of
+from puckbench.codecs.puck.stream import Kind, read_records
+from puckbench.codecs.puck.turns import TurnDecoder, TurnEncoder
+from puckbench.core.errors import InputError
+from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, spin
+
+EFFORTS = ("fast", "normal", "thorough")
+
+
+def turns_of(packets: np.ndarray) -> tuple[Layout, list[Turn]]:
+    parts = list(split_turns(packets))
+    return parts[0][0].layout, [turn_of(kind, payloads) for kind, payloads in parts]
+
+
+def alike(one: Turn, other: Turn) -> bool:
+    pairs = [
+        (one.ranges, other.ranges),
+        (one.azimuths, other.azimuths),
+        (one.times, other.times),
+        (one.reflectivities, other.reflectivities),
+    ]
+    return all(np.array_equal(a, b) for a, b in pairs if a is not None or b is not None)
+
+
+@pytest.fixture(scope="module")
+def three_turns() -> tuple[Layout, list[Turn]]:
+    layout, turns = turns_of(spin(packets=60))
+    assert len(turns) > 2
+    return layout, turns
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize(
+    ("product", "mode"),
+    [(VLP16, STRONGEST), (VLP16, DUAL), (PUCK_HIRES, 0x38), (HDL32E, STRONGEST), (HDL32E, DUAL)],
+)
+def test_turns_come_back_exactly(product: int, mode: int, effort: str) -> None:
+    layout, turns = turns_of(spin(product, mode))
+    found = decode(encode(turns, layout, Settings(effort=effort)))
+    assert len(found) == len(turns) > 1
+    assert all(map(alike, turns, found))
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_numbers_of_any_size_come_back(effort: str) -> None:
+    random = np.random.default_rng(1)
+    turns = [
+        Turn(
+            random.integers(0, 65536, (2, 6, 5), dtype=np.uint16),
+            random.integers(0, 65536, 3, dtype=np.uint16),
+            random.integers(0, 1 << 32, 2, dtype=np.uint32),
+            random.integers(0, 256, (2, 6, 5), dtype=np.uint8),
+        )
+        for _ in range(4)
+    ]
+    layout = Layout((3, 1, 4, 0, 2), columns_per_block=2, blocks_per_time=2, kinds=2)
+    assert all(map(alike, turns, decode(encode(turns, layout, Settings(effort=effort)))))
+
+
+@pytest.mark.parametrize("value", [0, 1, 65535])
+def test_constant_turns_cost_little(value: int) -> None:
+    turn = Turn(np.full((1, 900, 16), value, np.uint16), np.zeros(900, np.uint16))
+    stream = encode([turn] * 3, Layout(tuple(range(16))))
+    assert all(alike(turn, found) for found in decode(stream))
+    assert len(stream) < 500
+
+
+def test_packets_are_turns_and_back() -> None:
+    packets = spin(HDL32E, DUAL)
+    parts = list(split_turns(packets))
+    back = [packets_of(kind, turn_of(kind, payloads)) for kind, payloads in parts]
+    assert np.array_equal(np.concatenate(back), packets)
+
+
+def test_the_first_kind_is_the_strongest_return_in_order_of_the_lasers() -> None:
+    packets = spin(VLP16, DUAL, packets=1)
+    kind, payloads = next(split_turns(packets))
+    turn = turn_of(kind, payloads)
+    block = packets[0, 100 + 4 : 200].reshape(32, 3)  # the second of the first pair
+    distances = block[:, 0] + block[:, 1].astype(int) * 256
+    assert turn.ranges[0, :2].ravel().tolist() == distances.tolist()
+
+
+def test_a_turn_begins_with_the_packet_that_passes_azimuth_zero() -> None:
+    _, turns = turns_of(spin(packets=60))
+    for before, turn in pairwise(turns):
+        edge = np.concatenate([before.azimuths[-1:], turn.azimuths[:12]]).astype(int)
+        assert (np.diff(edge) < -18000).any()
+    assert sum(len(turn.azimuths) for turn in turns) == 60 * 12
+
+
+def test_the_turn_before_saves_bits(three_turns: tuple[Layout, list[Turn]]) -> None:
+    layout, turns = three_turns
+    alone = TurnEncoder(layout).encode(turns[2])
+    encoder = TurnEncoder(layout)
+    after = [encoder.encode(turn) for turn in turns][2]
+    assert len(after) < 0.97 * len(alone)
+
+
+def test_times_and_reflectivities_are_coded_on_demand(
+    three_turns: tuple[Layout, list[Turn]],
+) -> None:
+    layout, turns = three_turns
+    bare = encode(turns, layout, Settings(times=False, reflectivities=False))
+    assert len(bare) < 0.8 * len(encode(turns, layout))
+    found = decode(bare)[1]
+    assert found.times is None
+    assert found.reflectivities is None
+    assert np.array_equal(found.ranges, turns[1].ranges)
+
+
+@pytest.mark.parametrize(("first", "end"), [(0, 1), (1, 3), (3, 4), (2, None), (5, 9), (9, 12)])
+def test_any_turns_can_be_had(first: int, end: int | None) -> None:
+    layout, turns = turns_of(spin(packets=120))
+    stream = encode(turns, layout, Settings(key_every=2))
+    found, expected = decode(stream, first, end), turns[first:end]
+    assert len(found) == len(expected)
+    assert all(map(alike, found, expected))
+
+
+def test_only_key_turns_can_be_decoded_alone(three_turns: tuple[Layout, list[Turn]]) -> None:
+    layout, turns = three_turns
+    encoder = TurnEncoder(layout, Settings(key_every=2))
+    coded = [encoder.encode(turn) for turn in turns]
+    assert alike(TurnDecoder(layout).decode(coded[2]), turns[2])
+    with pytest.raises(InputError, match="needs the turn before"):
+        TurnDecoder(layout).decode(coded[1])
+
+
+def test_time_that_runs_backwards_and_azimuths_that_jump_come_back() -> None:
+    packets = spin(packets=30)
+    order = np.random.default_rng(2).permutation(30)
+    layout, turns = turns_of(packets[order])
+    assert all(map(alike, turns, decode(encode(turns, layout))))
+
+
+def test_a_packet_that_stands_still_makes_turns_of_bounded_length() -> None:
+    packets = np.repeat(spin(packets=1), 1500, axis=0)
+    layout, turns = turns_of(packets)
+    assert [len(turn.azimuths) for turn in turns] == [8184, 8184, 18000 - 2 * 8184]
+    assert all(map(alike, turns, decode(encode(turns, layout))))
+
+
+def test_the_same_turns_make_the_same_bytes(three_turns: tuple[Layout, list[Turn]]) -> None:
+    layout, turns = three_turns
+    digests = {}
+    for effort in EFFORTS:
+        stream = encode(turns, layout, Settings(effort=effort))
+        assert stream == encode(turns, layout, Settings(effort=effort))
+        digests[effort] = hashlib.sha256(stream).hexdigest()[:16]
+    assert len(set(digests.values())) == 3
+
+
+def test_what_does_not_fit_is_refused(three_turns: tuple[Layout, list[Turn]]) -> None:
+    layout, turns = three_turns
+    with pytest.raises(InputError, match="ranges of a turn are"):
+        encode(turns, Layout(tuple(range(32))))
+    with pytest.raises(InputError, match="effort 'best'"):
+        Settings(effort="best")
+    with pytest.raises(InputError, match="step 0"):
+        Settings(step=0)
+    with pytest.raises(ValueError, match="no permutation"):
+        Layout((0, 0))
+    empty = Turn(np.zeros((1, 0, 16), np.uint16), np.zeros(0, np.uint16))
+    with pytest.raises(InputError, match="a turn of 0 blocks"):
+        encode([empty], layout)
+
+
+def test_damaged_streams_end_in_one_error(three_turns: tuple[Layout, list[Turn]]) -> None:
+    layout, turns = three_turns
+    stream = encode(turns[:2], layout)
+    random = np.random.default_rng(3)
+    for end in random.integers(0, len(stream), 40):
+        with pytest.raises(InputError):
+            decode(stream[:end])
+    for place in random.integers(0, len(stream), 100):
+        changed = bytearray(stream)
+        changed[place] ^= 1 << random.integers(8)
+        with pytest.raises(InputError):
+            decode(bytes(changed))
+
+
+def test_a_damaged_turn_behind_a_fitting_check_is_an_error_or_a_turn(
+    three_turns: tuple[Layout, list[Turn]],
+) -> None:
+    layout, turns = three_turns
+    coded = TurnEncoder(layout).encode(turns[0])
+    random, errors = np.random.default_rng(4), 0
+    for place in [*range(40), *random.integers(0, len(coded), 150)]:
+        changed = bytearray(coded)
+        changed[place] ^= 1 << random.integers(8)
+        try:
+            assert TurnDecoder(layout).decode(bytes(changed)).ranges.shape[2] == layout.lasers
+        except InputError:
+            errors += 1
+    assert errors > 100
+
+
+def test_a_stream_is_records_with_an_end(three_turns: tuple[Layout, list[Turn]]) -> None:
+    from io import BytesIO
+
+    layout, turns = three_turns
+    kinds = [record.kind for record in read_records(BytesIO(encode(turns, layout)))]
+    assert kinds == [Kind.LAYOUT, *[Kind.TURN] * len(turns), Kind.END]
