@@ -6,7 +6,8 @@ import pytest
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.geometry import Reference
-from puckbench.metrics.measures import measures, picture_measures, truth_measures
+from puckbench.metrics.measures import measures, picture_measures
+from puckbench.metrics.truth import Truth
 
 GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
 UP = np.tile([0.0, 0, 1], (len(GRID), 1))
@@ -69,29 +70,29 @@ def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -
     reference = PointCloud(GRID, about=ABOUT)
     decoded = RAISED + np.array([0.25, 0, 0])
     for known in ({"seen": PointCloud(GRID, UP), "clean": None}, {"seen": None, "clean": None}):
-        found = truth_measures(reference, decoded, FLOOR_M, **known)
+        found = Truth(reference, FLOOR_M, **known).measures(decoded)
         assert found["truth_acd_ba_plane"] == pytest.approx(0.25)
         assert found["truth_acd_ba_point"] == pytest.approx(0.25)
         assert found["truth_points_a"] == len(GRID)
     surface = PointCloud(GRID, UP)
-    points = truth_measures(reference, decoded, surface, None, None)
+    points = Truth(reference, surface).measures(decoded)
     assert points["truth_acd_ba_point"] == pytest.approx(0.25 + 0.0625)
     assert points["truth_hausdorff_plane_m"] == pytest.approx(0.05)
-    some = truth_measures(reference, decoded, surface, PointCloud(GRID[:9], UP[:9]), None)
+    some = Truth(reference, surface, PointCloud(GRID[:9], UP[:9])).measures(decoded)
     assert some["truth_points_a"] == 9
 
 
 def test_a_clean_scan_is_compared_as_well() -> None:
     clean = PointCloud(GRID, UP)
-    found = truth_measures(PointCloud(GRID), RAISED, None, PointCloud(GRID[:9]), clean)
+    found = Truth(PointCloud(GRID), None, PointCloud(GRID[:9]), clean).measures(RAISED)
     assert found["truth_points_a"] == len(GRID)
     assert found["clean_acd_ba_plane"] == found["truth_acd_ba_plane"] == 0.25
 
 
 def test_without_a_scale_units_are_metres_at_the_origin() -> None:
     flat = Mesh(FLOOR_M.vertices - [0, 0, 3], FLOOR_M.triangles)
-    found = truth_measures(PointCloud(GRID[:5]), RAISED[:5], flat, None, None)
+    found = Truth(PointCloud(GRID[:5]), flat).measures(RAISED[:5])
     assert found["truth_d2_rms_m"] == pytest.approx(0.5)
     assert found["truth_points_a"] == 5
     corners = np.array([[0.0, 0, 0.5], [9, 9, 0.5]])
-    assert truth_measures(PointCloud(GRID), corners, flat, None, None)["truth_acd_ba_point"] == 0.25
+    assert Truth(PointCloud(GRID), flat).measures(corners)["truth_acd_ba_point"] == 0.25

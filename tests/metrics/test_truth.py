@@ -8,7 +8,6 @@ from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.geometry import Reference, distortion
-from puckbench.metrics.measures import truth_measures
 from puckbench.metrics.truth import Truth, scan_distortion, truth_distortion
 
 FLOOR = Mesh(
@@ -158,4 +157,4 @@ def test_one_truth_gives_many_decoded_clouds_the_values_of_one_off_calls(
     truth, random = Truth(cloud, surface, seen, clean), generator(5, "decoded")
     for number in (200, 20, 200):
         decoded = random.random((number, 3)) * 200
-        assert truth.measures(decoded) == truth_measures(cloud, decoded, surface, seen, clean)
+        assert truth.measures(decoded) == Truth(cloud, surface, seen, clean).measures(decoded)

@@ -1,47 +1,53 @@
-# Codecs: one self-contained stream for each cloud, codec and rate; decoded clouds when asked for.
-CELL = "{dataset}/{cloud}/{codec}/{rate}"
+# Codecs: self-contained streams, one for each cloud, codec and rate; decoded clouds when asked for.
+# A job makes the streams of a whole rate-distortion curve, or of a part where that takes long.
+for curve in coding.curves:
+
+    rule:
+        name:
+            curve.name("encode")
+        input:
+            cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
+        output:
+            streams=curve.files(f"{RESULTS}/coded", ".bin"),
+            records=curve.files(f"{RESULTS}/coded", ".bin.json"),
+        params:
+            record=coding.encode(curve).record,
+            code=coding.encode(curve).code,
+            timed=coding.threads_environment,
+        threads: coding.cores(CORES)
+        resources:
+            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+        log:
+            f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{curve.log}.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        shell:
+            "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
+            " streams={output.streams:q} > {log:q} 2>&1"
 
 
-# What is made together is followed by one of its files: there are tens of thousands of these jobs,
-# and planning pays for each input of each.
-rule encode:
-    input:
-        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-    output:
-        stream=f"{RESULTS}/coded/{CELL}.bin",
-        about=f"{RESULTS}/coded/{CELL}.bin.json",
-    params:
-        record=lambda w: coding.encode(w.codec, w.rate).record,
-        code=lambda w: coding.encode(w.codec, w.rate).code,
-        timed=coding.threads_environment,
-    threads: coding.cores(CORES)
-    resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=30,
-    log:
-        f"{RESULTS}/logs/coded/{CELL}.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    shell:
-        "{params.timed} python -m puckbench.jobs encode {params.record:q} cloud={input.cloud:q} stream={output.stream:q}"
-        " > {log:q} 2>&1"
+# The rates that the report shows in one job, each other one alone.
+for curve in [*coding.shown, *coding.not_shown]:
 
-
-rule decode:
-    input:
-        stream=f"{RESULTS}/coded/{CELL}.bin",
-    output:
-        cloud=f"{RESULTS}/decoded/{CELL}.ply",
-        about=f"{RESULTS}/decoded/{CELL}.json",
-    params:
-        record=lambda w: coding.decode(w.codec, w.rate).record,
-        code=lambda w: coding.decode(w.codec, w.rate).code,
-    resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=30,
-    log:
-        f"{RESULTS}/logs/decoded/{CELL}.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    shell:
-        "python -m puckbench.jobs decode {params.record:q} stream={input.stream:q} cloud={output.cloud:q} > {log:q} 2>&1"
+    rule:
+        name:
+            curve.name("decode")
+        input:
+            streams=curve.files(f"{RESULTS}/coded", ".bin"),
+        output:
+            clouds=curve.files(f"{RESULTS}/decoded", ".ply"),
+            about=curve.files(f"{RESULTS}/decoded", ".json"),
+        params:
+            record=coding.decode(curve).record,
+            code=coding.decode(curve).code,
+        resources:
+            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+        log:
+            f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{curve.log}.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        shell:
+            "python -m puckbench.jobs decode_curve {params.record:q} streams={input.streams:q}"
+            " clouds={output.clouds:q} > {log:q} 2>&1"

@@ -36,9 +36,11 @@ def one_of(names):
     return "|".join(names) or "(?!)"
 
 
-def files_of(files):
-    """Words `key=FILE` of a job's optional inputs."""
-    return shlex.join(f"{key}={file}" for key, file in files.items())
+def files_of(*named):
+    """Words `key=FILE ...` of a job's inputs and outputs by name."""
+    files = {key: file for each in named for key, file in each.items()}
+    lists = {key: [file] if isinstance(file, str) else [*file] for key, file in files.items()}
+    return shlex.join(word for key, (first, *more) in lists.items() for word in (f"{key}={first}", *more))
 
 
 bench = or_stop(Workflow, config, True)
@@ -84,5 +86,4 @@ wildcard_constraints:
     capture=one_of(plan.study.captures if plan.study else ()),
     cloud=r"[A-Za-z0-9_.-]+",
     scene=r"[A-Za-z0-9_.-]+",
-    rate=r"[A-Za-z0-9_]+",
     figure=r"[a-z0-9_]+",

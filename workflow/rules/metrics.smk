@@ -1,27 +1,42 @@
-# Metrics: a result row for each cloud, codec and rate, from the stream's bytes alone.
-rule evaluate:
-    input:
-        unpack(lambda w: coding.truth(w.dataset, w.cloud)),
-        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        stream=f"{RESULTS}/coded/{CELL}.bin",
-    output:
-        f"{RESULTS}/metrics/{CELL}.json",
-    params:
-        record=lambda w: coding.evaluate(w.dataset, w.codec, w.rate).record,
-        code=lambda w: coding.evaluate(w.dataset, w.codec, w.rate).code,
-        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
-        timed=coding.threads_environment,
-    threads: coding.cores(CORES)
-    resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=30,
-    log:
-        f"{RESULTS}/logs/metrics/{CELL}.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    shell:
-        "{params.timed} python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud:q}"
-        " decoded={input.stream:q} row={output:q} {params.truth} > {log:q} 2>&1"
+# Metrics: a result row for each cloud, codec and rate, from the streams' bytes alone; a job makes
+# those of a whole curve. Where scenes are labelled, a codec of surfaces has its primitives compared
+# with those that the scene is made of.
+for curve in coding.curves:
+    for surfaces in (False, True):
+        if not (measured := coding.measured(curve.codec, surfaces)):
+            continue
+        recovered = {"recovered": curve.files(f"{RESULTS}/recovery", ".json")} if surfaces else {}
+
+        rule:
+            name:
+                curve.name("evaluate") + ("_surfaces" if surfaces else "")
+            input:
+                unpack(lambda w: coding.truth(w.dataset, w.cloud)),
+                unpack(lambda w, surfaces=surfaces: coding.labels(w.dataset, w.cloud) if surfaces else {}),
+                cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
+                streams=curve.files(f"{RESULTS}/coded", ".bin"),
+            output:
+                rows=curve.files(f"{RESULTS}/metrics", ".json"),
+                **recovered,
+            params:
+                job="evaluate_surfaces" if surfaces else "evaluate_curve",
+                record=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).record,
+                code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).code,
+                files=lambda w, input, output: files_of(input, output),
+                timed=coding.threads_environment,
+            threads: coding.cores(CORES)
+            resources:
+                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+                runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+            log:
+                f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{curve.log}.log",
+            wildcard_constraints:
+                dataset=one_of(measured),
+            conda:
+                "../../envs/puckbench.yaml"
+            shell:
+                "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
+                " > {log:q} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.
@@ -46,28 +61,3 @@ rule scan_error:
     shell:
         "python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud:q} decoded={input.cloud:q}"
         " row={output:q} {params.truth} > {log:q} 2>&1"
-
-
-# Geometric primitives of a stream's surface against those that the scene is made of.
-rule recovery:
-    input:
-        stream=f"{RESULTS}/coded/{CELL}.bin",
-        coded=f"{RESULTS}/coded/{CELL}.bin.json",
-        points=lambda w: clouds.true_points(w.dataset, w.cloud),
-        scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
-        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-    output:
-        f"{RESULTS}/recovery/{CELL}.json",
-    params:
-        record=lambda w: coding.recovery(w.dataset, w.codec, w.rate).record,
-        code=lambda w: coding.recovery(w.dataset, w.codec, w.rate).code,
-    resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=30,
-    log:
-        f"{RESULTS}/logs/recovery/{CELL}.log",
-    conda:
-        "../../envs/puckbench.yaml"
-    shell:
-        "python -m puckbench.jobs recovery {params.record:q} stream={input.stream:q} points={input.points:q}"
-        " scene={input.scene:q} row={output:q} > {log:q} 2>&1"

@@ -62,6 +62,17 @@ class Memory(NamedTuple):
         return int(self.base_mb) + int(points * self.bytes_per_point) // 1_000_000
 
 
+class Pace(NamedTuple):
+    """Estimate of the time of coding and decoding at one rate: s, and s for a million points."""
+
+    base_s: float = 0.1
+    per_million_s: float = 10.0
+
+    def of(self, points: int) -> float:
+        """The estimate in s for a number of points."""
+        return self.base_s + self.per_million_s * points / 1_000_000
+
+
 class Codec(ABC):
     """A codec of point-cloud geometry: points to a self-contained byte string, and back.
 
@@ -108,6 +119,7 @@ class Codec(ABC):
     surfaces: bool = False
     """Whether `decode_mesh` gives surfaces with labelled primitives."""
     memory: Memory = Memory()
+    pace: Pace = Pace()
     training: str = ""
     """``module:Class`` of the settings of its training, for a codec with weights of its own."""
     based_on: str = ""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, Pace
 from puckbench.codecs.common.shift import unshifted
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
@@ -121,6 +121,11 @@ def weights_files(name: str, changes: Entry | None = None) -> list[Path]:
 def memory_mb(name: str, points: int, changes: Entry | None = None) -> int:
     """Estimate of the memory in MB that a codec takes for a number of points."""
     return codec_class(name, changes).memory.of(points)
+
+
+def pace(name: str, changes: Entry | None = None) -> Pace:
+    """Estimate of the time that a codec takes."""
+    return codec_class(name, changes).pace
 
 
 def codec_of(stream: bytes) -> str:

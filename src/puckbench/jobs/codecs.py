@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
@@ -23,16 +23,19 @@ class CodecJob(Job):
 
     codec: str | None = None
     changes: dict[str, Any] = Field({})
+    _loaded: dict[str, Codec] = PrivateAttr(default_factory=dict)
 
     def loaded(self, name: str) -> Codec:
-        """The codec, with weights and compiled loops loaded.
+        """The codec, with weights and compiled loops loaded: once for all streams of the job.
 
         Raises
         ------
         InputError
             It is unknown, or cannot run here.
         """
-        return ready(open_codec(name, self.changes))
+        if name not in self._loaded:
+            self._loaded[name] = ready(open_codec(name, self.changes))
+        return self._loaded[name]
 
     def read_stream(self, path: Path) -> tuple[str, bytes]:
         """The name of the codec that decodes a stream file, and the stream.

@@ -23,7 +23,7 @@ class Decoded(NamedTuple):
 
 
 class Decoding(TimedJob):
-    """A job that decodes a stream; the codec is found from the stream where none is named."""
+    """A job that decodes streams; the codec is found from the stream where none is named."""
 
     def decoded(self, path: Path) -> Decoded:
         """Decode a stream file, timed; InputError names the file when it is damaged or foreign."""
@@ -40,6 +40,13 @@ class Decoding(TimedJob):
         }
         return Decoded(timed.result, record)
 
+    def write_decoded(self, stream: Path, cloud: Path) -> dict[str, Any]:
+        """Write the decoded cloud of a stream file as PLY."""
+        points, record = self.decoded(stream)
+        about = {"source": stream.name, "codec": record["codec"]}
+        write_cloud(cloud, PointCloud(points, about=about))
+        return record
+
 
 @JOBS.register("decode")
 class Decode(Decoding):
@@ -49,12 +56,7 @@ class Decode(Decoding):
 
     def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
         """Write the decoded cloud or mesh as PLY."""
-        if self.as_mesh:
-            return self._mesh(stream, cloud)
-        points, record = self.decoded(stream)
-        about = {"source": stream.name, "codec": record["codec"]}
-        write_cloud(cloud, PointCloud(points, about=about))
-        return record
+        return self._mesh(stream, cloud) if self.as_mesh else self.write_decoded(stream, cloud)
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, stream = self.read_stream(path)
@@ -68,3 +70,14 @@ class Decode(Decoding):
             "triangles": len(mesh.triangles),
             "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
         }
+
+
+@JOBS.register("decode_curve")
+class DecodeCurve(Decoding):
+    """Decode streams of a rate-distortion curve to clouds, in one process."""
+
+    def run(self, streams: tuple[Path, ...], clouds: tuple[Path, ...]) -> dict[str, Any]:
+        """Write the decoded clouds as PLY."""
+        for stream, cloud in zip(streams, clouds, strict=True):
+            self.write_decoded(stream, cloud)
+        return {"clouds": len(clouds)}

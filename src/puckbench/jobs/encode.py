@@ -1,4 +1,4 @@
-"""Coding a cloud with a codec at a rate, and what it cost."""
+"""Coding a cloud with a codec, at one rate or at all of a curve, and what it cost."""
 
 from __future__ import annotations
 
@@ -11,21 +11,49 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming
 from puckbench.core.files import write_json, written_whole
-from puckbench.geometry.cloud import PointCloud
+from puckbench.core.progress import Progress
+from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import TimedJob, ready, record_file
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 
 
+class Encoding(TimedJob):
+    """A job that codes a cloud; the record of it goes beside each stream."""
+
+    codec: str
+
+    def coded(self, codec: Codec, points: Floats, rate: str, stream: Path) -> dict[str, Any]:
+        """Code points (n, 3) with a loaded codec, timed; write the stream and its record."""
+        found = measured(lambda: codec.encode(points, rate), self.repeats, codec.cost)
+        weights = codec.weights_of(rate)
+        record = {
+            "codec": self.codec,
+            "rate": rate,
+            "codec_version": codec.version,
+            **({"weights": weights} if weights else {}),
+            "points_in": len(points),
+            "bytes": len(found.result),
+            "bpp": 8 * len(found.result) / len(points),
+            "repeats": self.repeats,
+            **found.costs("encode"),
+            **run_environment(self.alone),
+            "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
+        }
+        with written_whole(stream) as temporary:
+            temporary.write_bytes(found.result)
+            write_json(record_file(stream), record)
+        return record
+
+
 @JOBS.register("encode")
-class Encode(TimedJob):
-    """Code a cloud at a rate; the record of it goes beside the stream.
+class Encode(Encoding):
+    """Code a cloud at a rate.
 
     frame: of a cloud whose description does not tell.
     """
 
-    codec: str
     rate: str
     frame: Literal["scaled"] | None = None
 
@@ -42,26 +70,7 @@ class Encode(TimedJob):
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         points = self._cloud(codec, cloud, prepared).xyz
-        ready(codec)
-        coded = measured(lambda: codec.encode(points, self.rate), self.repeats, codec.cost)
-        weights = codec.weights_of(self.rate)
-        record = {
-            "codec": self.codec,
-            "rate": self.rate,
-            "codec_version": codec.version,
-            **({"weights": weights} if weights else {}),
-            "points_in": len(points),
-            "bytes": len(coded.result),
-            "bpp": 8 * len(coded.result) / len(points),
-            "repeats": self.repeats,
-            **coded.costs("encode"),
-            **run_environment(self.alone),
-            "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
-        }
-        with written_whole(stream) as temporary:
-            temporary.write_bytes(coded.result)
-            write_json(record_file(stream), record)
-        return record
+        return self.coded(ready(codec), points, self.rate, stream)
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
         """The cloud to code; InputError where the codec's rates are not in its frame."""
@@ -71,3 +80,20 @@ class Encode(TimedJob):
         with naming(path):
             codec.check_frame(self.frame or cloud.frame)
         return cloud
+
+
+@JOBS.register("encode_curve")
+class EncodeCurve(Encoding):
+    """Code a cloud at the rates of a rate-distortion curve, in one process."""
+
+    def run(self, cloud: Path, streams: tuple[Path, ...]) -> dict[str, Any]:
+        """Write the streams, each named after its rate, and their records."""
+        codec, original = open_codec(self.codec, self.changes), read_cloud(cloud)
+        with naming(cloud):
+            codec.check_frame(original.frame)
+        ready(codec)
+        progress = Progress("rate")
+        for done, stream in enumerate(streams, start=1):
+            self.coded(codec, original.xyz, stream.stem, stream)
+            progress(done, len(streams))
+        return {"streams": len(streams)}

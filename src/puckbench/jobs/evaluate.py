@@ -1,12 +1,14 @@
-"""Measuring a decoded cloud, or a stream that is decoded first: one result row."""
+"""Measuring decoded clouds, or streams that are decoded first: one result row each."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from puckbench import __version__
 from puckbench.core.files import read_json, write_json
+from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import record_file
@@ -14,15 +16,48 @@ from puckbench.jobs.decode import Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.metrics.further import further_metrics
-from puckbench.metrics.measures import measures, picture_measures, truth_measures
+from puckbench.metrics.measures import measures, picture_measures
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
 """What a result row keeps of the reference's description."""
 
 
-@JOBS.register("evaluate")
-class Evaluate(Decoding):
-    """Measure a decoded cloud or a stream against the cloud that was coded, and the truth.
+class Originals:
+    """What decoded clouds are measured against, read and made ready once.
+
+    Parameters
+    ----------
+    cloud
+        The cloud that was coded.
+    truth
+        The true surface: a mesh or captured room in metres, or a cloud in the frame of `cloud`.
+    visible
+        Points of the true surface that the cloud's own stand for.
+    clean
+        The clean scan of the same rays, in place of `visible`.
+    """
+
+    def __init__(
+        self,
+        cloud: Path,
+        truth: Path | None = None,
+        visible: Path | None = None,
+        clean: Path | None = None,
+    ) -> None:
+        from puckbench.metrics.geometry import Reference
+        from puckbench.metrics.truth import Truth
+
+        self.name = cloud.stem
+        self.reference = Reference(read_cloud(cloud))
+        self.truth = None
+        if truth or visible or clean:
+            surface = None if truth is None else read_truth(truth)
+            seen, ideal = (None if path is None else read_cloud(path) for path in (visible, clean))
+            self.truth = Truth(self.reference.cloud, surface, seen, ideal)
+
+
+class Evaluating(Decoding):
+    """A job that measures against the cloud that was coded, and the truth.
 
     dataset: its name, for the row. peak: of the PSNRs; by default the cloud's own, and none where
     its description tells no size.
@@ -33,6 +68,45 @@ class Evaluate(Decoding):
     peak: float | None = None
     views: int = 0
     metrics: tuple[str, ...] = ()
+
+    def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
+        """The result row of a decoded cloud (.ply), or of a stream."""
+        reference = originals.reference.cloud
+        points, record = self._decoded(decoded)
+        found = measures(originals.reference, points.xyz, self.peak)
+        result = {
+            **({"dataset": self.dataset} if self.dataset else {}),
+            **{key: reference.about[key] for key in _KEPT if key in reference.about},
+            **record,
+            "puckbench_version": __version__,
+            **found,
+            **picture_measures(reference, points, self.views, found),
+            **(originals.truth.measures(points.xyz) if originals.truth else {}),
+        }
+        result |= further_metrics(self.metrics, reference, points, result)
+        result["cloud"] = result.pop("name", originals.name)
+        return result
+
+    def write_rows(
+        self, originals: Originals, streams: Sequence[Path], rows: Sequence[Path]
+    ) -> None:
+        """Write the result row of each stream."""
+        progress = Progress("rate")
+        for done, (stream, row) in enumerate(zip(streams, rows, strict=True), start=1):
+            write_json(row, self.row(originals, stream))
+            progress(done, len(rows))
+
+    def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
+        if path.suffix == ".ply":
+            return read_cloud(path), {}
+        points, record = self.decoded(path)
+        beside = record_file(path)
+        return PointCloud(points), {**(read_json(beside) if beside.exists() else {}), **record}
+
+
+@JOBS.register("evaluate")
+class Evaluate(Evaluating):
+    """Measure a decoded cloud or a stream."""
 
     def run(
         self,
@@ -47,52 +121,36 @@ class Evaluate(Decoding):
 
         Parameters
         ----------
-        cloud
-            The cloud that was coded.
         decoded
             A decoded cloud (.ply), or a stream.
-        truth
-            The true surface: a mesh or captured room in metres, or a cloud in the frame of `cloud`.
-        visible
-            Points of the true surface that the cloud's own stand for.
-        clean
-            The clean scan of the same rays, in place of `visible`.
+        cloud, truth, visible, clean
+            As `Originals` takes them.
         """
-        reference = read_cloud(cloud)
-        points, record = self._decoded(decoded)
-        found = measures(reference, points.xyz, self.peak)
-        result = {
-            **({"dataset": self.dataset} if self.dataset else {}),
-            **{key: reference.about[key] for key in _KEPT if key in reference.about},
-            **record,
-            "puckbench_version": __version__,
-            **found,
-            **picture_measures(reference, points, self.views, found),
-            **_against_truth(reference, points, truth, visible, clean),
-        }
-        result |= further_metrics(self.metrics, reference, points, result)
-        result["cloud"] = result.pop("name", cloud.stem)
+        result = self.row(Originals(cloud, truth, visible, clean), decoded)
         if row:
             write_json(row, result)
         return result
 
-    def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
-        if path.suffix == ".ply":
-            return read_cloud(path), {}
-        points, record = self.decoded(path)
-        beside = record_file(path)
-        return PointCloud(points), {**(read_json(beside) if beside.exists() else {}), **record}
 
+@JOBS.register("evaluate_curve")
+class EvaluateCurve(Evaluating):
+    """Measure the streams of a rate-distortion curve, in one process."""
 
-def _against_truth(
-    reference: PointCloud,
-    decoded: PointCloud,
-    truth: Path | None,
-    visible: Path | None,
-    clean: Path | None,
-) -> dict[str, float]:
-    if truth is None and visible is None and clean is None:
-        return {}
-    surface = None if truth is None else read_truth(truth)
-    seen, ideal = (None if path is None else read_cloud(path) for path in (visible, clean))
-    return truth_measures(reference, decoded.xyz, surface, seen, ideal)
+    def run(
+        self,
+        cloud: Path,
+        streams: tuple[Path, ...],
+        rows: tuple[Path, ...],
+        truth: Path | None = None,
+        visible: Path | None = None,
+        clean: Path | None = None,
+    ) -> dict[str, Any]:
+        """Write the result rows, one for each stream.
+
+        Parameters
+        ----------
+        cloud, truth, visible, clean
+            As `Originals` takes them.
+        """
+        self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
+        return {"rows": len(rows)}

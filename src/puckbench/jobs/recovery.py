@@ -21,40 +21,49 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 """What a row keeps of the record beside a stream."""
 
 
-@JOBS.register("recovery")
-class Recovery(CodecJob):
-    """Compare the primitives of a decoded surface with those that the scene is made of."""
+class LabelledPoints:
+    """True points with the labels of the primitives that they lie on, and those primitives.
+
+    Parameters
+    ----------
+    points
+        The points.
+    scene
+        The labelled mesh that they lie on, in metres.
+
+    Raises
+    ------
+    InputError
+        There are no labels, or they do not fit.
+    """
+
+    def __init__(self, points: Path, scene: Path) -> None:
+        self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
+        _check_points(points, self.cloud, self.labels)
+
+
+class Recovering(CodecJob):
+    """A job that compares primitives of decoded surfaces with those that the scene is made of."""
 
     dataset: str | None = None
 
-    def run(
-        self, stream: Path, points: Path, scene: Path, row: Path | None = None
-    ) -> dict[str, Any]:
-        """Write the result row and return it; ``kinds`` is empty for a stream without surface.
+    def recovered(self, originals: LabelledPoints, name: str, stream: Path) -> dict[str, Any]:
+        """The result row of a stream; ``kinds`` is empty for one without surface.
 
-        Parameters
-        ----------
-        points
-            True points with the labels of the primitives that they lie on.
-        scene
-            The labelled mesh that they lie on, in metres.
+        name: of the cloud.
         """
-        cloud, labels = read_cloud(points), _scene_labels(scene)
-        _check_points(points, cloud, labels)
-        name, surface = self._decoded_surface(stream)
+        codec, surface = self._decoded_surface(stream)
         beside = record_file(stream)
         record = read_json(beside) if beside.exists() else {}
-        result = {
+        kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
+        return {
             **({"dataset": self.dataset} if self.dataset else {}),
-            "cloud": points.stem,
-            "codec": name,
+            "cloud": name,
+            "codec": codec,
             **{key: record[key] for key in _KEPT if key in record},
             "puckbench_version": __version__,
-            "kinds": [] if surface is None else _kinds(cloud, labels, surface),
+            "kinds": kinds,
         }
-        if row:
-            write_json(row, result)
-        return result
 
     def _decoded_surface(self, path: Path) -> tuple[str, Mesh | None]:
         """The codec's name and the labelled surface; None where the stream holds points alone."""
@@ -71,6 +80,26 @@ class Recovery(CodecJob):
         if surface.labels is None:
             raise InputError(f"{path}: codec {name} gives its surface no labels")
         return name, surface
+
+
+@JOBS.register("recovery")
+class Recovery(Recovering):
+    """Compare the primitives of a decoded surface with those that the scene is made of."""
+
+    def run(
+        self, stream: Path, points: Path, scene: Path, row: Path | None = None
+    ) -> dict[str, Any]:
+        """Write the result row and return it.
+
+        Parameters
+        ----------
+        points, scene
+            As `LabelledPoints` takes them.
+        """
+        result = self.recovered(LabelledPoints(points, scene), points.stem, stream)
+        if row:
+            write_json(row, result)
+        return result
 
 
 def _kinds(cloud: PointCloud, labels: Labels, surface: Mesh) -> list[dict[str, Any]]:

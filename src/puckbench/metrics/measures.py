@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
     from puckbench.metrics.geometry import Reference
@@ -61,22 +60,6 @@ def picture_measures(
         colour = colour_distortion(reference, decoded)
         found |= {**colour, "joint_quality": joint_quality(geometry, colour)}
     return _finite(found)
-
-
-def truth_measures(
-    reference: PointCloud,
-    decoded: Floats,
-    surface: Mesh | PointCloud | None,
-    seen: PointCloud | None,
-    clean: PointCloud | None,
-) -> dict[str, float]:
-    """Distortion of one decoded cloud against the true surface.
-
-    See `puckbench.metrics.truth.Truth`, to be made once where there are several decoded clouds.
-    """
-    from puckbench.metrics.truth import Truth
-
-    return Truth(reference, surface, seen, clean).measures(decoded)
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:

@@ -1,72 +1,149 @@
-"""Jobs of codecs: streams, decoded clouds, result rows, recovered primitives."""
+"""Jobs of codecs: rate-distortion curves of a cloud and a codec, coded, decoded and measured."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
-from puckbench.codecs.registry import memory_mb, module_of
+from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
 from puckbench.core.files import sha256
 from puckbench.geometry.scaling import GRID
-from puckbench.jobs.decode import Decode
-from puckbench.jobs.encode import Encode
-from puckbench.jobs.evaluate import Evaluate
+from puckbench.jobs.decode import DecodeCurve
+from puckbench.jobs.encode import EncodeCurve
+from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
+from puckbench.jobs.evaluate_surfaces import EvaluateSurfaces
 from puckbench.jobs.joined import RowKind
-from puckbench.jobs.recovery import Recovery
 from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.report_contents import spread_out
 
 _BYTES_PER_PIXEL = 100
 """Of the six pictures' width times height, one at a time: 305 MB were measured at 1920 pixels."""
+_MOST_SECONDS = 600
+"""Of one job's coding and decoding, as estimated: a curve that takes longer is cut by rates."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Rates of a codec that one job codes, and one measures: a whole curve, or a part of it."""
+
+    codec: str
+    rates: tuple[str, ...]
+    whole: bool
+
+    def name(self, what: str) -> str:
+        """The name of a rule, such as ``encode_draco``."""
+        return f"{what}_{self.codec}" if self.whole else f"{what}_{self.codec}_{self.part}"
+
+    @property
+    def log(self) -> str:
+        """Name of a log, below those of the data set and the cloud."""
+        return self.codec if self.whole else f"{self.codec}/{self.part}"
+
+    @property
+    def part(self) -> str:
+        """Its rates, in a name."""
+        first, last = self.rates[0], self.rates[-1]
+        return first if first == last else f"{first}_to_{last}"
+
+    def files(self, folder: str, suffix: str) -> list[str]:
+        """A file for each rate, of any data set and cloud."""
+        return [
+            f"{folder}/{{dataset}}/{{cloud}}/{self.codec}/{rate}{suffix}" for rate in self.rates
+        ]
 
 
 class CodingJobs:
-    """Files and jobs of the cells: cloud, codec and rate."""
+    """Files and jobs of the curves."""
 
     def __init__(self, clouds: CloudJobs) -> None:
         self.clouds, self.plan = clouds, clouds.plan
         self.timing = self.plan.config.timing
 
+    @cached_property
+    def curves(self) -> tuple[Curve, ...]:
+        """The curves of every codec, those that would take too long in parts."""
+        return tuple(
+            curve
+            for codec, entry in self.plan.codecs.items()
+            for curve in _curves(codec, tuple(entry["rates"]), self._seconds(codec))
+        )
+
+    def _seconds(self, codec: str) -> float:
+        """Estimate of what coding and decoding the largest clouds takes at one rate."""
+        points = max((data.points for data in self.plan.datasets.values()), default=0)
+        return self.timing.repeats * pace(codec, self.plan.config.codec(codec)).of(points)
+
     @cache  # noqa: B019 (one plan lives as long as the process)
-    def encode(self, codec: str, rate: str) -> PlannedJob:
+    def minutes(self, curve: Curve) -> int:
+        """Generous estimate of the time of a curve's job, for the largest clouds, in minutes."""
+        return 5 + math.ceil(2 * len(curve.rates) * self._seconds(curve.codec) / 60)
+
+    @cached_property
+    def shown(self) -> tuple[Curve, ...]:
+        """Rates whose decoded clouds the report shows, by codec; none without example clouds."""
+        if not self.plan.config.figures.examples.given():
+            return ()
+        count = self.plan.config.report.rates
+        return tuple(
+            Curve(codec, tuple(rates), whole=True)
+            for codec, entry in self.plan.codecs.items()
+            if (rates := spread_out(list(entry["rates"]), count))
+        )
+
+    @cached_property
+    def not_shown(self) -> tuple[Curve, ...]:
+        """Each other rate."""
+        shown = {(curve.codec, rate) for curve in self.shown for rate in curve.rates}
+        return tuple(
+            Curve(codec, (rate,), whole=False)
+            for codec, entry in self.plan.codecs.items()
+            for rate in entry["rates"]
+            if (codec, rate) not in shown
+        )
+
+    @cache  # noqa: B019
+    def encode(self, curve: Curve) -> PlannedJob:
         """Code a cloud."""
-        record = Encode(codec=codec, rate=rate, changes=self._entry(codec, rate), **self._timed)
-        return planned(record, self._module(codec), also=self._weights(codec))
+        record = EncodeCurve(codec=curve.codec, changes=self._entry(curve), **self._timed)
+        return planned(record, self._module(curve.codec), also=self._weights(curve.codec))
 
     @cache  # noqa: B019
-    def decode(self, codec: str, rate: str) -> PlannedJob:
-        """Decode a stream to a cloud."""
-        record = Decode(codec=codec, changes=self._entry(codec, rate))
-        return planned(record, self._module(codec), also=self._weights(codec))
+    def decode(self, curve: Curve) -> PlannedJob:
+        """Decode streams to clouds."""
+        record = DecodeCurve(codec=curve.codec, changes=self._entry(curve))
+        return planned(record, self._module(curve.codec), also=self._weights(curve.codec))
 
     @cache  # noqa: B019
-    def evaluate(self, dataset: str, codec: str, rate: str) -> PlannedJob:
-        """Measure a stream."""
+    def evaluate(self, dataset: str, curve: Curve, surfaces: bool = False) -> PlannedJob:
+        """Measure streams; with `surfaces` the primitives that they are made of as well."""
         settings = self.clouds.dataset(dataset).settings
-        record = Evaluate(
+        job = EvaluateSurfaces if surfaces else EvaluateCurve
+        record = job(
             dataset=dataset,
-            codec=codec,
-            changes=self._entry(codec, rate),
+            codec=curve.codec,
+            changes=self._entry(curve),
             peak=None if settings.size == GRID else float(settings.size) - 1,
             views=settings.views,
             metrics=self.plan.config.metrics,
             **self._timed,
         )
-        modules = (self._module(codec), *map(METRICS.module_of, record.metrics))
-        return planned(record, *modules, also=self._weights(codec))
+        modules = (self._module(curve.codec), *map(METRICS.module_of, record.metrics))
+        return planned(record, *modules, also=self._weights(curve.codec))
 
     @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:
         """Measure a scan as if it had been decoded."""
         return planned(Evaluate(dataset=dataset))
 
-    @cache  # noqa: B019
-    def recovery(self, dataset: str, codec: str, rate: str) -> PlannedJob:
-        """Compare the primitives of a stream with the scene's."""
-        record = Recovery(dataset=dataset, codec=codec, changes=self._entry(codec, rate))
-        return planned(record, self._module(codec), also=self._weights(codec))
+    def measured(self, codec: str, surfaces: bool) -> list[str]:
+        """The data sets where a codec's primitives are compared with the scenes', or the others."""
+        compared = self.plan.labelled if codec in self.plan.of_surfaces else ()
+        return [name for name in self.plan.datasets if (name in compared) == surfaces]
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs of a measurement: the true surface and what the sensor saw of it."""
@@ -76,6 +153,13 @@ class CodingJobs:
         seen = "clean" if data.is_scanned_from_truth else "visible"
         points = self.clouds.true_points(dataset, cloud)
         return {"truth": self.clouds.scene_file(dataset, cloud), seen: points}
+
+    def labels(self, dataset: str, cloud: str) -> dict[str, str]:
+        """Further inputs where primitives are compared: labelled points and their scene."""
+        return {
+            "points": self.clouds.true_points(dataset, cloud),
+            "scene": self.clouds.scene_file(dataset, cloud),
+        }
 
     def rows(self) -> dict[RowKind, list[str]]:
         """The tables that are made of result rows of their own, with the files of these rows."""
@@ -105,7 +189,7 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:
-        """Estimate of the memory of a cell's job in MB: of the codec and the pictures.
+        """Estimate of the memory of a curve's job in MB: of the codec and the pictures.
 
         For the largest clouds: a function for each of very many jobs would cost planning more.
         """
@@ -124,10 +208,10 @@ class CodingJobs:
     def _timed(self) -> dict[str, Any]:
         return {"repeats": self.timing.repeats, "alone": self.timing.exclusive}
 
-    def _entry(self, codec: str, rate: str) -> dict[str, Any]:
-        """The codec's whole entry with that rate alone."""
-        entry = self.plan.codecs[codec]
-        return {**entry, "rates": {rate: entry["rates"][rate]}}
+    def _entry(self, curve: Curve) -> dict[str, Any]:
+        """The codec's whole entry with the curve's rates alone."""
+        entry = self.plan.codecs[curve.codec]
+        return {**entry, "rates": {rate: entry["rates"][rate] for rate in curve.rates}}
 
     def _module(self, codec: str) -> str:
         return module_of(self.plan.codecs[codec]["class"])
@@ -136,3 +220,14 @@ class CodingJobs:
     def _weights(self, codec: str) -> str:
         """Digests of a codec's weights, where it has any."""
         return " ".join(map(sha256, self.plan.weights[codec]))
+
+
+def _curves(codec: str, rates: tuple[str, ...], seconds: float) -> list[Curve]:
+    """A curve, or as many parts of it as keep each within the most seconds.
+
+    seconds: of one rate.
+    """
+    parts = min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS))
+    size = math.ceil(len(rates) / max(1, parts))
+    cut = [rates[first : first + size] for first in range(0, len(rates), size)]
+    return [Curve(codec, part, whole=len(cut) == 1) for part in cut]

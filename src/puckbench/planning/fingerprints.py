@@ -22,7 +22,7 @@ from typing import Any
 
 _PACKAGE = "puckbench"
 _PRESENTATION = {"title", "colour", "marker", "line", "rank", "category", "thesis"}
-_RECORDED = {"rates", "memory"}
+_RECORDED = {"rates", "memory", "pace"}
 """Of a class: what a job's own record has, or what only plans use."""
 _HELP = {"help", "description"}
 _HELPED_CALLS = {"add_argument", "add_parser", "Field"}

@@ -172,19 +172,29 @@ class Plan:
         return tuple(cloud for cloud in self.clouds if cloud[0] in known)
 
     @cached_property
-    def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
-        """Those cells whose primitives are compared with the labels of their scenes."""
-        coding = {
+    def of_surfaces(self) -> frozenset[str]:
+        """The codecs that code surfaces with labelled primitives."""
+        return frozenset(
             name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
-        }
-        labelled = {
+        )
+
+    @cached_property
+    def labelled(self) -> frozenset[str]:
+        """The data sets where primitives are compared with the labels of their scenes."""
+        return frozenset(
             data.name
             for data in self.datasets.values()
             if data.settings.recovery
             and data.settings.make != "cloud"
             and has_primitives(self.scenes[data.scenes].scenes)
-        }
-        return tuple(cell for cell in self.cells if cell[0] in labelled and cell[2] in coding)
+        )
+
+    @cached_property
+    def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Those cells whose primitives are compared with the labels of their scenes."""
+        return tuple(
+            cell for cell in self.cells if cell[0] in self.labelled and cell[2] in self.of_surfaces
+        )
 
     @cached_property
     def cells(self) -> tuple[tuple[str, str, str, str], ...]:
