@@ -115,7 +115,7 @@ def test_all_jobs_of_the_configuration_are_counted(asked: Reproduction) -> None:
     counts: dict[str, int] = {}
     for kind in kinds:
         counts[kind.job] = counts.get(kind.job, 0) + kind.jobs
-    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode": 4, "evaluate": 4}
+    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode_curve": 2, "evaluate_curve": 2}
     assert expected.items() <= counts.items()
     assert counts["figure"] == len(asked.bench.outputs.figures) > 20
     assert counts["table"] == len(asked.bench.outputs.tables) > 5
@@ -136,15 +136,15 @@ def test_an_estimate_says_what_it_rests_on(
     asked: Reproduction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     results = tmp_path / "run" / "results"
-    log, about = results / "logs/coded/a/b/draco/r1.log", results / "clouds/a/b.json"
-    for path in (log, about):
-        path.parent.mkdir(parents=True)
-    log.write_text('{"job": "encode", "processor_s": 3600, "wall_s": 3600, "peak_mib": 9}\n')
-    about.write_text('{"points": 1000}')
+    log = results / "logs" / "coded" / "a" / "b" / "draco.log"
+    log.parent.mkdir(parents=True)
+    cost = {"job": "encode_curve", "processor_s": 3600, "wall_s": 3600, "peak_mib": 9}
+    cost["work"] = {"codec": "draco", "points": 1000, "rates": 1, "repeats": 3, "call_s": 1.0}
+    log.write_text(json.dumps(cost) + "\n")
     words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
     assert main(["reproduce", *words, "--estimate", "run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    rests = "(from 1 job; some rates from the codec's others)"
-    assert found["encode draco"] == f"4.00 core-hours: 4 jobs of 3600.0 s {rests}"
-    assert found["evaluate draco"] == "4 jobs, not measured"
+    rests = "(from 1 job; some from curves of other numbers of rates)"
+    assert found["encode_curve draco"] == f"4.00 core-hours: 2 jobs of 7200.0 s {rests}"
+    assert found["evaluate_curve draco"] == "2 jobs, not measured"
     assert found["total"] == "4.0 core-hours"

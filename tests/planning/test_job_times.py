@@ -13,8 +13,8 @@ from puckbench.core.errors import InputError
 from puckbench.planning.job_times import JobKind, JobTime, Measurements, estimated, read_job_times
 
 
-def times(rule: str, *pairs: tuple[int, float], codec: str = "", rate: str = "") -> list[JobTime]:
-    return [JobTime(rule, codec, rate, points, seconds) for points, seconds in pairs]
+def times(rule: str, *pairs: tuple[int, float], codec: str = "", rates: int = 0) -> list[JobTime]:
+    return [JobTime(rule, codec, rates, points, seconds) for points, seconds in pairs]
 
 
 def test_a_job_takes_a_start_and_a_time_for_each_point() -> None:
@@ -40,40 +40,43 @@ def test_the_first_job_of_a_run_which_compiles_does_not_tilt_the_line() -> None:
 
 
 def test_timed_calls_count_as_often_as_they_are_planned() -> None:
-    measured = [JobTime("encode", "draco", "r1", 100, 3.0, call_s=0.5, repeats=2)]
-    (found,) = estimated([JobKind("encode", 1, 100, "draco", "r1", repeats=5)], measured)
+    measured = [JobTime("encode_curve", "draco", 8, 100, 3.0, call_s=0.5, repeats=2)]
+    (found,) = estimated([JobKind("encode_curve", 1, 100, "draco", 8, repeats=5)], measured)
     assert found.seconds == pytest.approx(2.0 + 5 * 0.5)
 
 
 def test_jobs_measured_against_the_truth_tell_of_their_like() -> None:
     measured = [
-        JobTime("evaluate", "draco", "r1", 100, 1.0, truth=False),
-        JobTime("evaluate", "draco", "r1", 100, 4.0, truth=True),
+        JobTime("evaluate_curve", "draco", 8, 100, 1.0, truth=False),
+        JobTime("evaluate_curve", "draco", 8, 100, 4.0, truth=True),
     ]
-    kinds = [JobKind("evaluate", 1, 100, "draco", "r1", truth=truth) for truth in (False, True)]
+    kinds = [JobKind("evaluate_curve", 1, 100, "draco", 8, truth=truth) for truth in (False, True)]
     assert [found.seconds for found in estimated(kinds, measured)] == [1.0, 4.0]
 
 
 def test_core_hours_count_every_job_and_say_how_far_they_reach() -> None:
-    kind = JobKind("encode", 3600, 200, "draco", "r1")
-    measured = times("encode", (100, 1.0), (100, 1.0), codec="draco", rate="r1")
+    kind = JobKind("encode_curve", 3600, 200, "draco", 8)
+    measured = times("encode_curve", (100, 1.0), (100, 1.0), codec="draco", rates=8)
     (found,) = estimated([kind], measured)
     assert found.hours == pytest.approx(2.0)
     assert (found.measured, found.reach, found.exact) == (2, 2.0, True)
 
 
-def test_a_rate_not_measured_takes_the_codecs_others_and_says_so() -> None:
-    measured = times("encode", (100, 1.0), codec="draco", rate="r1")
-    kinds = [JobKind("encode", 1, 100, "draco", "r2"), JobKind("encode", 1, 100, "gpcc", "r1")]
+def test_a_curve_of_more_rates_takes_longer_in_proportion_and_says_so() -> None:
+    measured = times("encode_curve", (100, 1.0), codec="draco", rates=2)
+    kinds = [JobKind("encode_curve", 1, 100, codec, 8) for codec in ("draco", "gpcc")]
     draco, gpcc = estimated(kinds, measured)
-    assert (draco.seconds, draco.exact) == (1.0, False)
+    assert (draco.seconds, draco.exact) == (4.0, False)
     assert (gpcc.seconds, gpcc.hours) == (None, 0.0)
 
 
-def ended(run: Path, job: str, log: str, seconds: float, wall_s: float = 0.0) -> None:
+def ended(
+    run: Path, job: str, log: str, seconds: float, wall_s: float = 0.0, **work: object
+) -> None:
     path = run / log
     path.parent.mkdir(parents=True, exist_ok=True)
     cost = {"job": job, "processor_s": seconds, "wall_s": wall_s or seconds, "peak_mib": 90}
+    cost |= {"work": work}
     path.write_text(f"some words\n{json.dumps(cost)}\n")
 
 
@@ -81,23 +84,22 @@ def test_logs_become_one_time_for_each_job_that_ended(tmp_path: Path) -> None:
     about = tmp_path / "results" / "small" / "clouds" / "objects" / "chair_01.json"
     about.parent.mkdir(parents=True)
     about.write_text('{"points": 2000}')
-    ended(tmp_path, "encode", "results/small/logs/coded/objects/chair_01/draco/r8.log", 1.5)
+    log = "results/small/logs/coded/objects/chair_01/draco.log"
+    ended(tmp_path, "encode_curve", log, 1.5, codec="draco", rates=8, repeats=1, call_s=0.5)
     ended(tmp_path, "figure", "results/small/logs/figures/fig_6_5.log", 4.0)
     (tmp_path / "results/small/logs/failed.log").write_text("puckbench: no such file")
     (tmp_path / "results/small/logs/empty.log").write_text("")
     found = sorted(read_job_times(tmp_path), key=lambda time: time.job)
     assert found == [
-        JobTime("encode", "draco", "r8", 2000, 1.5, peak_mib=90),
-        JobTime("figure", "", "", 0, 4.0, peak_mib=90),
+        JobTime("encode_curve", "draco", 8, 2000, 1.5, call_s=0.5, repeats=1, peak_mib=90),
+        JobTime("figure", "", 0, 0, 4.0, peak_mib=90),
     ]
 
 
-def test_a_row_tells_of_the_timed_call_and_of_the_truth(tmp_path: Path) -> None:
-    row = tmp_path / "results" / "metrics" / "rooms" / "office_1" / "gpcc" / "r1.json"
-    row.parent.mkdir(parents=True)
-    row.write_text('{"decode_s": 0.5, "repeats": 3, "truth_cd_point": 1.0}')
-    log = "results/logs/metrics/rooms/office_1/gpcc/r1.log"
-    ended(tmp_path, "evaluate", log, 4.0, wall_s=8.0)
+def test_timed_calls_took_the_processor_as_the_whole_job_did(tmp_path: Path) -> None:
+    log = "results/logs/metrics/rooms/office_1/gpcc/r1_to_r4.log"
+    work = {"codec": "gpcc", "rates": 4, "repeats": 3, "call_s": 0.5, "truth": True}
+    ended(tmp_path, "evaluate_curve", log, 4.0, wall_s=8.0, **work)
     (found,) = read_job_times(tmp_path)
     assert (found.call_s, found.repeats, found.truth) == (0.25, 3, True)  # half of the processor
 
@@ -106,11 +108,11 @@ def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
     program = (
         "import subprocess, sys; from puckbench.jobs.cost import cost_line;"
         "subprocess.run([sys.executable, '-c', 'x = bytearray(200 << 20); sum(range(3_000_000))']);"
-        "print(cost_line('scan'))"
+        "print(cost_line('scan', {'points': 7}))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     cost = json.loads(done.stdout)
-    assert cost["job"] == "scan"
+    assert (cost["job"], cost["work"]) == ("scan", {"points": 7})
     assert cost["peak_mib"] >= 200
     assert datetime.fromisoformat(cost["ended"]).utcoffset() == timedelta(0)
     assert cost.get("commit", "") == source_commit()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.jobs.evaluate import Evaluate
+from puckbench.jobs.evaluate import EvaluateCurve
 from puckbench.jobs.scan import Scan
 from puckbench.planning.workflow import Workflow
 
@@ -37,8 +37,9 @@ def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
     (tmp_path / "clouds.py").write_text(CLOUDS)
 
     def peak(**settings: Any) -> float | None:
-        job = workflow(**settings).coding.evaluate("d", "draco", "r1")
-        return Evaluate.model_validate_json(job.record).peak
+        coding = workflow(**settings).coding
+        job = coding.evaluate("d", coding.curves[0])
+        return EvaluateCurve.model_validate_json(job.record).peak
 
     assert peak() == 1023
     assert peak(size=512) == 511

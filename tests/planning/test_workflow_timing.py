@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from puckbench.jobs.encode import Encode
-from puckbench.jobs.evaluate import Evaluate
+from puckbench.jobs.encode import EncodeCurve
+from puckbench.jobs.evaluate import EvaluateCurve
 from puckbench.planning.workflow import Workflow
 
 
@@ -38,10 +38,11 @@ def test_a_timed_job_takes_all_cores_when_it_is_to_run_alone(
 
 def test_the_record_says_how_it_is_timed() -> None:
     alone = workflow({"exclusive": True, "repeats": 5}).coding
-    coded = Encode.model_validate_json(alone.encode("draco", "r4").record)
+    (curve,) = alone.curves
+    coded = EncodeCurve.model_validate_json(alone.encode(curve).record)
     assert (coded.repeats, coded.alone) == (5, True)
-    assert not Encode.model_validate_json(workflow({}).coding.encode("draco", "r4").record).alone
-    cell = Evaluate.model_validate_json(alone.evaluate("d", "draco", "r4").record)
-    assert (cell.repeats, cell.alone) == (5, True)
-    assert (cell.dataset, cell.peak, cell.views) == ("d", 1023, 0)
+    assert not EncodeCurve.model_validate_json(workflow({}).coding.encode(curve).record).alone
+    measured = EvaluateCurve.model_validate_json(alone.evaluate("d", curve).record)
+    assert (measured.repeats, measured.alone) == (5, True)
+    assert (measured.dataset, measured.peak, measured.views) == ("d", 1023, 0)
     assert "OMP_NUM_THREADS=3" in workflow({"threads": 3}).coding.threads_environment

@@ -57,8 +57,9 @@ def test_a_new_registration_makes_what_it_registers(copied: Bench) -> None:
 def test_an_edited_codec_makes_its_own_curves_again(copied: Bench) -> None:
     edit(copied, "codecs/draco.py", "\n\n\n", "\n\n\nEDITED = 1\n\n\n")
     jobs = copied.planned()
-    assert (jobs["encode"], jobs["evaluate"]) == (8, 8)  # two rates of four clouds
+    assert (jobs["encode_draco"], jobs["evaluate_draco"]) == (4, 4)  # clouds
+    assert not {"encode_box", "evaluate_box", "evaluate_box_surfaces"} & set(jobs)
     assert jobs["metrics_table"] == 1
-    first = {"scene", "sample", "scan", "prepare", "recovery", "residuals", "wall_points"}
+    first = {"scene", "sample", "scan", "prepare", "scan_error", "residuals", "wall_points"}
     assert not first & set(jobs)
     assert not {job for job in jobs if job.startswith("fig_5_")}

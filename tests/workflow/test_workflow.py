@@ -146,7 +146,7 @@ def test_one_error_model_is_measured_again_alone(restored: Bench) -> None:
     assert tables | {"residual_statistics", "thesis_numbers"} <= set(jobs)
     drawn = {job for job in jobs if job.startswith("fig_")}
     assert drawn == {f"fig_5_{number}" for number in range(2, 21)}
-    assert not {"table_5_1", "scan", "encode", "metrics_table"} & set(jobs)
+    assert not {"table_5_1", "scan", "encode_draco", "metrics_table"} & set(jobs)
 
 
 def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> None:
@@ -165,12 +165,11 @@ def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> Non
     assert real["residual_m"].std() == pytest.approx(distances.loc["real", "std_m"], rel=0.05)
 
 
-def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
+def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     (restored.folder / "raw_grid.py").write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
     jobs = restored.planned()
-    assert jobs.pop("encode") == 4
-    assert jobs.pop("evaluate") == 4
-    assert jobs.pop("decode") == 4
+    curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate", "decode")}
+    assert {jobs.pop(name) for name in curves} == {4}  # one job for each cloud
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
@@ -181,7 +180,9 @@ def test_one_codecs_code_re_runs_its_cells_alone(restored: Bench) -> None:
 def test_a_codec_of_surfaces_is_held_against_the_labels_again(restored: Bench) -> None:
     (restored.folder / "box.py").write_text(BOX_CODEC.replace('"box 1"', '"box 2"'))
     jobs = restored.planned()
-    assert (jobs["encode"], jobs["evaluate"], jobs["recovery"]) == (8, 8, 6)
+    assert jobs["encode_box"] == 4
+    assert (jobs["evaluate_box"], jobs["evaluate_box_surfaces"]) == (1, 3)  # objects, rooms
+    assert not {"encode_draco", "evaluate_draco"} & set(jobs)
     assert jobs["recovery_table"] == jobs["recovery_rd"] == 1
     assert not {"scan", "prepare", "scan_error", "scan_errors_table"} & set(jobs)
 
@@ -191,18 +192,23 @@ def test_a_comment_in_a_codec_re_runs_nothing(restored: Bench) -> None:
     assert restored.planned() == {}
 
 
-def test_a_rate_re_runs_its_cells_alone(restored: Bench) -> None:
+def test_a_rate_re_runs_its_codecs_curves_alone(restored: Bench) -> None:
     restored.configure({"codecs.raw_grid.rates": {"r1": {"step": 1.5}}})
     jobs = restored.planned()
-    assert (jobs["encode"], jobs["evaluate"]) == (4, 4)
+    again = {name for name in jobs if name.startswith(("encode", "evaluate"))}
+    assert again == {"encode_raw_grid", "evaluate_raw_grid"}
+    assert (jobs["encode_raw_grid"], jobs["evaluate_raw_grid"]) == (4, 4)
 
 
 def test_a_data_sets_seed_re_makes_what_depends_on_it(restored: Bench) -> None:
     restored.configure({"datasets.noisy.seed": 5})
     jobs = restored.planned()
-    expected = {"scan": 1, "prepare": 1, "encode": 5, "evaluate": 5, "fig_6_3": 1, "fig_6_4": 1}
-    assert expected.items() <= jobs.items()
-    assert (jobs["scan_error"], jobs["recovery"]) == (1, 2)
+    once = {"scan", "prepare", "scan_error", "fig_6_3", "fig_6_4"}
+    once |= {
+        f"{stage}_{codec}" for stage in ("encode", "evaluate") for codec in ("draco", "raw_grid")
+    }
+    once |= {"encode_box", "evaluate_box_surfaces"}
+    assert {jobs[name] for name in once} == {1}
     assert not {"scene", "sample", "fig_6_1", "fig_6_2"} & set(jobs)
 
 
@@ -212,11 +218,11 @@ def test_single_targets_by_path(fresh: Bench) -> None:
         "scene": 1,
         "sample": 1,
         "prepare": 1,
-        "encode": 1,
-        "evaluate": 1,
+        "encode_draco": 1,
+        "evaluate_draco": 1,
     }
     decoded = fresh.planned("results/decoded/objects/chair_01/draco/r8.ply")
-    assert decoded["decode"] == 1
+    assert decoded["decode_draco"] == 1
     assert "fig_6_6" not in fresh.planned("tables")
     assert fresh.planned("results/figures/fig_6_1.pdf") == {
         "scene": 1,
@@ -302,7 +308,7 @@ def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
     row = "results/metrics/objects/chair_01/raw_grid/r1.json"
     done = fresh.snakemake(row, "--quiet", "rules", "host", "reason")
     assert done.returncode == 1
-    log = "results/logs/coded/objects/chair_01/raw_grid/r1.log"
+    log = "results/logs/coded/objects/chair_01/raw_grid.log"
     assert f"puckbench: no pens ({log})" in done.stderr.splitlines()
 
 

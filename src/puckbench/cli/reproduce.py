@@ -101,16 +101,11 @@ def _line(group: list[Estimate]) -> str:
     if covered < jobs:
         notes.append(f"{jobs - covered} jobs not measured")
     if not all(one.exact for one in known):
-        notes.append("some rates from the codec's others")
+        notes.append("some from curves of other numbers of rates")
     each = 3600 * hours / covered
     return f"{hours:.2f} core-hours: {jobs} jobs of {each:.1f} s ({'; '.join(notes)})"
 
 
 def _measured(known: list[Estimate]) -> int:
-    """Jobs that estimates of a codec rest on: those of a rate that was not measured are others'."""
-    kinds = [(one.kind.job, one.kind.truth, one.kind.rate) for one in known]
-    own = {kind: one.measured for kind, one in zip(kinds, known, strict=True) if one.exact}
-    pooled = {
-        kind[:2]: one.measured for kind, one in zip(kinds, known, strict=True) if not one.exact
-    }
-    return max(sum(own.values()), sum(pooled.values()))
+    """Jobs that estimates of a codec rest on."""
+    return sum({(one.kind.truth, one.kind.rates): one.measured for one in known}.values())

@@ -36,14 +36,14 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
     """Run a job with its record and its files by key, and print what it cost."""
     job = parsed(JOBS.get(name), record, f"job {name}")
     known = signature(job.run).parameters
-    job.run(
+    done = job.run(
         **{
             key: tuple(paths) if "tuple" in str(known[key].annotation) else paths[0]
             for key, paths in files.items()
             if paths
         }
     )
-    print(cost_line(name))  # noqa: T201
+    print(cost_line(name, done))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:

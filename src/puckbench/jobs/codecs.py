@@ -60,6 +60,16 @@ class TimedJob(CodecJob):
     repeats: int = 1
     alone: bool = False
 
+    def work(self, points: int, rates: int, call_s: float) -> dict[str, Any]:
+        """What a job of a curve did, for the estimates of others (`puckbench.jobs.cost.WORK`)."""
+        return {
+            "codec": self.codec,
+            "points": points,
+            "rates": rates,
+            "repeats": self.repeats,
+            "call_s": call_s,
+        }
+
 
 def ready(codec: Codec) -> Codec:
     """The codec with weights and compiled loops loaded; InputError if it cannot run here."""

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
+"""Of what a job returns: its codec, the points of its cloud, rates of its curve, repetitions of
+its timed calls and the seconds of one for each rate, and whether truth was measured."""
 _BEGIN = '{"job": '
 _TAIL_BYTES = 2048
 
 
-def cost_line(name: str) -> str:
+def cost_line(name: str, done: Mapping[str, Any]) -> str:
     """One JSON object: the job, its seconds of processor time and of life, its peak memory.
 
-    Counted are this process and those that it waited for, imports included. With it stands when
-    the job ended, and the commit of the sources where that is known.
+    Counted are this process and those that it waited for, imports included. With it stand what the
+    job did, where that tells how long it takes (`WORK`), when it ended, and the commit of the
+    sources where that is known.
     """
     import resource
 
@@ -29,6 +33,7 @@ def cost_line(name: str) -> str:
         "processor_s": round(sum(use.ru_utime + use.ru_stime for use in usages), 3),
         "wall_s": round(_age_s(), 3),
         "peak_mib": max(use.ru_maxrss for use in usages) // 1024,
+        "work": {key: done[key] for key in WORK if key in done},
         "ended": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     commit = source_commit()

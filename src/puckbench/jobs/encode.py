@@ -92,8 +92,8 @@ class EncodeCurve(Encoding):
         with naming(cloud):
             codec.check_frame(original.frame)
         ready(codec)
-        progress = Progress("rate")
+        progress, seconds = Progress("rate"), 0.0
         for done, stream in enumerate(streams, start=1):
-            self.coded(codec, original.xyz, stream.stem, stream)
+            seconds += self.coded(codec, original.xyz, stream.stem, stream)["encode_s"]
             progress(done, len(streams))
-        return {"streams": len(streams)}
+        return self.work(len(original), len(streams), seconds)

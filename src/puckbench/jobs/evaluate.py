@@ -89,12 +89,16 @@ class Evaluating(Decoding):
 
     def write_rows(
         self, originals: Originals, streams: Sequence[Path], rows: Sequence[Path]
-    ) -> None:
-        """Write the result row of each stream."""
-        progress = Progress("rate")
+    ) -> dict[str, Any]:
+        """Write the result row of each stream; what was done, as `work` says it."""
+        progress, seconds = Progress("rate"), 0.0
         for done, (stream, row) in enumerate(zip(streams, rows, strict=True), start=1):
-            write_json(row, self.row(originals, stream))
+            found = self.row(originals, stream)
+            write_json(row, found)
+            seconds += found["decode_s"]
             progress(done, len(rows))
+        points = len(originals.reference.cloud)
+        return {**self.work(points, len(rows), seconds), "truth": originals.truth is not None}
 
     def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
         if path.suffix == ".ply":
@@ -152,5 +156,4 @@ class EvaluateCurve(Evaluating):
         cloud, truth, visible, clean
             As `Originals` takes them.
         """
-        self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
-        return {"rows": len(rows)}
+        return self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)

@@ -36,8 +36,8 @@ class EvaluateSurfaces(Evaluating, Recovering):
         points, scene
             As `puckbench.jobs.recovery.LabelledPoints` takes them.
         """
-        self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
+        done = self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
         labelled = LabelledPoints(points, scene)
         for stream, row in zip(streams, recovered, strict=True):
             write_json(row, self.recovered(labelled, cloud.stem, stream))
-        return {"rows": len(rows)}
+        return done

@@ -253,8 +253,10 @@ class Reproduction:
         kinds = [JobKind(job, count, points) for job in (*made, "prepare")]
         if data.is_scanned_from_truth:
             kinds.append(JobKind("evaluate", count, points, truth=True))
-        for codec, entry in self.bench.plan.codecs.items():
-            for rate in entry["rates"]:
-                cell = (count, points, codec, rate, repeats)
-                kinds += [JobKind("encode", *cell), JobKind("evaluate", *cell, data.has_truth)]
+        coding = self.bench.coding
+        for curve in coding.curves:
+            cells = (count, points, curve.codec, len(curve.rates), repeats)
+            surfaces = data.name in coding.measured(curve.codec, surfaces=True)
+            measuring = "evaluate_surfaces" if surfaces else "evaluate_curve"
+            kinds += [JobKind("encode_curve", *cells), JobKind(measuring, *cells, data.has_truth)]
         return kinds

@@ -19,8 +19,8 @@ from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
 from puckbench.jobs.cost import read_cost
 
-_OF_CELLS = ("encode", "evaluate", "decode", "recovery")
-_OF_CLOUDS = ("sample", "scan", "prepare", *_OF_CELLS)
+_OF_CURVES = ("encode_curve", "evaluate_curve", "evaluate_surfaces", "decode_curve")
+_OF_CLOUDS = ("sample", "scan", "prepare", "evaluate", *_OF_CURVES)
 """Jobs whose work grows with the points of a cloud."""
 _ONE_SIZE = 0.1
 """Clouds whose numbers of points differ by less, of their median, count as of one size."""
@@ -36,14 +36,16 @@ class JobTime:
     ----------
     job
         Its name in `puckbench.jobs.registry.JOBS`.
-    codec, rate
+    codec
         Empty where it has none.
+    rates
+        How many its curve has; 0 if it has none.
     points
         Of its cloud; 0 if it has none.
     seconds
         Processor time of the process.
     call_s, repeats
-        Seconds of the timed call within it, and how often that was made.
+        Seconds of the timed calls within it, one for each rate, and how often they were made.
     truth
         Whether a decoded cloud was measured against the true surface as well.
     peak_mib
@@ -52,7 +54,7 @@ class JobTime:
 
     job: str
     codec: str
-    rate: str
+    rates: int
     points: int
     seconds: float
     call_s: float = 0.0
@@ -60,9 +62,10 @@ class JobTime:
     truth: bool = False
     peak_mib: int = 0
 
-    def with_repeats(self, repeats: int) -> float:
-        """Seconds that it would have taken with another number of timed calls."""
-        return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s)
+    def of(self, rates: int, repeats: int) -> float:
+        """Seconds that it would have taken with other numbers of rates and of timed calls."""
+        share = rates / self.rates if self.rates else 1.0
+        return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s) * share
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class JobKind:
     jobs: int
     points: int = 0
     codec: str = ""
-    rate: str = ""
+    rates: int = 0
     repeats: int = 0
     truth: bool = False
 
@@ -83,7 +86,7 @@ class Estimate:
     """What jobs of a kind would take. seconds: of one, or None where none like it was measured.
 
     measured: jobs that it rests on. reach: points of the planned job over those of the largest
-    measured one; above 1 is an extrapolation. exact: whether the rate itself was measured.
+    measured one; above 1 is an extrapolation. exact: whether curves of as many rates were measured.
     """
 
     kind: JobKind
@@ -160,37 +163,29 @@ def _log_folders(run: Path) -> list[Path]:
 
 def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
     """One job by its log and, for what the log does not say, its results."""
-    job, seconds, peak = cost["job"], cost["processor_s"], cost["peak_mib"]
+    job, seconds, peak, work = (cost[key] for key in ("job", "processor_s", "peak_mib", "work"))
     if job not in _OF_CLOUDS:
-        return JobTime(job, "", "", 0, seconds, peak_mib=peak)
+        return JobTime(job, "", 0, 0, seconds, peak_mib=peak)
     results, _, names = str(log.with_suffix("")).rpartition("/logs/")
-    cell = names.partition("/")[2]
-    dataset, cloud, *coded = cell.split("/")
-    codec, rate = coded or ("", "")
-    points = _points(Path(results), dataset, cloud)
-    call_s, repeats, truth = _timed(Path(results), job, cell)
-    # The timed call has the same share of the processor as the whole.
+    _, dataset, cloud, *_ = names.split("/")
+    # The timed calls have the same share of the processor as the whole.
     share = min(1.0, seconds / cost["wall_s"]) if cost["wall_s"] else 1.0
-    return JobTime(job, codec, rate, points, seconds, call_s * share, repeats, truth, peak)
+    return JobTime(
+        job,
+        work.get("codec", ""),
+        work.get("rates", 0),
+        work.get("points") or _points(Path(results), dataset, cloud),
+        seconds,
+        work.get("call_s", 0.0) * share,
+        work.get("repeats", 0),
+        work.get("truth", False),
+        peak,
+    )
 
 
 def _points(results: Path, dataset: str, cloud: str) -> int:
     about = results / "clouds" / dataset / f"{cloud}.json"
     return int(read_json(about)["points"]) if about.exists() else 0
-
-
-def _timed(results: Path, job: str, cell: str) -> tuple[float, int, bool]:
-    """Seconds of a job's timed call, how often it was made, and whether truth was measured."""
-    kept = {
-        "encode": ("encode_s", f"coded/{cell}.bin.json"),
-        "evaluate": ("decode_s", f"metrics/{cell}.json"),
-    }
-    column, file = kept.get(job, ("", ""))
-    if not file or not (results / file).exists():
-        return 0.0, 0, False
-    row = read_json(results / file)
-    truth = any(name.startswith("truth_") for name in row)
-    return float(row.get(column, 0.0)), int(row.get("repeats", 0)), truth
 
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
@@ -200,16 +195,16 @@ def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estima
 
 
 def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
-    """From jobs of its codec and rate, else of its codec; from those with truth or without it
-    as the kind's are, where there are any.
+    """From curves of its codec with as many rates, else with others; from those with truth or
+    without it as the kind's are, where there are any.
     """
     codecs = [time for time in known if (time.job, time.codec) == (kind.job, kind.codec)]
-    times = [time for time in codecs if time.rate == kind.rate] or codecs
+    times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:
         return Estimate(kind, None)
     alike = [time for time in times if time.truth == kind.truth] or times
     largest = max(time.points for time in alike)
-    found = Measurements.of((time.points, time.with_repeats(kind.repeats)) for time in alike)
+    found = Measurements.of((time.points, time.of(kind.rates, kind.repeats)) for time in alike)
     reach = kind.points / largest if largest else 0.0
-    exact = any(time.rate == kind.rate for time in times)
+    exact = any(time.rates == kind.rates for time in times)
     return Estimate(kind, found.at(kind.points), len(alike), reach, exact)
