@@ -8,6 +8,7 @@ rule sample:
     params:
         record=lambda w: clouds.sample(w.dataset).record,
         code=lambda w: clouds.sample(w.dataset).code,
+    priority: 1
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
@@ -32,6 +33,7 @@ rule prepare:
         record=lambda w: clouds.prepare(w.dataset).record,
         code=lambda w: clouds.prepare(w.dataset).code,
         box=lambda w, input: files_of({"box": input.about} if clouds.is_cropped(w.dataset) else {}),
+    priority: 1
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,

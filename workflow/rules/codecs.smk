@@ -14,6 +14,7 @@ for curve in coding.curves:
             record=coding.encode(curve).record,
             code=coding.encode(curve).code,
             timed=coding.threads_environment,
+        priority: priority_of(curve)
         threads: coding.cores(CORES)
         resources:
             mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,

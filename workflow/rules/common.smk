@@ -14,6 +14,8 @@ if SOURCE.is_dir():
 
 from puckbench.core.errors import InputError
 from puckbench.planning.closing import closing_lines
+from puckbench.planning.run_bar import show_bar
+from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import check_room, check_storage, failures, hold_results, left_out_lines, now
 from puckbench.planning.workflow import Workflow, run_jobs_with
 
@@ -31,6 +33,18 @@ def or_stop(step, *arguments):
         os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
 
 
+def is_run():
+    """Whether jobs will run, and their user has not asked for more than a bar."""
+    shown = workflow.output_settings
+    return workflow.is_main_process and not (shown.dryrun or shown.verbose or shown.printshellcmds)
+
+
+def end_bar():
+    """Leave the terminal to what comes after the bar."""
+    if BAR:
+        BAR.close()
+
+
 def one_of(names):
     """A pattern of exactly these names; of none, where there are none."""
     return "|".join(names) or "(?!)"
@@ -41,6 +55,11 @@ def files_of(*named):
     files = {key: file for each in named for key, file in each.items()}
     lists = {key: [file] if isinstance(file, str) else [*file] for key, file in files.items()}
     return shlex.join(word for key, (first, *more) in lists.items() for word in (f"{key}={first}", *more))
+
+
+def priority_of(curve):
+    """Clouds come before curves, and curves of the first codec before others: see `first_look`."""
+    return 1 if curve.codec == outputs.first_codec else 0
 
 
 bench = or_stop(Workflow, config, True)
@@ -55,6 +74,7 @@ if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     # Where Snakemake keeps its records; without room there it would end in a traceback.
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
+BAR = show_bar(job_seconds(bench), CORES or 1) if is_run() else None
 
 
 onstart:
@@ -68,11 +88,13 @@ onstart:
 
 
 onsuccess:
+    end_bar()
     for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
         print(line, flush=True)
 
 
 onerror:
+    end_bar()
     for line in failures(plan.results / "logs", BEGUN):
         print(line, file=sys.stderr, flush=True)
 

@@ -26,6 +26,31 @@ for figure, inputs in outputs.figures.items():
             "python -m puckbench.jobs figure {params.record:q} out={output.pdf:q} {output.png:q} > {log:q} 2>&1"
 
 
+# The first codec's results, drawn as soon as they are there: the jobs that lead to them come first.
+FIRST_LOOK = outputs.first_look()
+if FIRST_LOOK:
+
+    rule first_look:
+        input:
+            rows=FIRST_LOOK.files,
+        output:
+            **FIRST_LOOK.outputs,
+        params:
+            job=FIRST_LOOK.job.name,
+            record=FIRST_LOOK.job.record,
+            code=FIRST_LOOK.job.code,
+        priority: 2
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        log:
+            f"{RESULTS}/logs/first_look.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        script:
+            "../scripts/job.py"
+
+
 FIGURES = [f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")]
 SENSOR_FIGURES = [
     file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"

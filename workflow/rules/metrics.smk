@@ -24,6 +24,7 @@ for curve in coding.curves:
                 code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).code,
                 files=lambda w, input, output: files_of(input, output),
                 timed=coding.threads_environment,
+            priority: priority_of(curve)
             threads: coding.cores(CORES)
             resources:
                 mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,

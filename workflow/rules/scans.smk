@@ -8,6 +8,7 @@ rule scan:
     params:
         record=lambda w: clouds.scan(w.dataset, w.cloud).record,
         code=lambda w: clouds.scan(w.dataset, w.cloud).code,
+    priority: 1
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,

@@ -8,6 +8,7 @@ rule scene:
     params:
         record=lambda w: clouds.scene(w.scenes, w.scene).record,
         code=lambda w: clouds.scene(w.scenes, w.scene).code,
+    priority: 1
     resources:
         mem_mb=2000,
         runtime=10,

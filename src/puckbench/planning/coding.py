@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
+from puckbench.codecs.base import Pace
 from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
 from puckbench.core.files import sha256
@@ -76,7 +77,11 @@ class CodingJobs:
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
         points = max((data.points for data in self.plan.datasets.values()), default=0)
-        return self.timing.repeats * pace(codec, self.plan.config.codec(codec)).of(points)
+        return self.timing.repeats * self.pace(codec).of(points)
+
+    def pace(self, codec: str) -> Pace:
+        """Estimate of the time that a codec takes at one rate."""
+        return pace(codec, self.plan.config.codec(codec))
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def minutes(self, curve: Curve) -> int:

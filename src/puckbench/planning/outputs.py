@@ -20,6 +20,7 @@ from puckbench.figures.registry import (
 )
 from puckbench.figures.style import FigureStyle
 from puckbench.jobs.figure import Figure
+from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable, RowsTable
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
@@ -41,6 +42,8 @@ from puckbench.report.contents import Contents, add_own
 from puckbench.report.page import assets_version
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
 
+FIRST_FIGURES = ("fig_6_6", "fig_6_9")
+"""Drawn as soon as the first codec is through."""
 Inputs = dict[str, str]
 """Name of an input -> its file."""
 
@@ -203,6 +206,27 @@ class OutputJobs:
     def _check_style(self, figure: str) -> None:
         with naming("figures.style"):
             FigureStyle.from_config(*self.figure_style(figure))
+
+    # ---- a first look
+
+    @property
+    def first_codec(self) -> str:
+        """The codec whose results are made first, to be looked at while the others run."""
+        return next(iter(self.plan.codecs), "")
+
+    def first_look(self) -> JoinedTable | None:
+        """Figures of the first codec's results; None where the configuration has none."""
+        drawn = [name for name in FIRST_FIGURES if name in self.figures]
+        if not drawn:
+            return None
+        folder = f"{self.plan.results}/first_look"
+        cells = [cell for cell in self.plan.cells if cell[2] == self.first_codec]
+        images = [f"{folder}/{name}.png" for name in drawn]
+        outputs = {"parquet": f"{folder}/metrics.parquet", "out": images}
+        rows = [f"{self.plan.results}/metrics/{'/'.join(cell)}.json" for cell in cells]
+        record = FirstLook(style=self._style(self.config.figures.style))
+        modules = [FIGURES.module_of(name) for name in drawn]
+        return JoinedTable(planned(record, *modules, also=self._codec_styles), rows, outputs)
 
     # ---- report
 

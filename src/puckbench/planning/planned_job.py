@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.planning.fingerprints import code_version
@@ -41,8 +41,8 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
 
 
 class JoinedTable(NamedTuple):
-    """A table of rows or tables of many jobs. files: of these; outputs: key of the job -> file."""
+    """What is made of many jobs' files; outputs: key of the job -> file, or several."""
 
     job: PlannedJob
     files: list[str]
-    outputs: dict[str, str]
+    outputs: dict[str, Any]

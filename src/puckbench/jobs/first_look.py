@@ -1,0 +1,29 @@
+"""Figures of the results that are there first, long before a run is through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("first_look")
+class FirstLook(Job):
+    """Draw figures from some result rows; style: its layers, for all of them."""
+
+    style: tuple[dict[str, Any], ...] = ()
+
+    def run(self, rows: tuple[Path, ...], parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
+        """Write the table of the rows, and the figures, each in a file of its name."""
+        from puckbench.figures.drawing import draw_files
+        from puckbench.figures.style import FigureStyle
+        from puckbench.io.tables import write_table
+        from puckbench.jobs import result_tables
+
+        table = result_tables.table_of(result_tables.metric_rows(rows), result_tables.METRIC_KEYS)
+        write_table(table, parquet)
+        style = FigureStyle.from_config(*self.style)
+        for path in out:
+            draw_files(path.stem, {"metrics": parquet}, [path], style)
+        return {"rows": len(table)}
