@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import decode_stream, decode_surface, surface_part
+from puckbench.codecs.primitives.distortion import Distortion, Nearest
 from puckbench.codecs.primitives.mode_decision import _refined_budget
 from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import Settings
@@ -26,6 +27,12 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 
 NO_FACTORS = np.zeros(CLASSES, np.int8)
+_NOTHING = Nearest(np.zeros((1, 3)), np.zeros((1, 3)))
+MOST_POINTS = hybrid_mode.Criterion(
+    nearest=lambda _: _NOTHING,
+    measure=lambda xyz, _: Distortion(-len(xyz), 0.0, 0.0),
+    cost=lambda found: found.point,
+)
 
 
 def _floor(noise: float = 0.0) -> np.ndarray:
@@ -48,9 +55,9 @@ def _surface(noise: float = 0.0) -> hybrid_mode.SurfacePart:
 def _hybrid(noise: float = 0.0) -> bytes:
     points = _floor(noise)
     budget = len(_surface(noise).stream) + 3000
-    found = hybrid_mode.encode(points, _surface(noise), budget, 1023, lambda xyz: -len(xyz))
+    found = hybrid_mode.encode(points, _surface(noise), budget, 1023, MOST_POINTS)
     assert found is not None
-    return found[1]
+    return found.stream
 
 
 def test_a_hybrid_comes_back() -> None:
@@ -96,7 +103,7 @@ def test_the_surface_keeps_its_points_in_occupied_voxels() -> None:
     count = len(decode_stream(header.voxels))
     kept = decode_stream(_hybrid())[count:]
     assert len(kept) > 100
-    cells = voxel_mode.voxelise((_floor() - part.place.origin) / part.place.cell_size).voxels
+    cells = voxel_mode.voxelise(_floor(), part.place).cells
     occupied = {tuple(cell) for cell in cells.tolist()}
     nearest = np.rint((kept - part.place.origin) / part.place.cell_size).astype(int)
     assert {tuple(cell) for cell in nearest.tolist()} <= occupied
@@ -121,7 +128,7 @@ def test_a_hybrid_has_the_mesh_of_its_surface() -> None:
 
 def test_a_surface_that_takes_the_whole_budget_leaves_no_voxels() -> None:
     budget = len(_surface().stream)
-    assert hybrid_mode.encode(_floor(), _surface(), budget, 1023, lambda xyz: 0.0) is None
+    assert hybrid_mode.encode(_floor(), _surface(), budget, 1023, MOST_POINTS) is None
 
 
 def test_bits_grow_from_the_surface_to_the_highest_rate_in_equal_ratios() -> None:
@@ -194,5 +201,5 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
     monkeypatch.setattr(voxel_mode, "MAX_HYBRID_VOXELS", 10)
     with pytest.raises(InputError):
         decode_stream(stream)
-    found = hybrid_mode.encode(_floor(), _surface(), len(stream), 16.0, cost=lambda _: 0.0)
+    found = hybrid_mode.encode(_floor(), _surface(), len(stream), 16.0, MOST_POINTS)
     assert found is None

@@ -51,6 +51,9 @@ def test_no_manhattan_frame_is_estimated_for_aligned_boxes_and_spheres() -> None
     assert estimate_manhattan_frame(round_ones) == (0, 0, 0)
 
 
+UNIT_GRID = GridPlacement(np.zeros(3), 1.0)
+
+
 def _askew_plane(noise: float = 0.0) -> np.ndarray:
     rng = np.random.default_rng(2)
     u, v = rng.random((2, 20_000)) * 60
@@ -64,25 +67,25 @@ def _off(points: np.ndarray) -> float:
 
 
 def test_displaced_voxels_of_a_plane_are_nearer_to_it() -> None:
-    found = voxel_mode.voxelise(_askew_plane())
-    table, gain = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
+    found = voxel_mode.voxelise(_askew_plane(), UNIT_GRID)
+    table, gain = fit_displacements(found.cells, found.means, np.ones(len(found.cells)))
     assert gain > 0
-    assert _off(displace(found.voxels, table)) < 0.3 * _off(found.voxels)
+    assert _off(displace(found.cells, table)) < 0.3 * _off(found.cells)
 
 
 def test_voxels_within_the_noise_are_hardly_displaced() -> None:
-    found = voxel_mode.voxelise(_askew_plane(noise=6.0))
-    table, _ = fit_displacements(found.voxels, found.means, np.ones(len(found.voxels)))
-    shift = np.linalg.norm(displace(found.voxels, table) - found.voxels, axis=1)
+    found = voxel_mode.voxelise(_askew_plane(noise=6.0), UNIT_GRID)
+    table, _ = fit_displacements(found.cells, found.means, np.ones(len(found.cells)))
+    shift = np.linalg.norm(displace(found.cells, table) - found.cells, axis=1)
     assert np.quantile(shift, 0.95) < 0.5
 
 
 def test_the_gain_of_a_displacement_table_is_the_error_that_it_saves() -> None:
-    found = voxel_mode.voxelise(_askew_plane(noise=0.5))
+    found = voxel_mode.voxelise(_askew_plane(noise=0.5), UNIT_GRID)
     weights = found.counts
-    table, gain = fit_displacements(found.voxels, found.means, weights)
-    before = (weights[:, None] * (found.voxels - found.means) ** 2).sum()
-    after = (weights[:, None] * (displace(found.voxels, table) - found.means) ** 2).sum()
+    table, gain = fit_displacements(found.cells, found.means, weights)
+    before = (weights[:, None] * (found.cells - found.means) ** 2).sum()
+    after = (weights[:, None] * (displace(found.cells, table) - found.means) ** 2).sum()
     assert before - after == pytest.approx(gain, rel=1e-9)
 
 
@@ -110,7 +113,7 @@ def test_voxels_without_displacements_are_the_cells_of_points() -> None:
     assert isinstance(header, VoxelHeader)
     plain = voxel_mode.decode(header.place, None, bits)
     farthest = np.abs(points[:, None, :2] - plain[None, :400, :2]).min(axis=0).max()
-    assert len(plain) == len(voxel_mode.voxelise((points - header.place.origin) / 2).voxels)
+    assert len(plain) == len(voxel_mode.voxelise(points, header.place).cells)
     assert farthest <= 1 + 1e-9
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import SIZE, add_point, fit_plane
 
@@ -49,32 +49,38 @@ def tangents(voxels: Ints, block: int = 1) -> Tangents:
     ordered = keys[order]
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
     found = np.empty((len(voxels), 6))
-    _fit(voxels[order].astype(np.float64), ordered[starts[:-1]], starts, found)
+    _fit(voxels[order], ordered[starts[:-1]], starts, found)
     back = np.empty_like(found)
     back[order] = found
     return Tangents(back[:, :3], back[:, 3], back[:, 4], back[:, 5])
 
 
 @compiled
-def _fit(xyz: Floats, keys: Ints, starts: Ints, found: Floats) -> None:
-    """Write normal, distance, thickness and number of each voxel; blocks are sorted by keys."""
+def _fit(xyz: Ints, keys: Ints, starts: Ints, found: Floats) -> None:
+    """Write normal, distance, thickness and number of each voxel; blocks are sorted by keys.
+
+    Moments are whole numbers, about a voxel of the block, and therefore exact in any order.
+    """
+    of_blocks = _block_moments(xyz, starts)
     ahead = np.zeros(9, np.int64)
-    moments, plane = np.empty(SIZE), np.empty(4)
+    sums, moments, plane = np.empty(SIZE, np.int64), np.empty(SIZE), np.empty(4)
     for i in range(len(keys)):
         begin, end = starts[i], starts[i + 1]
         middle = xyz[begin]
-        moments[:] = 0.0
+        sums[:] = 0
         for row in range(9):
             low = keys[i] + ((row // 3 - 1) << 42) + ((row % 3 - 1) << 21) - 1
-            while ahead[row] < len(keys) and keys[ahead[row]] < low:
-                ahead[row] += 1
             j = ahead[row]
+            while j < len(keys) and keys[j] < low:
+                j += 1
+            ahead[row] = j
             while j < len(keys) and keys[j] <= low + 2:
-                _add(xyz, starts[j], starts[j + 1], middle, moments)
+                _add_shifted(of_blocks[j], xyz[starts[j]], middle, sums)
                 j += 1
         plane[:] = 0.0
         thickness = 0.0
-        if moments[0] >= _FEWEST:
+        if sums[0] >= _FEWEST:
+            moments[:] = sums
             thickness = np.sqrt(fit_plane(moments, plane) / moments[0])
         for k in range(begin, end):
             off = -plane[3]
@@ -83,11 +89,37 @@ def _fit(xyz: Floats, keys: Ints, starts: Ints, found: Floats) -> None:
                 found[k, a] = plane[a]
             found[k, 3] = off
             found[k, 4] = thickness
-            found[k, 5] = moments[0]
+            found[k, 5] = sums[0]
 
 
 @compiled
-def _add(xyz: Floats, begin: int, end: int, middle: Floats, moments: Floats) -> None:
-    for k in range(begin, end):
-        x, y, z = xyz[k, 0] - middle[0], xyz[k, 1] - middle[1], xyz[k, 2] - middle[2]
-        add_point(moments, x, y, z, 1.0)
+def _block_moments(xyz: Ints, starts: Ints) -> Ints:
+    """Moments (m, 10) of the voxels of each block about its first one."""
+    moments = np.zeros((len(starts) - 1, SIZE), np.int64)
+    for i in range(len(moments)):
+        begin = starts[i]
+        for k in range(begin, starts[i + 1]):
+            x, y, z = (
+                xyz[k, 0] - xyz[begin, 0],
+                xyz[k, 1] - xyz[begin, 1],
+                xyz[k, 2] - xyz[begin, 2],
+            )
+            add_point(moments[i], x, y, z, 1)
+    return moments
+
+
+@compiled_in_place
+def _add_shifted(moments: Ints, origin: Ints, middle: Ints, sums: Ints) -> None:
+    """Add moments about `origin` (3,) to `sums`, which are about `middle` (3,)."""
+    n, x, y, z = moments[0], moments[1], moments[2], moments[3]
+    a, b, c = origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]
+    sums[0] += n
+    sums[1] += x + n * a
+    sums[2] += y + n * b
+    sums[3] += z + n * c
+    sums[4] += moments[4] + (2 * x + n * a) * a
+    sums[5] += moments[5] + x * b + (y + n * b) * a
+    sums[6] += moments[6] + x * c + (z + n * c) * a
+    sums[7] += moments[7] + (2 * y + n * b) * b
+    sums[8] += moments[8] + y * c + (z + n * c) * b
+    sums[9] += moments[9] + (2 * z + n * c) * c

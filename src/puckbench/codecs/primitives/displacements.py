@@ -8,6 +8,7 @@ voxels around; the encoder sends the optimal share of the distance for each clas
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -77,11 +78,20 @@ def fit_displacements(
         The best table, and the weighted squared error that it saves.
     """
     best, most = DisplacementTable(1, np.zeros(CLASSES, np.int8)), 0.0
-    for block_size in BLOCK_SIZES:
-        factors, gain = _local_planes(voxels, block_size).fitted(voxels - means, weights)
+    for table, gain in displacement_gains(voxels, means, weights):
         if gain > most:
-            best, most = DisplacementTable(block_size, factors), gain
+            best, most = table, gain
     return best, most
+
+
+def displacement_gains(
+    voxels: Ints, means: Floats, weights: Floats, block_sizes: tuple[int, ...] = BLOCK_SIZES
+) -> Iterator[tuple[DisplacementTable, float]]:
+    """For each size of a block, what `fit_displacements` chooses from."""
+    apart = voxels - means
+    for block_size in block_sizes:
+        factors, gain = _local_planes(voxels, block_size).fitted(apart, weights)
+        yield DisplacementTable(block_size, factors), gain
 
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:

@@ -10,13 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.tree import bounds
 from puckbench.codecs.primitives import voxel_mode
+from puckbench.codecs.primitives.cells import cell_keys, look_up_cells
 from puckbench.codecs.primitives.displacements import LocalPlanes
+from puckbench.codecs.primitives.distortion import Distortion, Nearest, search_tree
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import (
     CLASSES,
@@ -25,6 +29,7 @@ from puckbench.codecs.primitives.stream import (
     pack_hybrid,
 )
 from puckbench.core.errors import InputError
+from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
 
 _DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
@@ -48,6 +53,26 @@ class SurfacePart(NamedTuple):
     normals: Floats
 
 
+class Criterion(NamedTuple):
+    """How hybrids are compared with each other.
+
+    nearest: what is nearest among some decoded points (k, 3). measure: distortion of decoded points
+    (k, 3), given what is nearest among them. cost: of a distortion, which is minimised.
+    """
+
+    nearest: Callable[[Floats], Nearest]
+    measure: Callable[[Floats, Nearest], Distortion]
+    cost: Callable[[Distortion], float]
+
+
+class Hybrid(NamedTuple):
+    """A stream, its distortion, and the cost of that."""
+
+    cost: float
+    distortion: Distortion
+    stream: bytes
+
+
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     """Points (k, 3) of a hybrid stream, whose surface has points xyz (m, 3) with normals.
 
@@ -56,9 +81,9 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     InputError
         If the stream is damaged.
     """
-    place, voxels, points = voxel_mode.decoded_voxels(header.voxels)
+    place, voxels, points, _ = voxel_mode.decoded_voxels(header.voxels)
     if len(voxels) and len(xyz):
-        planes = _planes_below(points, _tree(xyz), normals, place.cell_size)
+        planes = _planes_below(points, xyz, search_tree(xyz), normals, place.cell_size)
         points = _displaced(points, planes, place.cell_size, header.factors)
         kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
         points = np.concatenate([points, kept])
@@ -72,8 +97,8 @@ def encode(
     surface: SurfacePart,
     max_bytes: int,
     max_voxel_size: float,
-    cost: Callable[[Floats], float],
-) -> tuple[float, bytes] | None:
+    criterion: Criterion,
+) -> Hybrid | None:
     """Code a cloud as a surface and the finest voxels that fit beside it.
 
     Parameters
@@ -86,54 +111,67 @@ def encode(
         Budget of the whole stream.
     max_voxel_size
         As of `voxel_mode.encode_to_budget`.
-    cost
-        Distortion of decoded points, by which the kept points of the surface are chosen.
+    criterion
+        By which the kept points of the surface are chosen.
 
     Returns
     -------
-    tuple or None
-        Cost and stream of the best choice; None if the surface leaves too few bytes.
+    Hybrid or None
+        The best choice; None if the surface leaves too few bytes, or too many voxels fit.
     """
     left = max_bytes - len(surface.stream)
     if left < _MIN_VOXEL_SHARE * max_bytes:
         return None
-    displaced = voxel_mode.encode_to_budget(points, left, max_voxel_size)
-    tree = _tree(surface.xyz)
-    best: tuple[float, bytes] | None = None
+    stream = voxel_mode.encode_to_budget(points, left, max_voxel_size)
     with suppress(InputError):  # of more voxels than a hybrid may have
-        for voxels in dict.fromkeys([displaced, voxel_mode.without_displacements(displaced)]):
-            for header, decoded in _choices(points, surface, tree, voxels):
-                found = cost(decoded) if len(decoded) <= _MAX_POINTS * len(points) else np.inf
-                if best is None or found < best[0]:
-                    best = found, pack_hybrid(header)
-    return best
+        return _best_choice(points, surface, stream, criterion)
+    return None
 
 
-def _choices(
-    points: Floats, surface: SurfacePart, tree: Any, voxel_stream: bytes
-) -> Iterator[tuple[HybridHeader, Floats]]:
-    """Hybrids of a surface and voxels, by reach, and what each decodes to."""
-    place, voxels, placed = voxel_mode.decoded_voxels(voxel_stream)
-    planes = _planes_below(placed, tree, surface.normals, place.cell_size)
-    factors = _fitted_factors(points, planes, place, voxels, placed)
-    moved = _displaced(placed, planes, place.cell_size, factors)
-    off_centre = _off_centre(surface.xyz, place, voxels)
-    for reach in _REACHES:
-        header = HybridHeader(reach, factors, surface.stream, voxel_stream)
-        yield header, np.concatenate([moved, surface.xyz[off_centre < reach / 16]])
+def _best_choice(
+    points: Floats, surface: SurfacePart, voxel_stream: bytes, criterion: Criterion
+) -> Hybrid:
+    """The hybrid of least cost of a surface and voxels, displaced or not, by reach.
+
+    The points that a greater reach adds are looked up alone, and once for both kinds of voxels.
+    """
+    found = voxel_mode.decoded_voxels(voxel_stream)
+    place = found.place
+    tree = search_tree(surface.xyz)
+    means, weights = _targets(points, place, found.voxels)
+    off_centre = 16 * _off_centre(surface.xyz, place, found.voxels)
+    added: dict[int, Nearest] = {}
+    for less, reach in pairwise(_REACHES):
+        shell = surface.xyz[(off_centre >= less) & (off_centre < reach)]
+        if len(shell):
+            added[reach] = criterion.nearest(shell)
+    streams = [(voxel_stream, found.points), *([found.undisplaced] if found.undisplaced else [])]
+
+    def choices(stream: bytes, placed: Floats) -> Iterator[Hybrid]:
+        planes = _planes_below(placed, surface.xyz, tree, surface.normals, place.cell_size)
+        factors, _ = planes.fitted((placed - place.origin) / place.cell_size - means, weights)
+        moved = _displaced(placed, planes, place.cell_size, factors)
+        nearest = criterion.nearest(moved)
+        for reach in _REACHES:
+            decoded = np.concatenate([moved, surface.xyz[off_centre < reach]])
+            if len(decoded) > _MAX_POINTS * len(points):
+                break
+            nearest = nearest.or_nearer(added[reach]) if reach in added else nearest
+            distortion = criterion.measure(decoded, nearest)
+            header = HybridHeader(reach, factors, surface.stream, stream)
+            yield Hybrid(criterion.cost(distortion), distortion, pack_hybrid(header))
+
+    found_of_kinds = in_threads(lambda kind: list(choices(*kind)), streams)
+    return min(chain.from_iterable(found_of_kinds), key=lambda choice: choice.cost)
 
 
-def _fitted_factors(
-    points: Floats, planes: LocalPlanes, place: GridPlacement, voxels: Ints, placed: Floats
-) -> NDArray[np.int8]:
-    """Shares of least squared error between moved voxels and the means of their points."""
-    voxelised = voxel_mode.voxelise((points - place.origin) / place.cell_size)
-    low = voxels.min(axis=0)
+def _targets(points: Floats, place: GridPlacement, voxels: Ints) -> tuple[Floats, Floats]:
+    """Means (m, 3), in voxels, of the points of voxels (m, 3), and weights (m,) of their errors."""
+    groups = voxel_mode.voxelise(points, place)
     rows = np.empty(len(voxels), np.int64)
-    rows[np.argsort(_keys(voxels - low))] = np.argsort(_keys(voxelised.voxels - low))
-    means, counts = voxelised.means[rows], voxelised.counts[rows]
-    weights = counts / counts.sum() + 1 / len(counts)
-    return planes.fitted((placed - place.origin) / place.cell_size - means, weights)[0]
+    rows[np.argsort(cell_keys(voxels - voxels.min(axis=0)))] = np.arange(len(voxels))
+    counts = groups.counts[rows]
+    return groups.means[rows], counts / counts.sum() + 1 / len(counts)
 
 
 def _displaced(
@@ -144,18 +182,16 @@ def _displaced(
     return np.asarray(points - shift[:, None] * planes.normals)
 
 
-def _tree(xyz: Floats) -> Any:
-    """A search tree of a surface's points (m, 3)."""
-    from scipy.spatial import cKDTree
+def _planes_below(
+    points: Floats, xyz: Floats, tree: Any, normals: Floats, cell_size: float
+) -> LocalPlanes:
+    """The surface at its nearest point to each of some points (m, 3); distances in voxels.
 
-    return cKDTree(xyz, balanced_tree=False, compact_nodes=False)
-
-
-def _planes_below(points: Floats, tree: Any, normals: Floats, cell_size: float) -> LocalPlanes:
-    """The surface at its nearest point to each of some points (m, 3); distances in voxels."""
+    xyz, tree, normals: points (k, 3) of the surface, their search tree, their normals.
+    """
     distance, row = tree.query(points)
     along = normals[row]
-    offset = np.einsum("ij,ij->i", points - tree.data[row], along) / cell_size
+    offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
     across = (distance / cell_size) ** 2 - offset**2
     classes = 2 * np.searchsorted(_DISTANCES, np.abs(offset)) + (across > _BESIDE**2)
     return LocalPlanes(along, offset, classes)
@@ -166,19 +202,10 @@ def _off_centre(xyz: Floats, place: GridPlacement, voxels: Ints) -> Floats:
 
     In voxels; infinite where no voxel is occupied.
     """
-    cells = (xyz - place.origin) / place.cell_size
-    low, high = voxels.min(axis=0), voxels.max(axis=0)
-    inside = ((cells > low - 0.5) & (cells < high + 0.5)).all(axis=1)
-    nearest = np.rint(cells[inside])
-    occupied = np.isin(_keys(nearest.astype(np.int64) - low), _keys(voxels - low))
-    found = np.full(len(xyz), np.inf)
-    found[inside] = np.where(occupied, np.abs(cells[inside] - nearest).max(axis=1), np.inf)
+    found = np.empty(len(xyz))
+    low, high = bounds(voxels)
+    look_up_cells(xyz, place.origin, place.cell_size, cell_keys(voxels - low), (low, high), found)
     return found
-
-
-def _keys(cells: Ints) -> Ints:
-    """One integer for each cell (n, 3), of coordinates from 0 to 2^21."""
-    return (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
 
 
 assert 2 * (len(_DISTANCES) + 1) == CLASSES  # noqa: S101

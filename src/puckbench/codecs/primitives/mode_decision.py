@@ -9,21 +9,25 @@ G-PCC's voxels are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import (
+    DecodedSurface,
     Patches,
     decode_stream,
-    decode_surface,
     points_and_normals,
-    surface_part,
 )
-from puckbench.codecs.primitives.distortion import Distortion, DistortionEstimator
+from puckbench.codecs.primitives.distortion import (
+    Distortion,
+    DistortionEstimator,
+    Nearest,
+    subset,
+)
 from puckbench.codecs.primitives.grid_alignment import (
     frame_candidates,
     margin_candidates,
@@ -31,11 +35,15 @@ from puckbench.codecs.primitives.grid_alignment import (
 )
 from puckbench.codecs.primitives.preparation import PreparedCloud, prepare
 from puckbench.codecs.primitives.settings import UNITS, Settings
-from puckbench.codecs.primitives.stream import SurfaceHeader, unpack
-from puckbench.codecs.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
+from puckbench.codecs.primitives.surface_mode import (
+    CodedSurface,
+    SurfaceMode,
+    detect_surfaces,
+    encode_surface,
+)
 from puckbench.core.environment import allowed_threads
 from puckbench.core.threads import in_threads
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 _LAMBDA_FACTORS = (1.0, 2.0, 4.0)
 """Multiples of the rate's lambda at which a surface is compared with voxels.
@@ -70,7 +78,8 @@ def encode(points: Floats, settings: Settings) -> bytes:
         A self-contained stream.
     """
     max_bytes = int(settings.max_bpp * len(points) / 8)
-    if float(np.ptp(points, axis=0).max()) == 0:
+    low, high = bounds(points)
+    if (low == high).all():
         return voxel_mode.encode_voxel_size(points, 1.0)
     if settings.min_leaf_size == 0:
         return voxel_mode.encode_to_budget(points, max_bytes, settings.max_voxel_size)
@@ -78,54 +87,55 @@ def encode(points: Floats, settings: Settings) -> bytes:
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
     if settings.refinement:
-        return _hybrid_or_voxels(points, cloud, estimator, best, max_bytes)
-    return _surface_or_voxels(points, cloud, estimator, best, max_bytes)
+        return _hybrid_or_voxels(cloud, estimator, best, max_bytes)
+    return _surface_or_voxels(cloud, estimator, best, max_bytes).stream
 
 
 class _Candidate(NamedTuple):
-    """A candidate mode, its cost (distortion + lambda * rate), and its stream."""
+    """A candidate mode, its cost (distortion + lambda * rate), and what it is coded as."""
 
     cost: float
     mode: SurfaceMode
-    stream: bytes | None
+    coded: CodedSurface | None
+
+
+class _Kept(NamedTuple):
+    """A stream, and the surface that it holds unless it is of voxels."""
+
+    stream: bytes
+    surface: DecodedSurface | None
 
 
 def _surface_or_voxels(
-    points: Floats,
-    cloud: PreparedCloud,
-    estimator: DistortionEstimator,
-    best: _Candidate,
-    max_bytes: int,
-) -> bytes:
+    cloud: PreparedCloud, estimator: DistortionEstimator, best: _Candidate, max_bytes: int
+) -> _Kept:
     """The finest surface that is better than voxels of as many bytes in all respects; else voxels.
 
     Where the surface of fewest bytes is better in one respect and worse in another, the product of
     the errors decides.
     """
-    if best.stream is None:
-        return voxel_mode.encode_to_budget(points, max_bytes)
+    if best.coded is None:
+        return _Kept(voxel_mode.encode_to_budget(cloud.source, max_bytes), None)
     voxel_streams: list[bytes] = []
-    smallest, comparison = b"", None
+    smallest, comparison = _Kept(b"", None), None
     for factor in _LAMBDA_FACTORS:
-        stream = best.stream if factor == 1 else _stream_of(_weighted(cloud, factor), best.mode)
-        fits = stream is not None and len(stream) <= max_bytes
-        budget = len(stream) if stream and fits else max_bytes
-        voxel_streams.append(voxel_mode.encode_to_budget(points, budget))
-        if stream and fits:
-            smallest = stream
-            comparison = _Comparison.of(cloud, estimator, stream, voxel_streams[-1])
+        weighted = _weighted(cloud, factor)
+        coded = best.coded if factor == 1 else encode_surface(weighted, best.mode)
+        fits = coded is not None and len(coded.stream) <= max_bytes
+        budget = len(coded.stream) if coded and fits else max_bytes
+        voxel_streams.append(voxel_mode.encode_to_budget(cloud.source, budget))
+        if coded and fits:
+            decoded = coded.decoded()
+            smallest = _Kept(coded.stream, decoded)
+            comparison = _Comparison.of(cloud, estimator, decoded.xyz, voxel_streams[-1])
             if comparison.surface_is_better():
-                return stream
+                return smallest
     surface_wins = comparison is not None and comparison.surface_is_better_by_product()
-    return smallest if surface_wins else voxel_streams[0]
+    return smallest if surface_wins else _Kept(voxel_streams[0], None)
 
 
 def _hybrid_or_voxels(
-    points: Floats,
-    cloud: PreparedCloud,
-    estimator: DistortionEstimator,
-    best: _Candidate,
-    max_bytes: int,
+    cloud: PreparedCloud, estimator: DistortionEstimator, best: _Candidate, max_bytes: int
 ) -> bytes:
     """The surface refined by voxels, or voxels of as many bytes.
 
@@ -134,32 +144,33 @@ def _hybrid_or_voxels(
     voxels were kept, the product of the errors decides. The less the surface is refined, the more
     the distance to it counts.
     """
-    settings = cloud.settings
+    points, settings = cloud.source, cloud.settings
 
-    def measured(decoded: Floats) -> Distortion:
-        return estimator.measure(cloud.in_units(decoded))
+    def nearest(decoded: Floats) -> Nearest:
+        return estimator.nearest(cloud.in_units(decoded))
+
+    def measured(decoded: Floats, found: Nearest) -> Distortion:
+        return estimator.measure(cloud.in_units(subset(decoded)), found)
 
     def product(found: Distortion) -> float:
         return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
 
-    def cost(decoded: Floats) -> float:
-        return product(measured(decoded))
-
-    kept = _surface_or_voxels(points, cloud, estimator, best, max_bytes)
-    max_bytes, max_voxel_size = _refined_budget(points, len(kept), settings)
-    header, _ = unpack(kept)
-    is_surface = isinstance(header, SurfaceHeader)
-    surface = kept if is_surface else best.stream
-    if surface:
-        decoded = decode_surface(*surface_part(surface))
-        part = hybrid_mode.SurfacePart(surface, decoded.xyz, decoded.normals)
-        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, cost)
+    kept = _surface_or_voxels(cloud, estimator, best, max_bytes)
+    max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings)
+    surface = kept
+    if kept.surface is None and best.coded:
+        surface = _Kept(best.coded.stream, best.coded.decoded())
+    if surface.surface:
+        part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
+        criterion = hybrid_mode.Criterion(nearest, measured, product)
+        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion)
         if hybrid:
-            equal = voxel_mode.encode_to_budget(points, len(hybrid[1]), max_voxel_size)
-            voxels, ours = (measured(decode_stream(each)) for each in (equal, hybrid[1]))
+            equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size)
+            voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
+            ours = hybrid.distortion
             farther = voxels.point >= ours.point or voxels.plane >= ours.plane
-            if farther if is_surface else hybrid[0] <= product(voxels):
-                return hybrid[1]
+            if farther if kept.surface else hybrid.cost <= product(voxels):
+                return hybrid.stream
     return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
 
 
@@ -169,8 +180,9 @@ def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tupl
     Sparse clouds need more bits than `refined_bpp` for voxels of that side, beside the surface; the
     rates below the highest lie between in equal ratios all the same, and may have larger voxels.
     """
-    unit = float(np.ptp(points, axis=0).max()) / UNITS
-    coarsest = len(voxel_mode.encode_voxel_size(points, settings.max_voxel_size * unit))
+    low, high = bounds(points)
+    unit = float((high - low).max()) / UNITS
+    coarsest = voxel_mode.bytes_of_voxel_size(points, settings.max_voxel_size * unit)
     budget = max(int(settings.refined_bpp * len(points) / 8), kept_bytes)
     if settings.refinement == 1:
         return max(budget, coarsest), settings.max_voxel_size
@@ -184,15 +196,15 @@ def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:
     return cloud._replace(settings=weighted)
 
 
-def _stream_of(cloud: PreparedCloud, mode: SurfaceMode) -> bytes | None:
-    coded = encode_surface(cloud, mode)
-    return coded and coded.stream
-
-
 def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
     """The surface of least cost: the best grid, then surfaces of revolution while they save."""
-    best = _best_grid(cloud, estimator)
-    waiting, refused = list(detect_surfaces(cloud)), 0
+    searches: list[Callable[[], Any]] = [
+        partial(_best_grid, cloud, estimator),
+        partial(detect_surfaces, cloud),
+    ]
+    grid, found = in_threads(lambda search: search(), searches)
+    best: _Candidate = grid
+    waiting, refused = list(found), 0
     while waiting and refused < _MAX_REFUSED:
         # Several at once: those after an accepted one are tried again, together with it.
         several = waiting[: min(allowed_threads(), _MAX_REFUSED - refused)]
@@ -237,7 +249,7 @@ def _evaluate(
         return _Candidate(np.inf, mode, None)
     error = estimator.to_surface(cloud.in_units(_decoded_sparsely(coded.patches)))
     rate = 8 * len(coded.stream) / len(cloud.points)
-    return _Candidate(error + cloud.settings.lmbda * rate, mode, coded.stream)
+    return _Candidate(error + cloud.settings.lmbda * rate, mode, coded)
 
 
 def _decoded_sparsely(patches: Patches) -> Floats:
@@ -256,12 +268,13 @@ class _Comparison(NamedTuple):
 
     @classmethod
     def of(
-        cls, cloud: PreparedCloud, estimator: DistortionEstimator, surface: bytes, voxels: bytes
+        cls, cloud: PreparedCloud, estimator: DistortionEstimator, surface: Floats, stream: bytes
     ) -> _Comparison:
-        """Decode both streams and measure them."""
-        undisplaced = voxel_mode.decode_undisplaced(voxels)
-        decoded = (decode_stream(surface), decode_stream(voxels), undisplaced)
-        return cls(*(estimator.measure(cloud.in_units(xyz)) for xyz in decoded))
+        """Measure the points (n, 3) of a surface and those of a stream of voxels."""
+        voxels = voxel_mode.decoded_voxels(stream, most=len(cloud.points))
+        decoded = [surface, voxels.points, *([voxels.undisplaced[1]] if voxels.undisplaced else [])]
+        found = in_threads(lambda xyz: estimator.measure(cloud.in_units(xyz)), decoded)
+        return cls(found[0], found[1], found[-1])
 
     def surface_is_better(self) -> bool:
         """Whether the surface is nearer to the smoothed samples and to the points."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.codecs.primitives.octree import group_by_cell, moments_of, plane_errors
+from puckbench.codecs.primitives.cells import group_by_cell
+from puckbench.codecs.primitives.octree import moments_of, plane_errors
 from puckbench.geometry.cloud import Floats
 
 _MIN_POINTS = 8
@@ -27,7 +28,7 @@ def estimate_noise(points: Floats, cell: float) -> float:
     float
         The standard deviation in the points' unit; 0 if no cell has enough points.
     """
-    order, starts = group_by_cell(points, cell)
+    order, starts = group_by_cell(points, cell).order()
     centred = points[order] - points.mean(axis=0)
     moments = np.add.reduceat(moments_of(centred), starts, axis=0)
     moments = moments[moments[:, 0] >= _MIN_POINTS]

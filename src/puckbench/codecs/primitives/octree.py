@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.primitives.octree_arrays import Ints, Leaves
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import fit_plane
+from puckbench.geometry.moments import SIZE, fit_plane
 from puckbench.geometry.morton import codes
 
 
@@ -103,23 +103,6 @@ def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
     return places, Leaves(*found, planes, np.empty((0, 4)), counts)
 
 
-def group_by_cell(points: Floats, cell: float) -> tuple[Ints, Ints]:
-    """Group points (n, 3) by cubic cells of side `cell`; see `group_by_key`."""
-    cells = np.floor(points / cell).astype(np.int64)
-    return group_by_key(cells - cells.min(axis=0))
-
-
-def group_by_key(cells: Ints) -> tuple[Ints, Ints]:
-    """Sort cells (n, 3), of coordinates from 0 to 2^21.
-
-    Returns the order (n,) that brings equal cells together, and where each group starts in it.
-    """
-    keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
-    return order, np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-
-
 def moments_of(
     xyz: Floats,
     weights: Floats | float = 1.0,
@@ -142,17 +125,27 @@ def moments_of(
     ndarray
         (n, 10): 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight.
     """
-    x, y, z = xyz.T
-    a, b, c = np.zeros_like(xyz.T) if normals is None else normals.T
-    variance = radius**2 / 4
-    columns = [np.ones(len(xyz)), x, y, z]
-    columns += [x * x + variance * (1 - a * a), x * y - variance * a * b, x * z - variance * a * c]
-    columns += [
-        y * y + variance * (1 - b * b),
-        y * z - variance * b * c,
-        z * z + variance * (1 - c * c),
-    ]
-    return np.asarray(np.stack(columns, axis=1) * np.broadcast_to(weights, len(xyz))[:, None])
+    normals = np.zeros((1, 3)) if normals is None else normals
+    return _moments_of(xyz, np.atleast_1d(np.asarray(weights, float)), normals, radius**2 / 4)
+
+
+@compiled
+def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) -> Floats:
+    """Moments of discs, or of points where the variance is 0; one weight or normal may be all's."""
+    moments = np.empty((len(xyz), SIZE))
+    for i in range(len(xyz)):
+        x, y, z = xyz[i]
+        a, b, c = normals[i if len(normals) > 1 else 0]
+        weight = weights[i if len(weights) > 1 else 0]
+        moments[i, 0] = weight
+        moments[i, 1], moments[i, 2], moments[i, 3] = x * weight, y * weight, z * weight
+        moments[i, 4] = (x * x + variance * (1 - a * a)) * weight
+        moments[i, 5] = (x * y - variance * a * b) * weight
+        moments[i, 6] = (x * z - variance * a * c) * weight
+        moments[i, 7] = (y * y + variance * (1 - b * b)) * weight
+        moments[i, 8] = (y * z - variance * b * c) * weight
+        moments[i, 9] = (z * z + variance * (1 - c * c)) * weight
+    return moments
 
 
 @compiled

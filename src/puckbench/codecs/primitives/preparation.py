@@ -11,7 +11,7 @@ from puckbench.codecs.primitives.noise import estimate_noise
 from puckbench.codecs.primitives.settings import UNITS, Settings
 from puckbench.codecs.primitives.smoothing import sample_cells, smooth_samples
 from puckbench.codecs.primitives.stream import MAX_CELLS
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 from puckbench.geometry.spatial_order import morton_order
 
 _NOISE_CELL = 16.0
@@ -47,11 +47,13 @@ class SurfaceSamples(NamedTuple):
 class PreparedCloud(NamedTuple):
     """A cloud in units: points (n, 3) in Morton order, and its smoothed surface.
 
-    corner: (3,) least coordinates of the input. unit: length of a unit in the input. noise:
-    standard deviation in units. settings: of the rate, adapted to the noise.
+    source: (n, 3) the same points in the input's coordinates. corner: (3,) their least ones. unit:
+    length of a unit in the input. noise: standard deviation in units. settings: of the rate,
+    adapted to the noise.
     """
 
     points: Floats
+    source: Floats
     corner: Floats
     unit: float
     noise: float
@@ -65,13 +67,14 @@ class PreparedCloud(NamedTuple):
 
 def prepare(points: Floats, settings: Settings) -> PreparedCloud:
     """Scale points (n, 3), which must not all be equal, to units and smooth their surface."""
-    points = points[morton_order(points)]
-    corner, unit = points.min(axis=0), float(np.ptp(points, axis=0).max()) / UNITS
-    points = (points - corner) / unit
+    source = points[morton_order(points)]
+    corner, end = bounds(source)
+    unit = float((end - corner).max()) / UNITS
+    points = (source - corner) / unit
     noise = estimate_noise(points, _NOISE_CELL)
     settings = settings.adapted_to(noise)
     surface = _smoothed_surface(points, noise, settings)
-    return PreparedCloud(points, corner, unit, noise, surface, settings)
+    return PreparedCloud(points, source, corner, unit, noise, surface, settings)
 
 
 def column_size(surface: SurfaceSamples, settings: Settings) -> float:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.primitives.octree_arrays import Ints, LeafMap, Leaves
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import fit_plane
+from puckbench.geometry.moments import SIZE, fit_plane
 
 
 class MergeLimits(NamedTuple):
@@ -33,7 +33,7 @@ class _Regions(NamedTuple):
 
     moments: (n, 10), planes: (n, 4), errors: (n,) of the regions. parent: (n,) the region that a
     leaf was merged into, itself at first. version: (n,) number of merges, -1 for part of another
-    region.
+    region. scratch: (14,) room for moments and a plane.
     """
 
     moments: Floats
@@ -41,6 +41,7 @@ class _Regions(NamedTuple):
     errors: Floats
     parent: Ints
     version: Ints
+    scratch: Floats
 
 
 class _Adjacency(NamedTuple):
@@ -83,7 +84,12 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
     """
     n = len(moments)
     regions = _Regions(
-        moments.copy(), np.zeros((n, 4)), np.zeros(n), np.arange(n), np.zeros(n, np.int64)
+        moments.copy(),
+        np.zeros((n, 4)),
+        np.zeros(n),
+        np.arange(n),
+        np.zeros(n, np.int64),
+        np.empty(SIZE + 4),
     )
     for i in range(n):
         if moments[i, 0] > 0:
@@ -175,20 +181,33 @@ def _push_pair(
     b: int,
 ) -> None:
     """Queue two regions, if they may be merged."""
-    p, q = regions.planes[a], regions.planes[b]
-    if abs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2]) < limits.min_cosine:
+    if _cosine(regions.planes, a, b) < limits.min_cosine:
         return
     smaller = min(regions.moments[a, 0], regions.moments[b, 0])
     allowed = limits.fixed + limits.per_weight * smaller
-    plane = np.empty(4)
-    added = fit_plane(regions.moments[a] + regions.moments[b], plane)
-    added -= regions.errors[a] + regions.errors[b]
+    added = _error_of_both(regions, a, b) - (regions.errors[a] + regions.errors[b])
     if added <= allowed:
         version = regions.version
         heapq.heappush(queue, (added / allowed, a, b, version[a], version[b]))
 
 
-@compiled
+@compiled_in_place
+def _cosine(planes: Floats, a: int, b: int) -> float:
+    """Cosine of the angle between two planes."""
+    along = planes[a, 0] * planes[b, 0] + planes[a, 1] * planes[b, 1]
+    return float(abs(along + planes[a, 2] * planes[b, 2]))
+
+
+@compiled_in_place
+def _error_of_both(regions: _Regions, a: int, b: int) -> float:
+    """Squared distance to the common plane of two regions."""
+    moments, plane = regions.scratch[:SIZE], regions.scratch[SIZE:]
+    for k in range(SIZE):
+        moments[k] = regions.moments[a, k] + regions.moments[b, k]
+    return fit_plane(moments, plane)
+
+
+@compiled_in_place
 def _root(regions: _Regions, i: int) -> int:
     """The region that a piece is in."""
     parent = regions.parent

@@ -16,7 +16,7 @@ from puckbench.codecs.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
 from puckbench.codecs.primitives.occupancy_map import MIXERS as MAP_MIXERS
 from puckbench.codecs.primitives.octree_arrays import Bytes, Ints
 from puckbench.codecs.primitives.stream import REVOLUTION_BYTES
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -107,6 +107,30 @@ class RevolutionSurface(NamedTuple):
             self._distance(height, radius),
             radial * cosine - self.axis * sine,
         )
+
+
+@compiled_in_place
+def distance_to(
+    surface: RevolutionSurface, sine: float, cosine: float, point: Floats
+) -> tuple[float, float, float]:
+    """Signed distance of a point (3,) from a surface; its height along the axis, distance from it.
+
+    sine, cosine: of the surface's angle.
+    """
+    x, y, z = (
+        point[0] - surface.origin[0],
+        point[1] - surface.origin[1],
+        point[2] - surface.origin[2],
+    )
+    a, b, c = surface.axis[0], surface.axis[1], surface.axis[2]
+    height = x * a + y * b + z * c
+    u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
+    radius = np.sqrt(u * u + v * v + w * w)
+    if surface.kind == SPHERE:
+        distance = max(np.sqrt(x * x + y * y + z * z), 1e-9) - surface.radius
+    else:
+        distance = (radius - surface.radius) * cosine - height * sine
+    return distance, height, radius
 
 
 def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:

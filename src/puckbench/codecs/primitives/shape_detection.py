@@ -17,9 +17,11 @@ from puckbench.codecs.primitives.revolution import (
     SPHERE,
     RevolutionSurface,
     cross,
+    distance_to,
     orthogonal_axes,
 )
-from puckbench.core.environment import allowed_threads
+from puckbench.codecs.primitives.smoothing import BlockedSamples, Samples, blocks_of, runs_near
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
 
 _MAX_SEEDS = 300
@@ -36,6 +38,8 @@ _MIN_COVERAGE = 0.35
 _CURVED_COSINES = (0.8, 0.985)
 """Cosines of the angle between neighbours' normals on a curved surface without an edge."""
 _MIN_NORMAL_COSINE = 0.96
+_NEIGHBOURS = 24
+"""Nearest samples, with the sample itself, that tell whether the surface bends there."""
 _SPANS = (3.0, 6.0, 12.0)
 """Distances of the samples of a hypothesis, in sampling cells."""
 
@@ -63,10 +67,10 @@ def detect_revolutions(
     """
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(xyz)
-    curved = _curved_samples(tree, xyz, normals, cell)
+    curved = _curved_samples(xyz, normals, cell)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
         return []
+    tree = cKDTree(xyz, balanced_tree=False, compact_nodes=False)
     scored = curved[:: -(-len(curved) // _MAX_SCORED)]
     hypotheses = _hypotheses(
         tree, xyz, normals, curved[:: -(-len(curved) // _MAX_SEEDS)], cell, tolerance
@@ -91,15 +95,62 @@ def bounded_inliers(
     return inliers
 
 
-def _curved_samples(tree: Any, xyz: Floats, normals: Floats, cell: float) -> Ints:
-    """Samples whose normal differs from that of a neighbour, by less than at an edge."""
-    within = {"k": min(24, len(xyz)), "distance_upper_bound": _SPANS[0] * cell}
-    near = tree.query(xyz, **within, workers=allowed_threads())[1]
-    inliers = np.concatenate([normals, np.full((1, 3), np.nan)])[near]
-    cosine = np.abs(np.einsum("ikj,ij->ik", inliers, normals))
-    return np.flatnonzero(
-        ((cosine > _CURVED_COSINES[0]) & (cosine < _CURVED_COSINES[1])).any(axis=1)
-    )
+def _curved_samples(xyz: Floats, normals: Floats, cell: float) -> Ints:
+    """Samples whose normal differs from that of a neighbour, by less than at an edge.
+
+    Neighbours are the nearest ones, `_NEIGHBOURS` with the sample itself, within a few cells.
+    """
+    radius = _SPANS[0] * cell
+    cells = np.floor(xyz / radius).astype(np.int64)
+    order, blocked = blocks_of(Samples(xyz, np.ones(len(xyz)), cells), 1)
+    curved = np.zeros(len(xyz), np.bool_)
+    _find_curved(blocked, normals[order], radius, curved)
+    return np.sort(order[curved])
+
+
+@compiled
+def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved: Mask) -> None:
+    """Write which samples, in blocks as large as the radius, are curved.
+
+    The nearest sample with a normal that differs has to have few samples that are nearer.
+    """
+    xyz = blocked.xyz
+    runs = np.empty((9, 2), np.int64)
+    for block in range(len(blocked.starts) - 1):
+        begin, end = blocked.starts[block], blocked.starts[block + 1]
+        if begin == end:
+            continue
+        found = runs_near(blocked, block, 1, runs)
+        for i in range(begin, end):
+            nearest = _nearest_bend(xyz, normals, i, found, radius)
+            if nearest < radius * radius:
+                nearer = 0
+                for k in range(len(found)):
+                    for j in range(found[k, 0], found[k, 1]):
+                        nearer += _squared_distance(xyz, i, j) < nearest
+                curved[i] = nearer < _NEIGHBOURS
+
+
+@compiled_in_place
+def _nearest_bend(xyz: Floats, normals: Floats, i: int, runs: Ints, radius: float) -> float:
+    """Squared distance of the nearest sample whose normal differs; that of the radius for none."""
+    nearest = radius * radius
+    for k in range(len(runs)):
+        for j in range(runs[k, 0], runs[k, 1]):
+            squared = _squared_distance(xyz, i, j)
+            if squared < nearest:
+                cosine = 0.0
+                for a in range(3):
+                    cosine += normals[i, a] * normals[j, a]
+                if _CURVED_COSINES[0] < abs(cosine) < _CURVED_COSINES[1]:
+                    nearest = squared
+    return nearest
+
+
+@compiled_in_place
+def _squared_distance(xyz: Floats, i: int, j: int) -> float:
+    x, y, z = xyz[i, 0] - xyz[j, 0], xyz[i, 1] - xyz[j, 1], xyz[i, 2] - xyz[j, 2]
+    return float(x * x + y * y + z * z)
 
 
 def _hypotheses(
@@ -167,11 +218,31 @@ def _unbounded(
 
 def _inliers(surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
     """Mask (n,) of the samples on a surface, wherever it ends, that share its normal."""
-    near = np.flatnonzero(np.abs(surface.distances(xyz)) < tolerance)
-    own = surface.coordinates(xyz[near])[3]
-    inliers = np.zeros(len(xyz), bool)
-    inliers[near] = np.abs(np.einsum("ij,ij->i", own, normals[near])) > _MIN_NORMAL_COSINE
+    inliers = np.empty(len(xyz), np.bool_)
+    _find_inliers(surface, xyz, normals, tolerance, inliers)
     return inliers
+
+
+@compiled
+def _find_inliers(
+    surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float, inliers: Mask
+) -> None:
+    """Write which samples are near a surface and share its normal."""
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(len(xyz)):
+        distance, height, radius = distance_to(surface, sine, cosine, xyz[i])
+        inliers[i] = False
+        if abs(distance) < tolerance:
+            along = outwards = 0.0
+            for a in range(3):
+                along += normals[i, a] * surface.axis[a]
+                outwards += normals[i, a] * (xyz[i, a] - surface.origin[a])
+            if surface.kind == SPHERE:
+                product = outwards / max(np.sqrt(radius * radius + height * height), 1e-9)
+            else:
+                across = (outwards - height * along) / max(radius, 1e-9)
+                product = across * cosine - along * sine
+            inliers[i] = abs(product) > _MIN_NORMAL_COSINE
 
 
 def _select(

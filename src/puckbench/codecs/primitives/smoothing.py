@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.primitives.octree import group_by_cell
+from puckbench.codecs.primitives.cells import group_by_cell
 from puckbench.core.compiling import compiled
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, add_point, fit_plane
+from puckbench.geometry.moments import SIZE, fit_plane
 
 Ints = NDArray[np.int64]
 
@@ -30,12 +30,10 @@ class Samples(NamedTuple):
 
 def sample_cells(points: Floats, cell: float) -> Samples:
     """One sample, the mean of the points, for each cubic cell of side `cell` that holds points."""
-    order, starts = group_by_cell(points, cell)
-    counts = np.diff(np.concatenate([starts, [len(points)]])).astype(np.float64)
+    groups = group_by_cell(points, cell)
+    order, starts = groups.order()
     sums = np.add.reduceat(points[order], starts, axis=0)
-    return Samples(
-        sums / counts[:, None], counts, np.floor(points[order[starts]] / cell).astype(np.int64)
-    )
+    return Samples(sums / groups.counts[:, None], groups.counts, groups.cells)
 
 
 def smooth_samples(
@@ -64,7 +62,7 @@ def smooth_samples(
         (n, 3) projected samples and their unit normals.
     """
     reach = int(np.ceil(radius / cell))
-    order, blocked = _blocked(samples, max(_MIN_BLOCK, -(-reach // 2)))
+    order, blocked = blocks_of(samples, max(_MIN_BLOCK, -(-reach // 2)))
     displace, normals = blocked.xyz, np.zeros_like(blocked.xyz)
     for _ in range(_PASSES):
         previous, displace, normals = (
@@ -104,7 +102,7 @@ class BlockedSamples(NamedTuple):
     starts: Ints
 
 
-def _blocked(samples: Samples, size: int) -> tuple[Ints, BlockedSamples]:
+def blocks_of(samples: Samples, size: int) -> tuple[Ints, BlockedSamples]:
     """The samples by blocks, after the order (n,) that sorts them so."""
     blocks = (samples.cells - samples.cells.min(axis=0)) // size
     x, y, z = (blocks.max(axis=0) + 1).tolist()
@@ -143,31 +141,36 @@ def _smooth(
     xyz, previous_normals = blocked.xyz, previous[1]
     blocks = -(-reach // blocked.size)
     runs = np.empty(((2 * blocks + 1) ** 2, 2), np.int64)
-    neighbours = np.empty((0, 4))
+    candidates, neighbours = np.empty((7, 0)), np.empty((5, 0))
     plane = np.empty(4)
     for block in range(task[0], task[1]):
         begin, end = blocked.starts[block], blocked.starts[block + 1]
         if begin == end:
             continue
-        found = _runs_near(blocked, block, blocks, runs)
+        found = runs_near(blocked, block, blocks, runs)
         capacity = (found[:, 1] - found[:, 0]).sum()
-        if len(neighbours) < capacity:
-            neighbours = np.empty((2 * capacity, 4))
+        if candidates.shape[1] < capacity:
+            candidates, neighbours = np.empty((7, 2 * capacity)), np.empty((5, 2 * capacity))
+        near = _list_candidates(
+            blocked, (begin, end), found, radii[0], previous_normals, candidates
+        )
         for i in range(begin, end):
-            count = _list_neighbours(blocked, i, found, radii[0], previous_normals, neighbours)
+            count = _list_neighbours(
+                candidates, near, xyz[i], previous_normals[i], radii[0], neighbours
+            )
             for a in range(3):
                 plane[a] = previous_normals[i, a]
             plane[3] = 0.0
             for a in range(3):
                 plane[3] += plane[a] * (previous[0][i, a] - xyz[i, a])
-            _robust_plane(neighbours[:count], radii[1], plane)
+            _robust_plane(neighbours, count, radii[1], plane)
             for a in range(3):
                 displace[i, a] = xyz[i, a] + plane[3] * plane[a]
                 normals[i, a] = plane[a]
 
 
 @compiled
-def _runs_near(blocked: BlockedSamples, block: int, reach: int, runs: Ints) -> Ints:
+def runs_near(blocked: BlockedSamples, block: int, reach: int, runs: Ints) -> Ints:
     """Ranges of the samples within `reach` blocks of one, blocks along z as one range."""
     _, across, up = blocked.shape
     x, y, z = block // (across * up), block // up % across, block % up
@@ -184,43 +187,108 @@ def _runs_near(blocked: BlockedSamples, block: int, reach: int, runs: Ints) -> I
 
 
 @compiled
-def _list_neighbours(
-    blocked: BlockedSamples, i: int, runs: Ints, radius: float, normals: Floats, neighbours: Floats
+def _list_candidates(
+    blocked: BlockedSamples,
+    rows: tuple[int, int],
+    runs: Ints,
+    radius: float,
+    normals: Floats,
+    candidates: Floats,
 ) -> int:
-    """Write offsets and weights (n, 4) of the neighbours of sample i; their number.
+    """Write the samples of the runs within the radius of a box around some rows; their number.
 
-    All samples of the runs are written, each over the one before if that one does not count.
+    candidates: (7, n) coordinates, weights and normals.
     """
-    xyz = blocked.xyz
-    a, b, c = normals[i]
-    no_normal = a == 0.0 and b == 0.0 and c == 0.0
-    inverse_square, count = 1 / (radius * radius), 0
+    xyz, count = blocked.xyz, 0
+    low, high = xyz[rows[0]].copy(), xyz[rows[0]].copy()
+    for i in range(rows[0] + 1, rows[1]):
+        for a in range(3):
+            low[a], high[a] = min(low[a], xyz[i, a]), max(high[a], xyz[i, a])
+    farthest = (1.001 * radius) ** 2
     for k in range(len(runs)):
         for j in range(runs[k, 0], runs[k, 1]):
-            x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
-            weight = 1 - (x * x + y * y + z * z) * inverse_square
-            along = abs(a * normals[j, 0] + b * normals[j, 1] + c * normals[j, 2])
-            similarity = 1.0 if no_normal else (along - _MIN_COSINE) / (1 - _MIN_COSINE)
-            neighbours[count, 0], neighbours[count, 1], neighbours[count, 2] = x, y, z
-            neighbours[count, 3] = blocked.weights[j] * weight * similarity * similarity
-            count += (weight > 0.0) & (similarity > 0.0)
+            squared = 0.0
+            for a in range(3):
+                beyond = max(low[a] - xyz[j, a], xyz[j, a] - high[a], 0.0)
+                squared += beyond * beyond
+                candidates[a, count] = xyz[j, a]
+                candidates[4 + a, count] = normals[j, a]
+            candidates[3, count] = blocked.weights[j]
+            count += squared < farthest
     return count
 
 
 @compiled
-def _robust_plane(neighbours: Floats, band: float, plane: Floats) -> None:
-    """Fit a plane to neighbours (n, 4), reweighted by their distances from it.
+def _list_neighbours(
+    candidates: Floats, count: int, own: Floats, normal: Floats, radius: float, neighbours: Floats
+) -> int:
+    """Write offsets and weights (4, n) of the neighbours of a sample; their number.
 
-    plane: (4,) the plane to begin with, or zeros; unchanged if no neighbour counts.
+    neighbours: (5, n); the last row is scratch. Each step is a loop of its own, over whole rows,
+    for the processor's vector instructions.
     """
-    moments = np.zeros(SIZE)
+    p, q, r = own
+    a, b, c = normal
+    x, y, z, weights = candidates[0], candidates[1], candidates[2], candidates[3]
+    found, inverse_square = neighbours[4], 1 / (radius * radius)
+    for j in range(count):
+        u, v, w = x[j] - p, y[j] - q, z[j] - r
+        weight = 1 - (u * u + v * v + w * w) * inverse_square
+        found[j] = weights[j] * weight if weight > 0.0 else 0.0
+    if a != 0.0 or b != 0.0 or c != 0.0:
+        d, e, f = candidates[4], candidates[5], candidates[6]
+        for j in range(count):
+            along = abs(a * d[j] + b * e[j] + c * f[j])
+            similarity = (along - _MIN_COSINE) / (1 - _MIN_COSINE)
+            found[j] = found[j] * similarity * similarity if similarity > 0.0 else 0.0
+    kept = 0
+    for j in range(count):
+        neighbours[0, kept], neighbours[1, kept] = x[j] - p, y[j] - q
+        neighbours[2, kept], neighbours[3, kept] = z[j] - r, found[j]
+        kept += found[j] > 0.0
+    return kept
+
+
+@compiled
+def _robust_plane(neighbours: Floats, count: int, band: float, plane: Floats) -> None:
+    """Fit a plane to neighbours (4, count), reweighted by their distances from it.
+
+    neighbours: (5, n); the last row is scratch. plane: (4,) the plane to begin with, or zeros;
+    unchanged if no neighbour counts.
+    """
+    x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
+    found = neighbours[4]
+    moments = np.empty(SIZE)
     for _ in range(_REWEIGHTINGS):
-        moments[:] = 0.0
-        for k in range(len(neighbours)):
-            x, y, z, weight = neighbours[k]
-            u = (-plane[3] + plane[0] * x + plane[1] * y + plane[2] * z) / band
-            if abs(u) < 1:
-                add_point(moments, x, y, z, weight * (1 - u * u) ** 2)
+        a, b, c, d = plane
+        for k in range(count):
+            u = (-d + a * x[k] + b * y[k] + c * z[k]) / band
+            found[k] = weights[k] * (1 - u * u) ** 2 if abs(u) < 1 else 0.0
+        _sum_moments(x, y, z, found, count, moments)
         if moments[0] <= 0.0:
             return
         fit_plane(moments, plane)
+
+
+@compiled
+def _sum_moments(
+    x: Floats, y: Floats, z: Floats, weights: Floats, count: int, moments: Floats
+) -> None:
+    """Write the moments (10,) of weighted points, summed one after the other."""
+    s = s_x = s_y = s_z = s_xx = s_xy = s_xz = s_yy = s_yz = s_zz = 0.0
+    for k in range(count):
+        u, v, w, weight = x[k], y[k], z[k], weights[k]
+        along_x, along_y, along_z = weight * u, weight * v, weight * w
+        s += weight
+        s_x += along_x
+        s_y += along_y
+        s_z += along_z
+        s_xx += along_x * u
+        s_xy += along_x * v
+        s_xz += along_x * w
+        s_yy += along_y * v
+        s_yz += along_y * w
+        s_zz += along_z * w
+    moments[0], moments[1], moments[2], moments[3] = s, s_x, s_y, s_z
+    moments[4], moments[5], moments[6] = s_xx, s_xy, s_xz
+    moments[7], moments[8], moments[9] = s_yy, s_yz, s_zz

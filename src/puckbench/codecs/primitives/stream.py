@@ -34,6 +34,8 @@ _ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
 _HYBRID = struct.Struct("<BI")
 _CHECKSUM = struct.Struct("<H")
+VOXEL_HEADER_BYTES = _START.size + _VOXELS.size + _CHECKSUM.size
+"""Bytes of a stream of voxels beside G-PCC's octree and the table of displacements."""
 MAX_CELLS = 1 << 26
 """Cells of the grid, at most. This and those below bound a decoder's work and memory; a surface
 that would exceed them is coded as voxels."""

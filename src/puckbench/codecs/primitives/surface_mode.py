@@ -7,7 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.common.binary_coder import written
-from puckbench.codecs.primitives.decoder import Patches, columns_of, empty_arrays, octree_geometry
+from puckbench.codecs.primitives.decoder import (
+    DecodedSurface,
+    Patches,
+    columns_of,
+    empty_arrays,
+    octree_geometry,
+    points_and_normals,
+    surface_part,
+)
 from puckbench.codecs.primitives.entropy import writer
 from puckbench.codecs.primitives.manhattan_frame import RotationVector, rotation_matrix
 from puckbench.codecs.primitives.occupancy_decision import RdCriterion
@@ -90,6 +98,11 @@ class CodedSurface(NamedTuple):
 
     stream: bytes
     patches: Patches
+
+    def decoded(self) -> DecodedSurface:
+        """What a decoder makes of the stream, without reading it again."""
+        header, _ = surface_part(self.stream)
+        return points_and_normals(self.patches._replace(header=header))
 
 
 def detect_surfaces(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:

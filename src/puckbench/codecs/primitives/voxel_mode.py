@@ -7,14 +7,20 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.codecs.primitives.displacements import displace, fit_displacements
-from puckbench.codecs.primitives.octree import group_by_key
+from puckbench.codecs.primitives.cells import CellGroups, group_by_cell
+from puckbench.codecs.primitives.displacements import (
+    displace,
+    displacement_gains,
+    fit_displacements,
+)
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.settings import UNITS
 from puckbench.codecs.primitives.stream import (
+    BLOCK_SIZES,
     CLASSES,
     MAX_DISPLACED,
     MAX_HYBRID_VOXELS,
+    VOXEL_HEADER_BYTES,
     DisplacementTable,
     GridPlacement,
     VoxelHeader,
@@ -22,7 +28,7 @@ from puckbench.codecs.primitives.stream import (
     unpack,
 )
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 _FINEST = UNITS / (1 << 20)
 _MAX_TRIALS = 6
@@ -33,29 +39,47 @@ _MIN_ERROR_PER_BYTE = 0.5
 _TYPICAL_SLOPE = 2.2
 
 
-class Voxelised(NamedTuple):
-    """Voxels (m, 3), the means (m, 3) of their points, and the numbers (m,) of these."""
+class _Coded(NamedTuple):
+    """Coded voxels: their grid, the voxels, G-PCC's octree, whether displacements are worth it."""
 
-    voxels: Ints
-    means: Floats
-    counts: Floats
+    place: GridPlacement
+    voxels: CellGroups
+    bits: bytes
+    displaced: bool
+
+    def size(self) -> int:
+        """Length of the stream."""
+        return VOXEL_HEADER_BYTES + (CLASSES if self.displaced else 0) + len(self.bits)
+
+    def stream(self) -> bytes:
+        """The stream, with the best displacements."""
+        table = None
+        if self.displaced:
+            cells, means, weights = _targets(self.voxels)
+            table, _ = fit_displacements(cells, means, weights)
+        return pack_voxels(self.place, table, self.bits)
 
 
-def voxelise(points: Floats) -> Voxelised:
-    """Round points (n, 3), given in voxels."""
-    voxels = np.rint(points).astype(np.int64)
-    order, starts = group_by_key(voxels - voxels.min(axis=0))
-    counts = np.diff(np.concatenate([starts, [len(points)]])).astype(np.float64)
-    means = np.add.reduceat(points[order], starts, axis=0) / counts[:, None]
-    return Voxelised(voxels[order[starts]], means, counts)
+def voxelise(points: Floats, place: GridPlacement) -> CellGroups:
+    """Voxels that points (n, 3) are rounded to."""
+    return group_by_cell(points, place.cell_size, place.origin, centred=True)
 
 
 def encode_voxel_size(points: Floats, size: float) -> bytes:
     """A stream of the voxels of side `size` that points (n, 3) lie in."""
-    place = GridPlacement(points.min(axis=0), size).rounded()
-    voxelised = voxelise((points - place.origin) / place.cell_size)
-    bits = encode_voxels(voxelised.voxels)
-    return pack_voxels(place, _displacements(voxelised, len(bits)), bits)
+    return _coded(points, size).stream()
+
+
+def bytes_of_voxel_size(points: Floats, size: float) -> int:
+    """Length of the stream that `encode_voxel_size` makes."""
+    return _coded(points, size).size()
+
+
+def _coded(points: Floats, size: float) -> _Coded:
+    place = GridPlacement(bounds(points)[0], size).rounded()
+    voxels = voxelise(points, place)
+    bits = encode_voxels(voxels.cells)
+    return _Coded(place, voxels, bits, _is_displaced(voxels, len(bits)))
 
 
 def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNITS / 4) -> bytes:
@@ -70,28 +94,30 @@ def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNI
     max_voxel_size
         Bound of the voxels' side in units of 1/1023 of the extent, even if they take more bytes.
     """
-    extent = float(np.ptp(points, axis=0).max())
+    low, high = bounds(points)
+    extent = float((high - low).max())
     if extent == 0:
         return encode_voxel_size(points, 1.0)
     max_bytes = max(max_bytes, 1)
     finest, coarsest = extent / UNITS * _FINEST, extent / UNITS * max_voxel_size
     size, slope = min(_initial_size(points, extent, max_bytes), coarsest), _TYPICAL_SLOPE
-    best = b""
+    best: _Coded | None = None
     tried: list[tuple[float, int]] = []
     for _ in range(_MAX_TRIALS):
-        stream = encode_voxel_size(points, size)
-        if len(stream) <= max_bytes and len(stream) > len(best):
-            best = stream
-        if max_bytes * (1 - _BUDGET_SLACK) <= len(stream) <= max_bytes:
+        coded = _coded(points, size)
+        found = coded.size()
+        if found <= max_bytes and (best is None or found > best.size()):
+            best = coded
+        if max_bytes * (1 - _BUDGET_SLACK) <= found <= max_bytes:
             break
-        if len(stream) > max_bytes and size == coarsest:
+        if found > max_bytes and size == coarsest:
             break
-        tried.append((size, len(stream)))
+        tried.append((size, found))
         if len(tried) > 1:
             slope = _slope(tried[-2], tried[-1], slope)
-        size *= (len(stream) / (max_bytes * (1 - _BUDGET_SLACK / 2))) ** (1 / slope)
+        size *= (found / (max_bytes * (1 - _BUDGET_SLACK / 2))) ** (1 / slope)
         size = min(max(size, finest), coarsest)
-    return best or stream
+    return (best or coded).stream()
 
 
 def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> Floats:
@@ -100,23 +126,33 @@ def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -
     return _placed(place, table, voxels)
 
 
-def without_displacements(stream: bytes) -> bytes:
-    """The stream of the same voxels that stay in their centres."""
-    place, _, bits = _unpacked(stream)
-    return pack_voxels(place, None, bits)
+class DecodedVoxels(NamedTuple):
+    """Grid and voxels (m, 3) of a stream, and the points (m, 3) that they are displaced to.
+
+    undisplaced: the same as a stream of voxels that stay in their centres; None where they do.
+    """
+
+    place: GridPlacement
+    voxels: Ints
+    points: Floats
+    undisplaced: tuple[bytes, Floats] | None
 
 
-def decode_undisplaced(stream: bytes) -> Floats:
-    """The voxels' centres (m, 3), as G-PCC decodes them."""
-    place, _, bits = _unpacked(stream)
-    return decode(place, None, bits)
+def decoded_voxels(stream: bytes, most: int | None = None) -> DecodedVoxels:
+    """Voxels of a stream, `MAX_HYBRID_VOXELS` unless more are allowed.
 
-
-def decoded_voxels(stream: bytes) -> tuple[GridPlacement, Ints, Floats]:
-    """Grid, voxels (m, 3), and displaced points (m, 3) of a stream; InputError for another kind."""
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or of another kind, or has more voxels.
+    """
     place, table, bits = _unpacked(stream)
-    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS)
-    return place, voxels, _placed(place, table, voxels)
+    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS if most is None else most)
+    points = _placed(place, table, voxels)
+    if table is None:
+        return DecodedVoxels(place, voxels, points, None)
+    undisplaced = pack_voxels(place, None, bits), _placed(place, None, voxels)
+    return DecodedVoxels(place, voxels, points, undisplaced)
 
 
 def _unpacked(stream: bytes) -> tuple[GridPlacement, DisplacementTable | None, bytes]:
@@ -132,22 +168,28 @@ def _placed(place: GridPlacement, table: DisplacementTable | None, voxels: Ints)
     return np.asarray(xyz * place.cell_size + place.origin)
 
 
-def _displacements(voxelised: Voxelised, voxel_bytes: int) -> DisplacementTable | None:
-    """The best displacements; None if they save less of the error than they add to the bytes."""
-    counts = voxelised.counts
-    if len(counts) > MAX_DISPLACED:
-        return None
-    weights = counts / counts.sum() + 1 / len(counts)
-    table, gain = fit_displacements(voxelised.voxels, voxelised.means, weights)
-    error = (weights[:, None] * (voxelised.voxels - voxelised.means) ** 2).sum()
-    return table if gain > _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error else None
+def _targets(voxels: CellGroups) -> tuple[Ints, Floats, Floats]:
+    """Voxels (m, 3), the means (m, 3) of their points, and the weights (m,) of their errors."""
+    weights = voxels.counts / voxels.counts.sum() + 1 / len(voxels.counts)
+    return voxels.cells, voxels.means, weights
+
+
+def _is_displaced(voxels: CellGroups, voxel_bytes: int) -> bool:
+    """Whether displacements save more of the squared error than they add to the bytes."""
+    if len(voxels.cells) > MAX_DISPLACED:
+        return False
+    cells, means, weights = _targets(voxels)
+    error = (weights[:, None] * (cells - means) ** 2).sum()
+    least = _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error
+    gains = displacement_gains(cells, means, weights, BLOCK_SIZES[::-1])  # the fastest first
+    return any(gain > least for _, gain in gains)
 
 
 def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
     """A side to begin with, at two bits for each of the voxels of a surface."""
     wanted = max(4.0 * max_bytes, 8.0)
     size = extent / 64
-    count = len(voxelise(points / size).voxels)
+    count = len(group_by_cell(points, size, centred=True).cells)
     return float(size * max(count / wanted, 1e-6) ** 0.5)
 
 
