@@ -112,10 +112,10 @@ def accumulate(
     The features are (n, children, c).
     """
     width = sums.shape[2]
+    layout = where.gather_scatter.layout(where.kernel_map, rows)
     gathered = where.gather_scatter.gather(features, where.kernel_map, rows, scratch)
-    counts = np.array([0 if part is None else len(part) for part in gathered])
-    size = int(counts @ where.kernel_map.counts) * width
-    made = segments(_like(features, scratch, size), counts, where.kernel_map, width)
+    room = _like(features, scratch, layout.size * width)
+    made = segments(room, layout, width)
     for part, matrix, product in zip(gathered, matrices, made, strict=True):
         if part is not None and product is not None:
             torch.mm(part, matrix, out=product)

@@ -48,6 +48,19 @@ class KernelMap:
         return sizes
 
     @cached_property
+    def groups(self) -> list[tuple[int, list[int]]]:
+        """The offsets that join equally many children, with that number."""
+        return [
+            (size, [offset for offset in range(OFFSETS) if self.sizes[offset] == size])
+            for size in sorted(set(self.sizes))
+        ]
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """The offsets (27,), group after group."""
+        return np.concatenate([offsets for _, offsets in self.groups])
+
+    @cached_property
     def kernel_of_pair(self) -> NDArray[np.int64]:
         """Number of the kernel matrix of each pair of children, by offset, then by child read."""
         return np.concatenate([kernels.ravel() for kernels in self.kernels])

@@ -140,14 +140,14 @@ def children_voxels(parents: Voxels, keys: Keys, pool: ThreadPool | None = None)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
     table = np.empty((OFFSETS, len(keys)), dtype=np.int32)
 
-    def work(offsets: slice, _: object = None) -> None:
-        steps = (*_child_steps(), offsets.start, offsets.stop)
+    def work(part: slice, _: object = None) -> None:
+        steps = (_around(), _near_child(), part.start, part.stop)
         _fill_neighbours(parents.neighbours, first, keys, rows, *steps, table)
 
     if pool is None:
-        work(slice(0, OFFSETS))
+        work(slice(0, len(parents)))
     else:
-        pool.map_chunks(OFFSETS, -(-OFFSETS // pool.threads), work)
+        pool.map_chunks(len(parents), -(-len(parents) // pool.threads), work)
     return Voxels(keys, table)
 
 
@@ -170,15 +170,20 @@ def selected_children(
 
 
 @cache
-def _child_steps() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For a child and an offset: the offset of the parent it leads to, and the child there."""
+def _around() -> NDArray[np.int64]:
+    """Of the 4x4x4 voxels around a parent's children, x fastest: the offset of the parent that each
+    belongs to, and its number there, (2, 64)."""
+    position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
+    above, within = position // 2 + 1, position % 2
+    return np.stack([3 ** np.arange(3) @ above, 2 ** np.arange(3) @ within])
+
+
+@cache
+def _near_child() -> NDArray[np.int64]:
+    """Which of the 4x4x4 voxels around is at each offset of each child, (8, 27)."""
     child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
-    above, within = np.zeros_like(child), np.zeros_like(child)
-    for axis in range(3):
-        position = (child >> axis & 1) + offset // 3**axis % 3 - 1
-        above += (position // 2 + 1) * 3**axis
-        within += position % 2 << axis
-    return above, within
+    steps = [(child >> axis & 1) + offset // 3**axis % 3 for axis in range(3)]
+    return np.asarray(sum(step * 4**axis for axis, step in enumerate(steps)))
 
 
 @compiled
@@ -187,15 +192,20 @@ def _fill_neighbours(
     first: NDArray[np.int64],
     keys: Keys,
     rows: NeighbourTable,
-    above: NDArray[np.int64],
-    within: NDArray[np.int64],
-    first_offset: int,
-    last_offset: int,
+    around: NDArray[np.int64],
+    near: NDArray[np.int64],
+    first_parent: int,
+    last_parent: int,
     table: NeighbourTable,
 ) -> None:
-    for offset in range(first_offset, last_offset):
-        for parent in range(len(first) - 1):
-            for row in range(first[parent], first[parent + 1]):
-                child = keys[row] & 7
-                other = parent_table[above[child, offset], parent]
-                table[offset, row] = -1 if other < 0 else rows[other, within[child, offset]]
+    others, cube = np.empty(OFFSETS, np.int64), np.empty(64, np.int32)
+    for parent in range(first_parent, last_parent):
+        for offset in range(OFFSETS):
+            others[offset] = parent_table[offset, parent]
+        for i in range(64):
+            other = others[around[0, i]]
+            cube[i] = -1 if other < 0 else rows[other, around[1, i]]
+        for row in range(first[parent], first[parent + 1]):
+            child = keys[row] & 7
+            for offset in range(OFFSETS):
+                table[offset, row] = cube[near[child, offset]]
