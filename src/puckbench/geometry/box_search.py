@@ -166,20 +166,21 @@ def _look(
             _gap(box[1] - qy, qy - box[4]),
             _gap(box[2] - qz, qz - box[5]),
         )
-        if dx * dx + dy * dy + dz * dz <= block.limits[i]:
+        limit = block.limits[i]
+        if dx * dx + dy * dy + dz * dz <= limit:
             for j in range(len(x)):
                 dx, dy, dz = qx - x[j], qy - y[j], qz - z[j]
                 distances[j] = dx * dx + dy * dy + dz * dz
             for j in range(len(x)):
-                if distances[j] <= block.limits[i]:
-                    _keep(block, i, distances[j], points.starts[node] + j)
-        bound = max(bound, block.limits[i])
+                if distances[j] <= limit:
+                    limit = _keep(block, i, distances[j], points.starts[node] + j)
+        bound = max(bound, limit)
     return bound
 
 
 @inlined
-def _keep(block: _Block, i: int, distance: float, place: int) -> None:
-    """Sort a point in among the least distances of a query."""
+def _keep(block: _Block, i: int, distance: float, place: int) -> float:
+    """Sort a point in among the least distances of a query; the limit of the query then."""
     squared, places = block.squared[i], block.places[i]
     if distance < squared[0]:
         squared[0], squared[1], squared[2] = distance, squared[0], squared[1]
@@ -190,6 +191,7 @@ def _keep(block: _Block, i: int, distance: float, place: int) -> None:
         places[1] = place
     elif distance < squared[2]:
         squared[2] = distance
+    return float(block.limits[i])
 
 
 @inlined

@@ -78,9 +78,10 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 @compiled
 def sort_keys(keys: Keys) -> Rows:
     """Sort the keys, and return their stable order, by radix sort; quick where they are sorted."""
-    order, places = np.arange(len(keys)), _digit_places(keys)
+    order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order
+    places = _digit_places(keys)
     source, target, target_order = keys, np.empty_like(keys), np.empty_like(order)
     for digit in range(len(places)):
         _sort_by_digit(source, order, target, target_order, digit * DIGIT_BITS, places[digit])
