@@ -16,10 +16,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from puckbench.codecs.common.vector_moves import add_vector, copy_vector
 from puckbench.codecs.learned.sparse.kernel_map import KernelMap
 from puckbench.codecs.learned.sparse.thread_pool import Scratch
 from puckbench.codecs.learned.sparse.voxels import CENTRE, OFFSETS
-from puckbench.core.compiling import compiled, inlined
+from puckbench.core.compiling import compiled
 
 Flat = NDArray[np.float32]
 Segments = list[Tensor | None]
@@ -250,23 +251,6 @@ def _after(features: Tensor) -> int:
     return int(features.untyped_storage().nbytes() // 4 - features.storage_offset())
 
 
-# Unsigned indices spare the compiler the check for negative ones.
-@inlined
-def _copy(onto: Flat, i: int, source: Flat, j: int, length: int) -> None:
-    """``onto[i : i + length] = source[j : j + length]``, unchecked."""
-    start, origin = np.uint64(i), np.uint64(j)
-    for k in range(np.uint64(length)):
-        onto[start + np.uint64(k)] = source[origin + np.uint64(k)]
-
-
-@inlined
-def _add(onto: Flat, i: int, source: Flat, j: int, length: int) -> None:
-    """``onto[i : i + length] += source[j : j + length]``, unchecked."""
-    start, origin = np.uint64(i), np.uint64(j)
-    for k in range(np.uint64(length)):
-        onto[start + np.uint64(k)] += source[origin + np.uint64(k)]
-
-
 @cache
 def _gatherer(width: int) -> Callable[..., None]:
     @compiled
@@ -287,7 +271,8 @@ def _gatherer(width: int) -> Callable[..., None]:
             for pair in range(firsts[offset], firsts[offset] + pair_counts[offset]):
                 start = row_stride * sources[pair]
                 for j in range(child_counts[offset]):
-                    _copy(into, at, features, start + children[offset, j] * child_stride, width)
+                    origin = start + children[offset, j] * child_stride
+                    copy_vector(into, at, features, origin, width)
                     at += width
 
     return gather
@@ -314,7 +299,8 @@ def _adder(width: int) -> Callable[..., None]:
             for pair in range(firsts[offset], firsts[offset] + pair_counts[offset]):
                 start = row_stride * (rows[pair] - first_row)
                 for j in range(child_counts[offset]):
-                    _add(onto, start + children[offset, j] * child_stride, products, at, width)
+                    target = start + children[offset, j] * child_stride
+                    add_vector(onto, target, products, at, width)
                     at += width
 
     return add
