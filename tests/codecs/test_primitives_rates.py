@@ -11,7 +11,11 @@ from puckbench.codecs.primitives.mode_decision import _best_surface, _evaluate
 from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.registry import open_codec
+from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.geometry.cloud import PointCloud
+from puckbench.jobs.preparation import Returns
+from puckbench.jobs.preparation import prepare as prepare_cloud
+from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.metrics.geometry import distortion
 from tests.support.default_clouds import CLOUDS
 
@@ -81,6 +85,21 @@ def test_more_bits_bring_a_room_nearer_until_noise_is_coded(
     assert (steps[:, 1:4] < 1).all()
     # From r6 on noise is coded: the truth is left step by step, not in one leap.
     assert (steps[:, 4] < (3 if noise else 1)).all()
+
+
+def test_the_truth_of_a_cluttered_room_is_left_no_sooner_than_at_the_highest_rate() -> None:
+    mesh = EmbeddedRooms().load("storage_1").mesh
+    assert mesh is not None
+    sweep, model = open_sweep({"azimuth_step_deg": 1.8}), open_error_model("vlp16_divergence")
+    sensor, rng = load_sensor("vlp16"), np.random.default_rng(0)
+    found = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
+    returns = Returns(PointCloud(found.xyz_noisy), PointCloud(found.xyz, found.normals))
+    cloud = prepare_cloud(returns.cloud)
+    curve = _curve(cloud, returns.truth_in_frame_of(cloud), ("r6", "r7", "r8"))
+    steps = curve[1:] / curve[:-1]
+    assert (steps[:, 1:4] < 1).all()
+    assert (steps[:, 4] > 1).all()
+    assert (steps[:, 4] < 1.8).all()
 
 
 def test_mode_decision_improves_a_badly_aligned_grid() -> None:

@@ -140,9 +140,9 @@ def _hybrid_or_voxels(
     """The surface refined by voxels, or voxels of as many bytes.
 
     What is refined is the surface that would be kept without voxels, and voxels alone take its
-    place only where they are nearer in both respects: more bits shall not lose what it had. Where
-    voxels were kept, the product of the errors decides. The less the surface is refined, the more
-    the distance to it counts.
+    place only where they do not lose it: more bits shall not lose what it had. Where voxels were
+    kept, the product of the errors decides. The less the surface is refined, the more the distance
+    to it counts.
     """
     points, settings = cloud.source, cloud.settings
 
@@ -167,11 +167,23 @@ def _hybrid_or_voxels(
         if hybrid:
             equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size)
             voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
-            ours = hybrid.distortion
-            farther = voxels.point >= ours.point or voxels.plane >= ours.plane
-            if farther if kept.surface else hybrid.cost <= product(voxels):
+            beside_surface = _lose_the_surface(voxels, hybrid.distortion, settings)
+            if beside_surface if kept.surface else hybrid.cost <= product(voxels):
                 return hybrid.stream
     return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
+
+
+def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings) -> bool:
+    """Whether voxels alone lose more of the surface under the noise than they gain.
+
+    They do unless they are nearer to the points in both respects. Then the distance to the surface
+    counts, twice as much as each of these at a refinement of 2/3, and not at all at 1.
+    """
+    if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
+        return True
+    gain = voxels.point * voxels.plane / (hybrid.point * hybrid.plane)
+    loss = voxels.surface / hybrid.surface
+    return bool(gain * loss ** (6 * (1 - settings.refinement)) >= 1)
 
 
 def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tuple[int, float]:
