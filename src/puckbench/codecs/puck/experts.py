@@ -47,9 +47,8 @@ class Experts(NamedTuple):
     logits: Words
 
 
-def new_experts(scales: Words) -> Experts:
-    """Experts with their first scales (experts, situations)."""
-    count = len(scales)
+def new_experts(scales: Words, count: int) -> Experts:
+    """Experts with their first scales (scales, situations), of which there may be more."""
     zeros = np.zeros(count, np.int64)
     edges = np.zeros((count, 2), np.int64)
     return Experts(zeros, zeros.copy(), edges, scales, *_tables())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from puckbench.codecs.common.binary_coder import LEAST, ONE, code
 from puckbench.codecs.puck.experts import FINE, Experts, ask, tell
 from puckbench.codecs.puck.mixing import Mixer, code_bit
 from puckbench.core.compiling import inlined
@@ -78,6 +81,47 @@ def _move(mixer: Mixer, nodes: int) -> None:
         mixer.at[k] += nodes
     for k in range(len(mixer.rows)):
         mixer.rows[k] += nodes
+
+
+@inlined
+def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
+    """Code a bit by one adaptive probability, without mixing."""
+    state = np.int64(mixer.counters[counter])
+    count, probability = state & 511, state >> 9
+    bit = code(mixer.bits, bit, min(max(probability >> 6, LEAST), ONE - LEAST))
+    probability += ((bit * ((1 << 22) - 1) - probability) * mixer.rates[count]) >> 16
+    mixer.counters[counter] = probability << 9 | min(count + 1, mixer.pace[2])
+    return bit
+
+
+@inlined
+def code_plain_number(
+    mixer: Mixer, start: int, number: int, centre: int, unit: int, step: int
+) -> int:
+    """Code a number as `code_number` does, by the counters from `start` on alone."""
+    low, high = 0, FARTHEST // step + 2
+    side, steps, reach = 0, 0, 0
+    if centre < high:
+        side = code_plain_bit(mixer, start, 1 if number >= centre else 0)
+        low, high = (centre, high) if side == 1 else (low, centre)
+    while True:
+        steps += 1
+        reach = unit * steps if steps < 4 else unit * (2 + (steps & 1)) << (steps >> 1) >> 1
+        middle = centre + reach if side == 1 else centre - reach
+        if middle <= low or middle >= high:
+            break
+        node = 1 + side * _STEPS + min(steps - 1, _STEPS - 1)
+        bit = code_plain_bit(mixer, start + node, 1 if number >= middle else 0)
+        low, high = (middle, high) if bit == 1 else (low, middle)
+        if bit != side:
+            break
+    node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
+    while high - low > 1:
+        middle = (low + high) >> 1
+        bit = code_plain_bit(mixer, start + node, 1 if number >= middle else 0)
+        low, high = (middle, high) if bit == 1 else (low, middle)
+        node = _DEEP
+    return low
 
 
 @inlined

@@ -30,7 +30,15 @@ from puckbench.codecs.puck.least_squares import (
     solve,
 )
 from puckbench.codecs.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
-from puckbench.codecs.puck.numbers import FARTHEST, NODES, code_number, halves, level_of
+from puckbench.codecs.puck.numbers import (
+    FARTHEST,
+    NODES,
+    code_number,
+    code_plain_bit,
+    code_plain_number,
+    halves,
+    level_of,
+)
 from puckbench.core.compiling import compiled_in_place, inlined
 
 PAD = 8
@@ -94,7 +102,7 @@ class Effort(NamedTuple):
 
 
 EFFORTS = {
-    "fast": Effort(10, 1, 2, 1, 3, 1, 32),
+    "fast": Effort(10, 0, 1, 1, 1, 1, 32),
     "normal": Effort(10, 3, 3, 1, 3, 1, 16),
     "thorough": Effort(22, 9, 7, 3, 6, 9, 8),
 }
@@ -115,7 +123,7 @@ def new_model(bits: BitCoder, lasers: int, effort: Effort, step: int, lmbda: int
                   NODES * (1 + _LEVELS + 4), effort.sets, (16, 4, 160), first_weights),
         np.cumsum(sizes) - sizes,
         np.cumsum(mask_sizes) - mask_sizes,
-        new_experts(_first_scales(effort.experts)),
+        new_experts(_first_scales(effort.experts), effort.experts),
         new_least_squares(effort.predictors, effort.features),
         np.zeros(effort.features, np.int64),
         zeros, zeros.copy(), zeros.copy(), zeros + _FIRST_ERROR,
@@ -135,7 +143,7 @@ def _first_scales(experts: int) -> Words:
     """Scales to begin with: what a level of activity means, times each expert's usual error."""
     level = np.arange(_LEVELS) + 6
     usual = (1 << level // 2) * (2 + level % 2) * 128
-    times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[:experts, None]
+    times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[: max(experts, 1), None]
     scales: Words = np.rint(np.repeat(usual, 4) * times).astype(np.int32)
     return scales
 
@@ -157,11 +165,17 @@ def code_ranges(model: Model, image: Image, before: Image, places: Ints, source:
     source
         (PAD + columns, lasers), what a writer codes.
     """
+    is_plain = len(model.experts.means) == 0
     for column in range(PAD, len(image.ranges)):
         place = places[column - PAD]
         for laser in range(image.ranges.shape[1]):
-            exists = _code_mask(model, image, before, column, laser, place, source)
-            if exists == 1:
+            if is_plain:
+                exists = _code_mask_plainly(model, image, before, column, laser, place, source)
+            else:
+                exists = _code_mask(model, image, before, column, laser, place, source)
+            if exists == 1 and is_plain:
+                _code_range_plainly(model, image, before, column, laser, place, source)
+            elif exists == 1:
                 _code_range(model, image, before, column, laser, place, source)
             else:
                 image.ranges[column, laser] = 0
@@ -254,6 +268,54 @@ def _code_range(
     index = code_number(model.value, model.experts, index, centre, unit, step)
     value = min(max(index * step, 1), FARTHEST)
     _learn_range(model, image, c, laser, value, base, first, group, situation)
+
+
+@inlined
+def _code_mask_plainly(
+    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+) -> int:  # fmt: skip
+    """Code whether a firing returned, by one adaptive probability."""
+    ranges, then = image.ranges, before.ranges
+    context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
+    context += 4 * _is(ranges, c - 3, laser)
+    if laser > 0:
+        context += 8 * _is(ranges, c, laser - 1) + 16 * _is(ranges, c - 1, laser - 1)
+    if laser + 1 < ranges.shape[1]:
+        context += 32 * _is(ranges, c - 1, laser + 1)
+    if t > 0:
+        context += 64 * (1 + _is(then, t, laser) + 2 * _is(then, t + 1, laser))
+        context += 320 * _is(then, t - 1, laser)
+    return code_plain_bit(model.mask, context, 1 if source[c, laser] > 0 else 0)
+
+
+@inlined
+def _code_range_plainly(
+    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+) -> None:  # fmt: skip
+    """Code the range of a return by adaptive probabilities alone."""
+    base = _base(model, image, before, c, laser, t)
+    _find_features(model, image, before, c, laser, t, base)
+    activity = _activity(model, image, before, c, laser, t)
+    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
+    first = predicted(model.linear, 0, model.features)
+    mean = FINE * base + 4 * first
+    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
+    step = model.settings[0]
+    centre = max((mean + FINE * step // 2) // (FINE * step), 1)
+    scale = model.experts.scales[0, situation] >> 8
+    unit = max(scale * 3 // (64 * step), 1)
+    then = 9
+    if is_known == 1:
+        then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
+    index = (source[c, laser] + step // 2) // step
+    if model.settings[1] > 0:
+        index = _chosen(source[c, laser], index, mean, scale, step, model.settings[1])
+    start = (then * _LEVELS + activity) * NODES
+    index = code_plain_number(model.value, start, index, centre, unit, step)
+    value = min(max(index * step, 1), FARTHEST)
+    wrong = min(abs(FINE * value - mean), 4000) * 256
+    model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
+    _learn_range(model, image, c, laser, value, base, first, 0, situation)
 
 
 @inlined

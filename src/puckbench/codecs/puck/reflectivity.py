@@ -74,7 +74,7 @@ def new_byte_model(bits: BitCoder, lasers: int) -> ByteModel:
         new_mixer(bits, _EXPERTS, _CONTEXTS, int(sizes.sum()), _TREE + 9 * _LEVELS, 2, (14, 2, 160),
                   (0.2, 0.2)),
         np.cumsum(sizes) - sizes,
-        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32)),
+        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
         new_least_squares(1, _FEATURES),
         np.zeros(_FEATURES, np.int64),
         zeros, zeros + 8 * FINE, zeros.copy(),

@@ -32,7 +32,9 @@ def new_second_model(bits: BitCoder, lasers: int, step: int) -> SecondModel:
     same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), (0.0, 0.4))
     value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), (0.3, 0.2))
     scales = np.full((4, 1), _FIRST_SCALE, np.int32)
-    return SecondModel(same, value, new_experts(scales), np.zeros(lasers, np.int64), step)
+    return SecondModel(
+        same, value, new_experts(scales, len(scales)), np.zeros(lasers, np.int64), step
+    )
 
 
 def second_with_bits(model: SecondModel, bits: BitCoder) -> SecondModel:
