@@ -36,6 +36,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from tests.support.puck_streams import DECODERS as OTHERS
 from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
 
@@ -105,7 +106,7 @@ def decoders() -> dict[str, str]:
             found[f"{name} (mesh)"] = found[name]
         if name == "gpcc":
             found["gpcc (framed)"] = found[name]
-    return found
+    return found | dict.fromkeys(OTHERS, "")
 
 
 def _is_tiny(name: str) -> bool:
@@ -119,8 +120,10 @@ def _has(find_spec: Any) -> bool:
     return find_spec("torch") is not None and find_spec("constriction") is not None
 
 
-def opened(decoder: str) -> Codec:
+def opened(decoder: str) -> Any:
     """The codec of a decoder, ready to run."""
+    if decoder in OTHERS:
+        return OTHERS[decoder]()
     name = decoder.partition(" ")[0]
     changes: dict[str, Any] = {}
     if _is_tiny(name):
@@ -137,8 +140,11 @@ def opened(decoder: str) -> Codec:
     return codec
 
 
-def streams(decoder: str, codec: Codec) -> list[bytes]:
+def streams(decoder: str, codec: Any) -> list[bytes]:
     """What is damaged: the same in every run."""
+    if decoder in OTHERS:
+        whole: list[bytes] = codec.streams()
+        return whole
     if decoder == "gpcc":
         files = sorted((ROOT / "tests" / "data" / "gpcc").glob("*.bin"))
         return [file.read_bytes() for file in files]
@@ -220,7 +226,8 @@ def work(decoder: str, first: int, end: int, kind: str) -> None:
 
 def seconds_of(decoder: str) -> int:
     """The processor's seconds that a stream may take."""
-    seconds = LEARNED_SECONDS if has_weights(decoder.partition(" ")[0]) else SECONDS
+    is_learned = decoder not in OTHERS and has_weights(decoder.partition(" ")[0])
+    seconds = LEARNED_SECONDS if is_learned else SECONDS
     return seconds * (CHECKED_FACTOR if os.environ.get(CHECKED) else 1)
 
 
@@ -231,7 +238,7 @@ def _peak_mib(reset: bool = False) -> float:
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
-def outcome(decoder: str, codec: Codec, stream: bytes) -> str:
+def outcome(decoder: str, codec: Any, stream: bytes) -> str:
     """What decoding ends in: ``points``, ``error``, or what is wrong."""
     try:
         if decoder.endswith("(mesh)"):

@@ -213,3 +213,44 @@ def test_a_stream_is_records_with_an_end(three_turns: tuple[Layout, list[Turn]])
     layout, turns = three_turns
     kinds = [record.kind for record in read_records(BytesIO(encode(turns, layout)))]
     assert kinds == [Kind.LAYOUT, *[Kind.TURN] * len(turns), Kind.END]
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("mode", [STRONGEST, DUAL])
+@pytest.mark.parametrize("step", [2, 5, 8, 50])
+def test_quantised_ranges_are_near_and_none_is_lost(effort: str, mode: int, step: int) -> None:
+    layout, turns = turns_of(spin(VLP16, mode))
+    found = decode(encode(turns, layout, Settings(effort=effort, step=step)))
+    for turn, other in zip(turns, found, strict=True):
+        wrong = turn.ranges.astype(int) - other.ranges
+        assert np.array_equal(turn.ranges > 0, other.ranges > 0)
+        assert np.abs(wrong).max() <= (step + 1) // 2
+        assert np.array_equal(turn.reflectivities, other.reflectivities)
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_optimised_ranges_cost_less_at_a_smaller_error(effort: str) -> None:
+    layout, turns = turns_of(spin(packets=150, rise=60))
+
+    def coded(step: int, lmbda: float) -> tuple[int, float, int]:
+        asked = Settings(step, lmbda, times=False, reflectivities=False, effort=effort)
+        stream = encode(turns, layout, asked)
+        pairs = zip(turns, decode(stream), strict=True)
+        wrong = np.concatenate([(a.ranges.astype(int) - b.ranges).ravel() for a, b in pairs])
+        return len(stream), float(np.mean(wrong**2)), int(np.abs(wrong).max())
+
+    size, error, most = coded(8, 6.0)
+    plain_size, plain_error, _ = coded(9, 0.0)
+    assert most <= 12  # one step and a half
+    assert error < plain_error
+    assert size < plain_size
+
+
+def test_the_ends_of_what_a_range_can_be_are_kept() -> None:
+    ranges = np.zeros((1, 40, 2), np.uint16)
+    ranges[0, :, 0], ranges[0, :, 1] = 1, 65535
+    turn = Turn(ranges, np.arange(0, 800, 20, dtype=np.uint16))
+    for step in (1, 3, 7, 4096):
+        found = decode(encode([turn], Layout((0, 1)), Settings(step=step)))[0]
+        assert (found.ranges > 0).all()
+        assert np.abs(found.ranges.astype(int) - ranges).max() <= step // 2 + 1

@@ -50,11 +50,28 @@ def _sealed_at_the_end(stream: bytes) -> bytes:
     return stream[:-2] + struct.pack("<H", zlib.crc32(stream[:-2]) & 0xFFFF)
 
 
+def _sealed_records(stream: bytes) -> bytes:
+    """Records of the codec of returns: a kind, a length of seven bits a byte, a CRC-32, a body."""
+    parts, at = [stream[:5]], 5
+    while at < len(stream):
+        head = at + 1
+        while head < len(stream) and stream[head] >= 128 and head < at + 5:
+            head += 1
+        head += 1
+        length = sum((byte & 127) << 7 * k for k, byte in enumerate(stream[at + 1 : head]))
+        body = stream[head + 4 : head + 4 + length]
+        check = zlib.crc32(body, stream[at]).to_bytes(4, "little")
+        parts.append(stream[at:head] + check + body)
+        at = head + 4 + length
+    return b"".join(parts)
+
+
 SEALS: dict[str, Callable[[bytes], bytes]] = {
     "pcgcv1_plus": _sealed_at(5),
     "pcgcv2_plus": _sealed_at(6),
     "sparse_octree_net": _sealed_at(5),
     "primitives": _sealed_at_the_end,
+    "puck": _sealed_records,
 }
 """What makes the check sums of streams fit again, where a codec has them."""
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from puckbench.codecs.common.byte_io import base_128, signed_128
 from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.puck.stream import Kind, Record, start
 from puckbench.core.seeding import generator
 
 Random = np.random.Generator
@@ -221,10 +222,38 @@ def _some(changes: dict[str, Any], random: Random) -> dict[str, Any]:
     return {name: changes[name] for name in names}
 
 
+def puck(_: Sequence[bytes], random: Random) -> bytes:
+    """Turns whose header and parts are at their limits, behind checks that fit."""
+    lasers = int(random.choice([1, 2, 16, 32, 64, 128, 129]))
+    order = bytes(random.permutation(lasers).astype(np.uint8))
+    layout = bytes([limit(random, 8), limit(random, 8), limit(random, 2), lasers]) + order
+    if random.random() < 0.8:  # one that is allowed
+        layout = bytes([1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(16)])
+    records = [Record(Kind.LAYOUT, layout)]
+    for _ in range(int(random.integers(1, 4))):
+        head = bytes([limit(random, 6) | 1]) + base_128(1 + limit(random, 12))
+        head += base_128(limit(random, 14))
+        parts = [_filling(random) for _ in range(int(random.integers(1, 7)))]
+        body = head + b"".join(base_128(len(part)) + part for part in parts)
+        records.append(Record(Kind.TURN, body))
+    records.append(Record(Kind.GAPS, base_128(limit(random, 12)) + _filling(random)))
+    records.append(Record(Kind.END, _filling(random)))
+    return start() + b"".join(record.packed() for record in records)
+
+
+def _filling(random: Random) -> bytes:
+    """Some bytes: all 0, all 255, or any."""
+    length = limit(random, 9)
+    if random.random() < 0.5:
+        return bytes([255 * int(random.integers(2))]) * length
+    return random.bytes(length)
+
+
 _NETS = "puckbench.codecs.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,
+    "puck": puck,
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
     "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),
     "sparse_octree_net": _learned(

@@ -88,7 +88,8 @@ def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
     """Code a bit by one adaptive probability, without mixing."""
     state = np.int64(mixer.counters[counter])
     count, probability = state & 511, state >> 9
-    bit = code(mixer.bits, bit, int(min(max(probability >> 6, LEAST), ONE - LEAST)))
+    share = int(probability >> 6)
+    bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
     probability += ((bit * ((1 << 22) - 1) - probability) * mixer.rates[count]) >> 16
     mixer.counters[counter] = probability << 9 | min(count + 1, mixer.pace[2])
     return bit

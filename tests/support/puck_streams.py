@@ -1,0 +1,68 @@
+"""Decoders of the returns' codec for benchmarks/checks/fuzz.py, and whole streams to damage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.puck import Settings, decode, encode
+from puckbench.codecs.puck.packets import split_turns, turn_of
+from puckbench.codecs.puck.recording import compress, decompress
+from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
+
+_EFFORTS = ("fast", "normal", "thorough")
+_KINDS = ((VLP16, STRONGEST), (VLP16, DUAL), (HDL32E, STRONGEST))
+
+
+class TurnsDecoder:
+    """Decodes the turns of a stream."""
+
+    def streams(self) -> list[bytes]:
+        """Streams of each effort and kind of packets, with loss and without."""
+        found = []
+        for number, (product, mode) in enumerate(_KINDS):
+            parts = list(split_turns(spin(product, mode, packets=12, rise=700)))
+            turns = [turn_of(kind, payloads) for kind, payloads in parts]
+            for step, effort in enumerate(_EFFORTS, 1):
+                settings = Settings(effort=effort, step=step, times=number > 0)
+                found.append(encode(turns, parts[0][0].layout, settings))
+        return found
+
+    def decode(self, stream: bytes) -> NDArray[np.float64]:
+        """The ranges of all turns."""
+        ranges = [turn.ranges.ravel() for turn in decode(stream)]
+        return np.concatenate([np.zeros(0), *ranges])
+
+
+class RecordingDecoder:
+    """Gives back the recording of a stream."""
+
+    def streams(self) -> list[bytes]:
+        """Streams of short recordings with a position packet."""
+        with TemporaryDirectory() as folder:
+            whole, small = Path(folder, "a"), Path(folder, "b")
+            found = []
+            for effort, (product, mode) in zip(_EFFORTS, _KINDS, strict=True):
+                packets = rows(spin(product, mode, packets=12, rise=700))
+                whole.write_bytes(pcap([*packets[:4], b"\0" * 512, *packets[4:]]))
+                compress(whole, small, Settings(effort=effort))
+                found.append(small.read_bytes())
+        return found
+
+    def decode(self, stream: bytes) -> NDArray[np.float64]:
+        """The recording's bytes."""
+        with TemporaryDirectory() as folder:
+            small, back = Path(folder, "a"), Path(folder, "b")
+            small.write_bytes(stream)
+            decompress(small, back)
+            return np.frombuffer(back.read_bytes(), np.uint8).astype(np.float64)
+
+
+DECODERS: dict[str, Callable[[], TurnsDecoder | RecordingDecoder]] = {
+    "puck": TurnsDecoder,
+    "puck (recording)": RecordingDecoder,
+}
