@@ -6,6 +6,7 @@ believes in a value and a scale) in place of one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,18 +59,17 @@ class Mixer(NamedTuple):
 
 def new_mixer(
     bits: BitCoder, experts: int, contexts: int, counters: int, rows: int, sets: int,
-    pace: tuple[int, int, int], starts: tuple[float, float],
+    pace: tuple[int, int, int], starts: Sequence[float],
 ) -> Mixer:  # fmt: skip
     """A mixer in its initial state.
 
     pace: learning rate at first, in the end, and the memory of counters. starts: initial weights of
-    experts and contexts.
+    each expert, then of each context.
     """
     stretch, squash = logistic_tables()
     inputs = experts + contexts + 1
     weights = np.zeros((rows, inputs), np.int32)
-    weights[:, :experts] = round(starts[0] * ONE)
-    weights[:, experts:-1] = round(starts[1] * ONE)
+    weights[:, :-1] = [round(start * ONE) for start in starts]
     steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,

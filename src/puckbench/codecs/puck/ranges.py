@@ -104,23 +104,27 @@ class Effort(NamedTuple):
 EFFORTS = {
     "fast": Effort(10, 0, 1, 1, 1, 1, 32),
     "normal": Effort(10, 3, 3, 1, 3, 1, 16),
-    "thorough": Effort(22, 9, 7, 3, 6, 9, 8),
+    "thorough": Effort(22, 9, 8, 3, 6, 9, 8),
 }
+_EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.15, 0.1, 0.2, 0.22, 0.16, 0.16)
+_CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
+_MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
+"""Initial weights, near to what an HDL-32E's recording ends with."""
 _NEAR = 10
 """Features that every effort takes."""
 
 
 def new_model(bits: BitCoder, lasers: int, effort: Effort, step: int, lmbda: int) -> Model:
     """A coder that has learnt nothing."""
-    sizes = np.array([1, _SITUATIONS, 90, 90, 100, 90, lasers]) * NODES
+    sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
-    first_weights = (0.2, 0.15)
+    first_weights = [*_EXPERT_WEIGHTS[: effort.experts], *_CONTEXT_WEIGHTS[: effort.contexts]]
     zeros = np.zeros(lasers, np.int64)
     return Model(
         new_mixer(bits, 0, effort.mask_contexts, int(mask_sizes.sum()), 64 + lasers,
-                  min(effort.sets, 2), (14, 3, 160), (0.0, 0.4)),
+                  min(effort.sets, 2), (24, 5, 160), _MASK_WEIGHTS[: effort.mask_contexts]),
         new_mixer(bits, effort.experts, effort.contexts, int(sizes.sum()),
-                  NODES * (1 + _LEVELS + 4), effort.sets, (16, 4, 160), first_weights),
+                  NODES * (1 + _LEVELS + 4), effort.sets, (24, 4, 160), first_weights),
         np.cumsum(sizes) - sizes,
         np.cumsum(mask_sizes) - mask_sizes,
         new_experts(_first_scales(effort.experts), effort.experts),
@@ -461,34 +465,48 @@ def _find_contexts(
     m, starts = model.value, model.starts
     unit = max(model.experts.scales[0, situation] * 3 >> 14, 1)
     centre = mean // FINE
-    then = (
-        level_of(before.ranges[t, laser] - centre, unit)
-        if t > 0 and before.ranges[t, laser] > 0
-        else 9
-    )
-    if t > 0 and before.smooth[t, laser] > 0:
-        then = level_of(before.smooth[t, laser] // FINE - centre, unit)
-    west = level_of(base - centre, unit)
-    m.at[0] = starts[0]
+    then, lower, upper = 9, 9, 9
+    if t > 0:
+        then = _place(before.smooth[t, laser] // FINE, centre, unit)
+    if laser > 0:
+        lower = _place(image.ranges[c, laser - 1], centre, unit)
+    if laser + 1 < image.ranges.shape[1]:
+        upper = _place(image.ranges[c - 1, laser + 1], centre, unit)
+    m.at[0] = starts[0] + (lower * 10 + upper) * NODES
     m.at[1] = starts[1] + situation * NODES
-    m.at[2] = starts[2] + (then * 9 + west) * NODES
+    m.at[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
     m.rows[0] = 0
     if len(m.at) > 3:
-        below, east, back = 9, 9, 9
-        if model.experts.means[3] > 0:
-            below = level_of(model.experts.means[3] // FINE - centre, unit)
-        if t > 0:
-            if before.ranges[t + 1, laser] > 0:
-                east = level_of(before.ranges[t + 1, laser] - centre, unit)
-            if before.ranges[t - 1, laser] > 0:
-                back = level_of(before.ranges[t - 1, laser] - centre, unit)
-        slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
-        m.at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
-        m.at[4] = starts[4] + (east * 10 + back) * NODES
-        m.at[5] = starts[5] + (slope * 10 + then) * NODES
-        m.at[6] = starts[6] + laser * NODES
+        _find_more_contexts(model, image, before, c, laser, t, centre, unit, then)
         m.rows[1] = (1 + (situation >> 2)) * NODES
         m.rows[2] = (1 + _LEVELS + (situation & 3)) * NODES
+
+
+@inlined
+def _place(value: int, centre: int, unit: int) -> int:
+    """Level of a range's distance from the centre; 9 for no return."""
+    return level_of(value - centre, unit) if value > 0 else 9
+
+
+@inlined
+def _find_more_contexts(
+    model: Model, image: Image, before: Image, c: int, laser: int, t: int, centre: int, unit: int,
+    then: int,
+) -> None:  # fmt: skip
+    at, starts, means = model.value.at, model.starts, model.experts.means
+    east, back = 9, 9
+    if t > 0:
+        east = _place(before.ranges[t + 1, laser], centre, unit)
+        back = _place(before.ranges[t - 1, laser], centre, unit)
+    below = _place(means[3] // FINE, centre, unit)
+    slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
+    other = _place(model.other[laser], centre, unit)
+    apart = level_of(means[6] // FINE - centre, max(unit // 4, 1))
+    at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
+    at[4] = starts[4] + (east * 10 + back) * NODES
+    at[5] = starts[5] + (slope * 10 + then) * NODES
+    at[6] = starts[6] + laser * NODES
+    at[7] = starts[7] + (other * 10 + apart) * NODES
 
 
 @inlined
@@ -499,11 +517,11 @@ def _learn_range(
     """Store a range, and let everything learn from it."""
     mean = FINE * base + 4 * first
     wrong = FINE * value - mean
-    learn(model.experts, situation, FINE * value, 6)
+    learn(model.experts, situation, FINE * value, 7)
     image.ranges[c, laser] = value
     image.held[c, laser] = value
     image.errors[c, laser] = min(abs(wrong), 1000)
-    image.smooth[c, laser] = max(mean + (wrong * 110 >> 8), 1) if abs(wrong) < 256 else FINE * value
+    image.smooth[c, laser] = max(mean + (wrong * 140 >> 8), 1) if abs(wrong) < 256 else FINE * value
     model.error[laser] += (image.errors[c, laser] - model.error[laser]) >> 2
     model.memory[0] = wrong >> 4
     target = 4 * (value - base)

@@ -70,9 +70,9 @@ def new_byte_model(bits: BitCoder, lasers: int) -> ByteModel:
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
     return ByteModel(
-        new_mixer(bits, 0, 3, lasers * 32 + lasers * 16 + 1024, 16, 1, (14, 3, 160), (0.0, 0.4)),
+        new_mixer(bits, 0, 3, lasers * 32 + lasers * 16 + 1024, 16, 1, (14, 3, 160), [0.4] * 3),
         new_mixer(bits, _EXPERTS, _CONTEXTS, int(sizes.sum()), _TREE + 9 * _LEVELS, 2, (14, 2, 160),
-                  (0.2, 0.2)),
+                  [0.2] * (_EXPERTS + _CONTEXTS)),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
         new_least_squares(1, _FEATURES),

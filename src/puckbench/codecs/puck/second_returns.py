@@ -29,8 +29,8 @@ class SecondModel(NamedTuple):
 
 def new_second_model(bits: BitCoder, lasers: int, step: int) -> SecondModel:
     """A coder that has learnt nothing."""
-    same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), (0.0, 0.4))
-    value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), (0.3, 0.2))
+    same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), [0.4] * 3)
+    value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), [0.3] * 4 + [0.2] * 2)
     scales = np.full((4, 1), _FIRST_SCALE, np.int32)
     return SecondModel(
         same, value, new_experts(scales, len(scales)), np.zeros(lasers, np.int64), step

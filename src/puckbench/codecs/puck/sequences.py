@@ -36,7 +36,7 @@ class Track(NamedTuple):
 def new_track(bits: BitCoder, modulus: int) -> Track:
     """A sequence that has not begun."""
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
-    mixer = new_mixer(bits, 0, _CONTEXTS, counters, _NODES, 1, (14, 3, 160), (0.0, 0.3))
+    mixer = new_mixer(bits, 0, _CONTEXTS, counters, _NODES, 1, (14, 3, 160), [0.3] * _CONTEXTS)
     return Track(mixer, np.zeros(10, np.int64), np.zeros(4, np.int64), modulus)
 
 

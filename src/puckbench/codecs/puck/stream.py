@@ -20,6 +20,7 @@ from puckbench.core.errors import InputError
 MAGIC = b"PUCK"
 _VERSION = 1
 _CHECK_BYTES = 4
+_PORTION = 1 << 20
 _DAMAGED = "the stream is damaged or truncated"
 
 
@@ -80,11 +81,20 @@ def _read_record(stream: IO[bytes]) -> Record:
             raise InputError(_DAMAGED)
         length |= (byte[0] & 127) << shift
         shift, more = shift + 7, byte[0] >= 128
-    check, body = stream.read(_CHECK_BYTES), stream.read(length)
+    check, body = stream.read(_CHECK_BYTES), _read(stream, length)
     expected = zlib.crc32(body, kind[0]).to_bytes(_CHECK_BYTES, "little")
     if len(body) != length or check != expected:
         raise InputError(_DAMAGED)
     return Record(Kind(kind[0]), body)
+
+
+def _read(stream: IO[bytes], length: int) -> bytes:
+    """At most `length` bytes, which may be far more than there are."""
+    parts = []
+    while length > 0 and (part := stream.read(min(length, _PORTION))):
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)
 
 
 def encode(turns: Iterable[Turn], layout: Layout, settings: Settings | None = None) -> bytes:
