@@ -59,10 +59,11 @@ def _sealed_records(stream: bytes) -> bytes:
             head += 1
         head += 1
         length = sum((byte & 127) << 7 * k for k, byte in enumerate(stream[at + 1 : head]))
-        body = stream[head + 4 : head + 4 + length]
-        check = zlib.crc32(body, stream[at]).to_bytes(4, "little")
+        start = head + 4 * (length > 0)
+        body = stream[start : start + length]
+        check = zlib.crc32(body, stream[at]).to_bytes(4, "little") if length else b""
         parts.append(stream[at:head] + check + body)
-        at = head + 4 + length
+        at = start + length
     return b"".join(parts)
 
 

@@ -228,7 +228,9 @@ def puck(_: Sequence[bytes], random: Random) -> bytes:
     order = bytes(random.permutation(lasers).astype(np.uint8))
     layout = bytes([limit(random, 8), limit(random, 8), limit(random, 2), lasers]) + order
     if random.random() < 0.8:  # one that is allowed
-        layout = bytes([1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(16)])
+        layout = bytes(
+            [1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(0x10, 0x110, 0x22)]
+        )
     records = [Record(Kind.LAYOUT, layout)]
     for _ in range(int(random.integers(1, 4))):
         head = bytes([limit(random, 6) | 1]) + base_128(1 + limit(random, 12))

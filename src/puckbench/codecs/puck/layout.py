@@ -61,7 +61,7 @@ class Layout:
     def packed(self) -> bytes:
         """The layout as bytes."""
         sizes = [self.columns_per_block, self.blocks_per_time, self.kinds, self.lasers]
-        return bytes([*sizes, *self.order])
+        return bytes([*sizes, *_paired(self.order)])
 
 
 def unpacked(body: bytes) -> tuple[Layout, bytes]:
@@ -69,9 +69,25 @@ def unpacked(body: bytes) -> tuple[Layout, bytes]:
     reader = Reader(body)
     *sizes, lasers = reader.take(4)
     try:
-        return Layout(tuple(reader.take(lasers)), *sizes), reader.rest()
+        return Layout(_taken(reader, lasers), *sizes), reader.rest()
     except ValueError as error:
         raise InputError(f"the stream is damaged ({error})") from error
+
+
+def _paired(order: tuple[int, ...]) -> tuple[int, ...]:
+    """Up to 16 lasers by two in a byte."""
+    if len(order) > 16:
+        return order
+    even = (*order, 0)[: -(-len(order) // 2) * 2]
+    return tuple(even[k] | even[k + 1] << 4 for k in range(0, len(even), 2))
+
+
+def _taken(reader: Reader, lasers: int) -> tuple[int, ...]:
+    """The inverse of `_paired`."""
+    if lasers > 16:
+        return tuple(reader.take(lasers))
+    pairs = reader.take(-(-lasers // 2))
+    return tuple(part for pair in pairs for part in (pair & 15, pair >> 4))[:lasers]
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,13 @@ class Record:
 
     def packed(self) -> bytes:
         """The record as bytes."""
-        check = zlib.crc32(self.body, self.kind).to_bytes(_CHECK_BYTES, "little")
-        return bytes([self.kind]) + base_128(len(self.body)) + check + self.body
+        return bytes([self.kind]) + base_128(len(self.body)) + _check(self.kind, self.body)
+
+
+def _check(kind: int, body: bytes) -> bytes:
+    """A body after its check; nothing for nothing."""
+    check = zlib.crc32(body, kind).to_bytes(_CHECK_BYTES, "little")
+    return check + body if body else b""
 
 
 def start() -> bytes:
@@ -81,9 +86,9 @@ def _read_record(stream: IO[bytes]) -> Record:
             raise InputError(_DAMAGED)
         length |= (byte[0] & 127) << shift
         shift, more = shift + 7, byte[0] >= 128
-    check, body = stream.read(_CHECK_BYTES), _read(stream, length)
-    expected = zlib.crc32(body, kind[0]).to_bytes(_CHECK_BYTES, "little")
-    if len(body) != length or check != expected:
+    checked = _read(stream, length + _CHECK_BYTES if length else 0)
+    body = checked[_CHECK_BYTES:]
+    if len(body) != length or checked != _check(kind[0], body):
         raise InputError(_DAMAGED)
     return Record(Kind(kind[0]), body)
 
