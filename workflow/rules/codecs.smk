@@ -1,5 +1,6 @@
 # Codecs: self-contained streams, one for each cloud, codec and rate; decoded clouds when asked for.
-# A job makes the streams of a whole rate-distortion curve, or of a part where that takes long.
+# A job makes the streams of a whole rate-distortion curve, or of a part where that takes long, and
+# beside each a record of what it cost. What follows them follows the first: they are made together.
 for curve in coding.curves:
 
     rule:
@@ -9,7 +10,6 @@ for curve in coding.curves:
             cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         output:
             streams=curve.files(f"{RESULTS}/coded", ".bin"),
-            records=curve.files(f"{RESULTS}/coded", ".bin.json"),
         params:
             record=coding.encode(curve).record,
             code=coding.encode(curve).code,
@@ -35,13 +35,14 @@ for curve in [*coding.shown, *coding.not_shown]:
         name:
             curve.name("decode")
         input:
-            streams=curve.files(f"{RESULTS}/coded", ".bin"),
+            [one.first(f"{RESULTS}/coded", ".bin") for one in coding.coded_with(curve)],
         output:
             clouds=curve.files(f"{RESULTS}/decoded", ".ply"),
             about=curve.files(f"{RESULTS}/decoded", ".json"),
         params:
             record=coding.decode(curve).record,
             code=coding.decode(curve).code,
+            streams=curve.files(f"{RESULTS}/coded", ".bin"),
         resources:
             mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
             runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
@@ -50,5 +51,5 @@ for curve in [*coding.shown, *coding.not_shown]:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs decode_curve {params.record:q} streams={input.streams:q}"
+            "python -m puckbench.jobs decode_curve {params.record:q} streams={params.streams:q}"
             " clouds={output.clouds:q} > {log:q} 2>&1"

@@ -11,10 +11,10 @@ for curve in coding.curves:
             name:
                 curve.name("evaluate") + ("_surfaces" if surfaces else "")
             input:
+                curve.first(f"{RESULTS}/coded", ".bin"),
                 unpack(lambda w: coding.truth(w.dataset, w.cloud)),
                 unpack(lambda w, surfaces=surfaces: coding.labels(w.dataset, w.cloud) if surfaces else {}),
                 cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-                streams=curve.files(f"{RESULTS}/coded", ".bin"),
             output:
                 rows=curve.files(f"{RESULTS}/metrics", ".json"),
                 **recovered,
@@ -23,6 +23,7 @@ for curve in coding.curves:
                 record=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).record,
                 code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).code,
                 files=lambda w, input, output: files_of(input, output),
+                streams=curve.files(f"{RESULTS}/coded", ".bin"),
                 timed=coding.threads_environment,
             priority: priority_of(curve)
             threads: coding.cores(CORES)
@@ -37,7 +38,7 @@ for curve in coding.curves:
                 "../../envs/puckbench.yaml"
             shell:
                 "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
-                " > {log:q} 2>&1"
+                " streams={params.streams:q} > {log:q} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench import __version__
+from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import PointCloud
@@ -92,6 +93,9 @@ class Evaluating(Decoding):
     ) -> dict[str, Any]:
         """Write the result row of each stream; what was done, as `work` says it."""
         progress, seconds = Progress("rate"), 0.0
+        for record in map(record_file, streams):
+            if not record.exists():
+                raise InputError(f"{record}: no such file: delete the streams beside it")
         for done, (stream, row) in enumerate(zip(streams, rows, strict=True), start=1):
             found = self.row(originals, stream)
             write_json(row, found)

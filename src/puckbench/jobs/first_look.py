@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.joined import OfRows
+from puckbench.jobs.registry import JOBS
 
 
 @JOBS.register("first_look")
-class FirstLook(Job):
+class FirstLook(OfRows):
     """Draw figures from some result rows; style: its layers, for all of them."""
 
     style: tuple[dict[str, Any], ...] = ()
@@ -21,7 +22,9 @@ class FirstLook(Job):
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        table = result_tables.table_of(result_tables.metric_rows(rows), result_tables.METRIC_KEYS)
+        table = result_tables.table_of(
+            result_tables.metric_rows(self.every(rows)), result_tables.METRIC_KEYS
+        )
         write_table(table, parquet)
         style = FigureStyle.from_config(*self.style)
         for path in out:

@@ -71,12 +71,16 @@ class CloudJobs:
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Scan the mesh of a scene; the sensor's and the sweep's files count as code."""
         data = self.dataset(dataset)
-        settings = data.settings
-        record = scan_record(settings, cloud, data.seed)
+        module, also = self._sensing(dataset)
+        return planned(scan_record(data.settings, cloud, data.seed), module, also=also)
+
+    @cache  # noqa: B019
+    def _sensing(self, dataset: str) -> tuple[str, str]:
+        """Module of a data set's error model; and that model, the sensor and the sweep."""
+        settings = self.dataset(dataset).settings
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
-        also = f"{model} {load_sensor(settings.sensor)} {sweep}"
-        return planned(record, module_of_model(model), also=also)
+        return module_of_model(model), f"{model} {load_sensor(settings.sensor)} {sweep}"
 
     @cache  # noqa: B019
     def prepare(self, dataset: str) -> PlannedJob:

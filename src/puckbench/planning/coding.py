@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -16,7 +17,7 @@ from puckbench.jobs.decode import DecodeCurve
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
 from puckbench.jobs.evaluate_surfaces import EvaluateSurfaces
-from puckbench.jobs.joined import RowKind
+from puckbench.jobs.joined import RowsTable
 from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.planned_job import PlannedJob, planned
@@ -56,6 +57,14 @@ class Curve:
         return [
             f"{folder}/{{dataset}}/{{cloud}}/{self.codec}/{rate}{suffix}" for rate in self.rates
         ]
+
+    def first(self, folder: str, suffix: str) -> str:
+        """The file of the first rate, which stands for all as an input of other jobs.
+
+        They are made together, there are tens of thousands of them, and Snakemake's planning pays
+        for each input of each job.
+        """
+        return self.files(folder, suffix)[0]
 
 
 class CodingJobs:
@@ -166,18 +175,41 @@ class CodingJobs:
             "scene": self.clouds.scene_file(dataset, cloud),
         }
 
-    def rows(self) -> dict[RowKind, list[str]]:
-        """The tables that are made of result rows of their own, with the files of these rows."""
-        parts: dict[RowKind, Any] = {
-            "scan_errors": self.plan.scanned,
-            "recovery": self.plan.recovered,
-        }
-        folder = self.plan.results
-        return {
-            name: [f"{folder}/{name}/{'/'.join(part)}.json" for part in rows]
-            for name, rows in parts.items()
-            if rows
-        }
+    def coded_with(self, curve: Curve) -> list[Curve]:
+        """The curves, or parts of them, that have the rates of another one."""
+        return [
+            one
+            for one in self.curves
+            if one.codec == curve.codec and set(one.rates) & set(curve.rates)
+        ]
+
+    def first_rows(self, kind: str, codec: str | None = None) -> list[str]:
+        """The first row of each curve, of all clouds in the order of the table.
+
+        kind: of the rows. codec: whose, if not of all.
+        """
+        folder = f"{self.plan.results}/{kind}"
+        return [
+            curve.first(folder, ".json").format(dataset=dataset, cloud=cloud)
+            for dataset, cloud in self.plan.clouds
+            for curve in self.curves
+            if codec in (None, curve.codec)
+            and (kind == "metrics" or dataset in self.measured(curve.codec, surfaces=True))
+        ]
+
+    @property
+    def rates(self) -> dict[str, tuple[str, ...]]:
+        """Rates of a curve by its codec and first rate ("draco/r1")."""
+        return {f"{curve.codec}/{curve.rates[0]}": curve.rates for curve in self.curves}
+
+    def tables(self) -> Iterator[tuple[RowsTable, list[str]]]:
+        """The tables that are made of result rows of their own, and the files of these rows."""
+        if self.plan.scanned:
+            names = map("/".join, self.plan.scanned)
+            rows = [f"{self.plan.results}/scan_errors/{name}.json" for name in names]
+            yield RowsTable(kind="scan_errors"), rows
+        if self.plan.recovered:
+            yield RowsTable(kind="recovery", rates=self.rates), self.first_rows("recovery")
 
     @property
     def threads_environment(self) -> str:

@@ -21,7 +21,7 @@ from puckbench.figures.registry import (
 from puckbench.figures.style import FigureStyle
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable, RowsTable
+from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
 from puckbench.metrics.registry import (
@@ -65,16 +65,17 @@ class OutputJobs:
         """The tables of all result rows, of all clouds, and of rows of other kinds."""
         plan, found = self.plan, {}
         if plan.datasets:
-            rows = [f"{plan.results}/metrics/{'/'.join(cell)}.json" for cell in plan.cells]
             summary = {"summary": self._file("summary", "csv")}
-            found["metrics"] = self._joined("metrics", MetricsTable(), rows, summary)
+            every = MetricsTable(rates=self.coding.rates)
+            rows = self.coding.first_rows("metrics")
+            found["metrics"] = self._joined("metrics", every, rows, summary)
             rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
             job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
             found["clouds"] = self._joined("clouds", job, rows)
         if plan.left_out:
             found["left_out"] = self._joined("left_out", LeftOut(faults=plan.left_out), [])
-        for kind, rows in self.coding.rows().items():
-            found[kind] = self._joined(kind, RowsTable(kind=kind), rows)
+        for record, rows in self.coding.tables():
+            found[record.kind] = self._joined(record.kind, record, rows)
         return found
 
     def _joined(
@@ -220,11 +221,11 @@ class OutputJobs:
         if not drawn:
             return None
         folder = f"{self.plan.results}/first_look"
-        cells = [cell for cell in self.plan.cells if cell[2] == self.first_codec]
         images = [f"{folder}/{name}.png" for name in drawn]
         outputs = {"parquet": f"{folder}/metrics.parquet", "out": images}
-        rows = [f"{self.plan.results}/metrics/{'/'.join(cell)}.json" for cell in cells]
-        record = FirstLook(style=self._style(self.config.figures.style))
+        rows = self.coding.first_rows("metrics", self.first_codec)
+        style = self._style(self.config.figures.style)
+        record = FirstLook(rates=self.coding.rates, style=style)
         modules = [FIGURES.module_of(name) for name in drawn]
         return JoinedTable(planned(record, *modules, also=self._codec_styles), rows, outputs)
 
