@@ -41,7 +41,7 @@ def told(bar: RunBar, event: LogEvent, **values: Any) -> None:
 
 def begun() -> RunBar:
     """A run of two jobs of 90 s and two of 10 s, on two cores."""
-    bar = RunBar({"long": 90.0, "short": 10.0}.__getitem__, cores=2)
+    bar = RunBar({"long": 90.0, "short": 10.0}.__getitem__, 2, {"short": "a short one ended"})
     told(bar, LogEvent.RUN_INFO, stats=JOBS)
     return bar
 
@@ -70,6 +70,16 @@ def test_the_time_left_follows_the_jobs_that_are_done(clock: Clock) -> None:
     job(bar, 4, "short")
     job(bar, 5, "all")
     assert bar.left_s() == 0
+
+
+def test_a_note_is_printed_when_its_job_has_ended(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bar = begun()
+    job(bar, 1, "long")
+    assert "short" not in capsys.readouterr().err
+    job(bar, 2, "short")
+    assert capsys.readouterr().err == "puckbench: a short one ended\n"
 
 
 def test_where_there_is_no_terminal_a_line_is_printed_now_and_then(

@@ -74,7 +74,8 @@ if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     # Where Snakemake keeps its records; without room there it would end in a traceback.
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
-BAR = show_bar(job_seconds(bench), CORES or 1) if is_run() else None
+NOTES = {"first_look": f"the first figures are in {RESULTS}/first_look"}
+BAR = show_bar(job_seconds(bench), CORES or 1, NOTES) if is_run() else None
 
 
 onstart:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from puckbench.planning.run_time import in_words, machine_sample, run_seconds
@@ -33,11 +33,15 @@ class RunBar(logging.Handler):
         What a job takes by its rule's name, as `puckbench.planning.run_time.job_seconds` has it.
     cores
         Of the run.
+    notes
+        Lines to print when a rule's job has ended.
     """
 
-    def __init__(self, seconds: Callable[[str], float], cores: int) -> None:
+    def __init__(
+        self, seconds: Callable[[str], float], cores: int, notes: Mapping[str, str]
+    ) -> None:
         super().__init__(logging.INFO)
-        self._seconds, self._cores = seconds, cores
+        self._seconds, self._cores, self._notes = seconds, cores, notes
         self._running: dict[int, str] = {}
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
@@ -91,6 +95,8 @@ class RunBar(logging.Handler):
             return
         self._done += 1
         self._done_work += self._seconds(rule)
+        if rule in self._notes:
+            self._tell(self._notes[rule])
         self._show()
 
     def left_s(self) -> float:
@@ -113,7 +119,10 @@ class RunBar(logging.Handler):
             self._tell(f"{self._done} of {self._jobs} jobs done, {left} left")
 
     def _tell(self, line: str) -> None:
-        print(f"puckbench: {line}", file=sys.stderr, flush=True)  # noqa: T201
+        if self._bar:
+            self._bar.console.print(f"puckbench: {line}", highlight=False)
+        else:
+            print(f"puckbench: {line}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def _new_bar() -> Progress:
@@ -129,9 +138,9 @@ def _new_bar() -> Progress:
     )
 
 
-def show_bar(seconds: Callable[[str], float], cores: int) -> RunBar:
+def show_bar(seconds: Callable[[str], float], cores: int, notes: Mapping[str, str]) -> RunBar:
     """Show a bar in place of Snakemake's own lines for each job, but for warnings and errors."""
-    bar = RunBar(seconds, cores)
+    bar = RunBar(seconds, cores, notes)
     _LOGGER.handlers.insert(0, bar)  # so that it can keep the others from printing
     return bar
 
