@@ -174,6 +174,14 @@ def test_grids_that_lie_far_apart_decode_to_finite_points(origin: float, size: f
         return
 
 
+def test_a_surface_of_coinciding_points_is_refused() -> None:
+    """A search among a million equal points would take minutes."""
+    header = HybridHeader(8, NO_FACTORS, _surface().stream, _voxels(_hybrid()))
+    same = np.ones((1_000_000, 3))
+    with pytest.raises(InputError, match="points of its surface coincide"):
+        hybrid_mode.decode(header, same, same)
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_damage_of_a_part_ends_in_an_error_or_points(data: st.DataObject) -> None:

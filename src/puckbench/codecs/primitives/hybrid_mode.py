@@ -31,6 +31,7 @@ from puckbench.codecs.primitives.stream import (
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.spatial_order import distinct_rows
 
 _DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
 """Borders in voxels of the classes of distances along the normal."""
@@ -83,6 +84,9 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     """
     place, voxels, points, _ = voxel_mode.decoded_voxels(header.voxels)
     if len(voxels) and len(xyz):
+        if not np.isfinite(xyz).all() or len(distinct_rows(xyz)) < len(xyz) // 2:
+            # A tree of equal points is searched for minutes.
+            raise InputError("the stream is damaged (points of its surface coincide)")
         planes = _planes_below(points, xyz, search_tree(xyz), normals, place.cell_size)
         points = _displaced(points, planes, place.cell_size, header.factors)
         kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
