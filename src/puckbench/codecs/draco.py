@@ -13,7 +13,7 @@ from importlib.metadata import version
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Codec, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
@@ -47,6 +47,7 @@ class Draco(Codec):
     colour = "#0072B2"
     marker = "o"
     rank = 0
+    pace = Pace(0.02, 1.1)
     rates = DRACO_RATES
     Options = DracoOptions
     options: DracoOptions

@@ -10,11 +10,11 @@ from puckbench.planning.workflow import Workflow
 
 SAMPLE_S = 0.2
 """Seconds of `machine_sample` on the machine where the numbers below were measured."""
-_START_S = 2.0
+_START_S = 1.5
 """Of a job's process, with imports and what is loaded once."""
-_OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 20.0, "prepare": 15.0, "scan_error": 15.0}
+_OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 12.0}
 """Seconds for each million points of jobs that make and measure clouds."""
-_METRICS = {False: 5.0, True: 12.0}
+_METRICS = {False: 1.0, True: 3.5}
 """Seconds for each million points of a measurement at one rate, without truth and with it."""
 _OTHERS = {"residuals": 6.0, "wall_points": 1.0, "report_page": 8.0, "first_look": 4.0}
 """Seconds of other jobs, beyond the start of a process."""

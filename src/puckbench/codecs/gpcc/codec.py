@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from puckbench import __version__
-from puckbench.codecs.base import Codec, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.gpcc.container import packed, unpacked
 from puckbench.codecs.gpcc.grid import Frame, Rounding, frame_of, in_frame, quantised
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
@@ -66,6 +66,7 @@ class GridCodec(Codec):
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"
+    pace = Pace(0.05, 1.5)
     bare_magic = b"\0\0\0"
 
     def __init__(self, *arguments: Any, **options: Any) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Availability, Codec, Memory, Parameters
+from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
 from puckbench.codecs.learned.catalogue import SUFFIX, Network, header_of
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import sha256
@@ -68,6 +68,7 @@ class Learned(Codec, Generic[W]):
     Options: type[LearnedOptions] = LearnedOptions
     options: LearnedOptions
     memory = Memory(1500, 1500)
+    pace = Pace(0.3, 16.0)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -238,6 +239,7 @@ class Improved(LearnedByLambda[R]):
     """
 
     options: ImprovedOptions
+    pace = Pace(0.3, 16.0)
     thesis_role = ""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:

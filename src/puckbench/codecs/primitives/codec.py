@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from puckbench.codecs.base import Codec, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import naming
@@ -42,6 +42,7 @@ class Primitives(Codec):
     colour = "#CC79A7"
     marker = "P"
     rank = 40
+    pace = Pace(0.3, 34.0)
     rates: Mapping[str, Parameters] = {
         **_SURFACES,
         **{

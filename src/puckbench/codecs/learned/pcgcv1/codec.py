@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned.catalogue import PCGCV1
 from puckbench.codecs.learned.codec import (
     Improved,
@@ -52,6 +52,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
     marker = "<"
     line: Line = "--"
     rank = 110
+    pace = Pace(5.0, 180.0)
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 0.75, "scale": 0.625, "rho": 1.15},
         "r2": {"lmbda": 0.75, "scale": 1, "rho": 1.15},

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Line, Parameters
+from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned.catalogue import PCGCV2
 from puckbench.codecs.learned.codec import Improved, ImprovedOptions, LearnedByLambda
 from puckbench.codecs.learned.pcgcv2.stream import Coded, Tools, read_stream, write_coded, write_raw
@@ -44,6 +44,7 @@ class Pcgcv2(LearnedByLambda["Weights"]):
     marker = "2"
     line: Line = "--"
     rank = 120
+    pace = Pace(1.0, 34.0)
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 0.25},
         "r2": {"lmbda": 0.5},
