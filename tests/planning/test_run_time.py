@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from puckbench.planning.run_time import SAMPLE_S, in_words, job_seconds, machine_sample, run_seconds
+from puckbench.planning.run_time import SAMPLE_S, job_seconds, machine_sample, run_seconds
 from puckbench.planning.workflow import Workflow
 
 
@@ -42,11 +42,3 @@ def test_more_cores_take_less_and_a_slower_machine_more() -> None:
 
 def test_the_sample_is_short() -> None:
     assert 0.001 < machine_sample() < 60
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"), [(12.4, "12 s"), (89, "89 s"), (400, "7 min"), (5340, "89 min")]
-)
-def test_times_are_said_in_words(seconds: float, words: str) -> None:
-    assert in_words(seconds) == words
-    assert in_words(12_600) == "3.5 h"

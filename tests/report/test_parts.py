@@ -39,7 +39,7 @@ from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.quantities import headed, measured
-from puckbench.report.run_record import RunRecord
+from puckbench.report.run_record import RunRecord, duration_text
 from puckbench.report.tables import MOST_ROWS, table_html, text_of
 
 
@@ -252,6 +252,17 @@ def test_of_logs_that_tell_no_date_the_record_has_the_work_alone() -> None:
     record = RunRecord.of([{"wall_s": 1.0, "processor_s": 2.0}])
     assert record.facts() == {"Duration": "2 s of processor time in 1 job"}
     assert RunRecord.of([]).facts() == {}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (12.4, "12 s"), (89, "89 s"), (99, "99 s"), (100, "2 min"), (400, "7 min"),
+        (5340, "89 min"), (5940, "99 min"), (6000, "1 h 40 min"), (12_600, "3 h 30 min"),
+    ],
+)  # fmt: skip
+def test_a_duration_is_told_in_two_units_at_most(seconds: float, text: str) -> None:
+    assert duration_text(seconds) == text
 
 
 def _two_codecs(**columns: list[float]) -> pd.DataFrame:

@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from puckbench.planning.run_time import in_words, machine_sample, run_seconds
+from puckbench.planning.run_time import machine_sample, run_seconds
+from puckbench.report.run_record import duration_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -77,10 +78,10 @@ class RunBar(logging.Handler):
         self._expected_s = run_seconds(jobs, self._seconds, self._cores, machine_sample())
         self._began = self._told = time.monotonic()
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"
-        self._tell(f"{self._jobs} jobs, about {in_words(self._expected_s)} here on {cores}")
+        self._tell(f"{self._jobs} jobs, about {duration_text(self._expected_s)} here on {cores}")
         if sys.stderr.isatty():
             self._bar = _new_bar()
-            self._bar.add_task("", total=self._work, left=in_words(self._expected_s))
+            self._bar.add_task("", total=self._work, left=duration_text(self._expected_s))
             self._bar.start()
 
     def _take_start(self, event: dict[str, Any]) -> None:
@@ -109,7 +110,7 @@ class RunBar(logging.Handler):
         return (time.monotonic() - self._began) * (1 - share) / share
 
     def _show(self, job: str | None = None) -> None:
-        left = in_words(self.left_s())
+        left = duration_text(self.left_s())
         if self._bar:
             (task,) = self._bar.tasks
             shown = task.description if job is None else job

@@ -74,10 +74,3 @@ def run_seconds(
     """Seconds that jobs (rule -> how many) take on some cores of the machine with that sample."""
     work = sum(count * seconds(rule) for rule, count in jobs.items())
     return work * sample_s / SAMPLE_S / max(1, cores)
-
-
-def in_words(seconds: float) -> str:
-    """A time as one says it: "40 s", "7 min", "3.5 h"."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"
