@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.base import Pace
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
+from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.decode import Decode, DecodeCurve
 from puckbench.jobs.encode import Encode, EncodeCurve
-from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
+from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
+from puckbench.metrics import geometry
 from puckbench.planning.coding import Curve
 from puckbench.planning.same_results import compared, differences
 from puckbench.planning.workflow import Workflow
@@ -88,6 +90,22 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
     assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in rows))
     assert (done["codec"], done["points"], done["rates"]) == (codec, 3000, 3)
     assert done["truth"]
+
+
+def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    originals = Originals(Path("cloud.ply"), Path("floor.ply"), Path("seen.ply"))
+    made: list[int] = []
+
+    def counted(points: Floats) -> tuple[Rows, Floats]:
+        made.append(len(points))
+        return distinct_points(points)
+
+    monkeypatch.setattr(geometry, "distinct_points", counted)
+    row = Evaluate(dataset="d").row(originals, Path("cloud.ply"))
+    assert row["cd_point"] == 0 < row["truth_cd_point"]
+    assert made == [3000]
 
 
 def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:

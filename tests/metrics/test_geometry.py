@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.metrics.geometry import Reference, distortion, squared_errors
+from puckbench.metrics.geometry import DistinctPoints, Reference, distortion, squared_errors
 from puckbench.metrics.psnr import mpeg_psnr
 
 DATA = Path(__file__).parents[1] / "data" / "pc_error"
@@ -172,6 +172,14 @@ def test_one_reference_gives_many_decoded_clouds_the_values_of_one_off_calls(nam
         reference = Reference(original)
         for each in several:
             assert distortion(reference, each) == distortion(original, each)
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED))
+def test_decoded_points_made_ready_once_have_the_values_of_one_off_calls(name: str) -> None:
+    cloud, decoded = load_pair(name)
+    ready = DistinctPoints(np.tile(decoded, (2, 1)))
+    for original in (cloud, PointCloud(cloud.xyz + 0.25), PointCloud(decoded)):
+        assert distortion(original, ready) == distortion(original, decoded)
 
 
 def test_a_reference_knows_its_diameter_by_its_description_or_else_by_its_points() -> None:

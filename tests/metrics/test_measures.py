@@ -5,7 +5,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.geometry import Reference
+from puckbench.metrics.geometry import DistinctPoints, Reference
 from puckbench.metrics.measures import measures, picture_measures
 from puckbench.metrics.truth import Truth
 
@@ -49,6 +49,7 @@ def test_one_reference_gives_many_decoded_clouds_the_measures_of_one_off_calls()
         for decoded in (RAISED, GRID[::5] + 0.25, RAISED):
             assert measures(reference, decoded) == measures(cloud, decoded)
             assert measures(reference, decoded, peak=9) == measures(cloud, decoded, peak=9)
+            assert measures(cloud, DistinctPoints(decoded)) == measures(cloud, decoded)
 
 
 def test_pictures_and_colours_are_measured_where_there_are_some() -> None:

@@ -72,9 +72,12 @@ class Evaluating(Decoding):
 
     def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
         """The result row of a decoded cloud (.ply), or of a stream."""
+        from puckbench.metrics.geometry import DistinctPoints
+
         reference = originals.reference.cloud
         points, record = self._decoded(decoded)
-        found = measures(originals.reference, points.xyz, self.peak)
+        ready = DistinctPoints(points.xyz)
+        found = measures(originals.reference, ready, self.peak)
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
             **{key: reference.about[key] for key in _KEPT if key in reference.about},
@@ -82,7 +85,7 @@ class Evaluating(Decoding):
             "puckbench_version": __version__,
             **found,
             **picture_measures(reference, points, self.views, found),
-            **(originals.truth.measures(points.xyz) if originals.truth else {}),
+            **(originals.truth.measures(ready) if originals.truth else {}),
         }
         result |= further_metrics(self.metrics, reference, points, result)
         result["cloud"] = result.pop("name", originals.name)

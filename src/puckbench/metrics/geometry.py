@@ -42,6 +42,35 @@ class SquaredErrors:
     ba_plane: Floats | None = None
 
 
+class DistinctPoints:
+    """The distinct points of a cloud, sorted and made ready for searches once.
+
+    Whatever takes decoded points takes them like this too, so that several comparisons share them.
+
+    Parameters
+    ----------
+    points
+        (n, 3), in any order.
+    what
+        Their name in messages.
+
+    Raises
+    ------
+    InputError
+        There are none, or some that are not finite.
+    """
+
+    def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
+        check_points(points, what)
+        self.rows, self.xyz = distinct_points(_float64(points))
+        self.search = Points(self.xyz)
+
+    @classmethod
+    def of(cls, decoded: Floats | DistinctPoints) -> DistinctPoints:
+        """The points themselves, or a decoded cloud made ready."""
+        return decoded if isinstance(decoded, cls) else cls(cast(Floats, decoded))
+
+
 class Reference:
     """A reference cloud (A), made ready once for all decoded clouds that are compared with it.
 
@@ -60,13 +89,11 @@ class Reference:
     """
 
     def __init__(self, cloud: PointCloud) -> None:
-        check_points(cloud.xyz, "reference cloud")
         self.cloud = cloud
-        rows, self.xyz = distinct_points(_float64(cloud.xyz))
+        self.points = DistinctPoints(cloud.xyz, "reference cloud")
         self.normals: Floats | None = None
         if cloud.normals is not None:
-            self.normals = _checked_normals(cloud).take(rows, axis=0)
-        self.points = Points(self.xyz)
+            self.normals = _checked_normals(cloud).take(self.points.rows, axis=0)
 
     @classmethod
     def of(cls, reference: PointCloud | Reference) -> Reference:
@@ -79,7 +106,9 @@ class Reference:
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
 
-def distortion(reference: PointCloud | Reference, decoded: Floats) -> dict[str, float]:
+def distortion(
+    reference: PointCloud | Reference, decoded: Floats | DistinctPoints
+) -> dict[str, float]:
     """Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error measures them.
 
     Points with equal coordinates are merged first; the first one's normal stays. B's normals come
@@ -95,7 +124,8 @@ def distortion(reference: PointCloud | Reference, decoded: Floats) -> dict[str, 
         The original cloud (A), with normals for the distances to plane; as a `Reference` where
         several decoded clouds are measured.
     decoded
-        Coordinates (m, 3) of the decoded cloud (B), in the frame of A.
+        Coordinates (m, 3) of the decoded cloud (B), in the frame of A; as `DistinctPoints` where
+        it is compared with several clouds.
 
     Returns
     -------
@@ -122,13 +152,14 @@ def distortion(reference: PointCloud | Reference, decoded: Floats) -> dict[str, 
     return summary(squared_errors(reference, decoded))
 
 
-def squared_errors(reference: PointCloud | Reference, decoded: Floats) -> SquaredErrors:
+def squared_errors(
+    reference: PointCloud | Reference, decoded: Floats | DistinctPoints
+) -> SquaredErrors:
     """Squared error of every distinct point of both clouds, as `distortion` defines it."""
     reference = Reference.of(reference)
-    check_points(decoded, "decoded cloud")
-    a, (_, b) = reference.xyz, distinct_points(_float64(decoded))
-    points_b = Points(b)
-    ab, ba = points_b.nearest(reference.points), reference.points.nearest(points_b)
+    from_a, from_b = reference.points, DistinctPoints.of(decoded)
+    a, b = from_a.xyz, from_b.xyz
+    ab, ba = from_b.search.nearest(from_a.search), from_a.search.nearest(from_b.search)
     normals = reference.normals
     if normals is None:
         return SquaredErrors(b, ab.squared, ba.squared)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
-    from puckbench.metrics.geometry import Reference
+    from puckbench.metrics.geometry import DistinctPoints, Reference
 
 
 def measures(
-    reference: PointCloud | Reference, decoded: Floats, peak: float | None = None
+    reference: PointCloud | Reference, decoded: Floats | DistinctPoints, peak: float | None = None
 ) -> dict[str, float]:
     """All distortions in the reference's frame, as PSNRs and in metres.
 
@@ -23,7 +23,8 @@ def measures(
         The cloud that was coded; one without normals has no distances to planes. As a `Reference`
         where several decoded clouds are measured.
     decoded : (m, 3)
-        The decoded points, in the reference's frame.
+        The decoded points, in the reference's frame; as `puckbench.metrics.geometry.distortion`
+        takes them.
     peak
         Peak of MPEG's PSNRs, in the reference's units; by default its own. Where it is not known
         they are left out, as is a PSNR without error.

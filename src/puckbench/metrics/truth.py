@@ -11,7 +11,13 @@ from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.sampling import sample_surface
-from puckbench.metrics.geometry import Reference, SquaredErrors, squared_errors, summary
+from puckbench.metrics.geometry import (
+    DistinctPoints,
+    Reference,
+    SquaredErrors,
+    squared_errors,
+    summary,
+)
 from puckbench.metrics.units import in_metres
 
 
@@ -49,7 +55,7 @@ class Truth:
         self._surface = None if mesh is None else Surface(mesh)
         self._visible = Reference(visible or _sampled(mesh, len(reference)))
 
-    def measures(self, decoded: Floats) -> dict[str, float]:
+    def measures(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
         """Distortion of a decoded cloud (m, 3), in the reference's frame and in metres."""
         measure = scan_distortion if self._is_scan else truth_distortion
         found = measure(self._visible, self._surface, decoded)
@@ -62,7 +68,9 @@ def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
 
 
 def truth_distortion(
-    visible: PointCloud | Reference, mesh: Mesh | Surface | None, decoded: Floats
+    visible: PointCloud | Reference,
+    mesh: Mesh | Surface | None,
+    decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """Distortion of a decoded cloud (B) against the true surface (A), not its noisy scan.
 
@@ -80,7 +88,7 @@ def truth_distortion(
         The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`); None
         when only points are known.
     decoded
-        (m, 3), in the cloud's frame.
+        (m, 3), in the cloud's frame; as in `distortion`.
 
     Returns
     -------
@@ -101,7 +109,9 @@ def truth_distortion(
 
 
 def scan_distortion(
-    clean: PointCloud | Reference, mesh: Mesh | Surface | None, decoded: Floats
+    clean: PointCloud | Reference,
+    mesh: Mesh | Surface | None,
+    decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
 
