@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from puckbench.core.files import write_bytes, write_json
+from puckbench.io.tables import write_table
 from puckbench.planning.same_results import after_a_kill, differences
 
 
@@ -22,6 +24,18 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 def test_times_and_logs_may_differ(folders: tuple[Path, Path]) -> None:
     assert differences(*folders) == []
+
+
+def test_times_in_the_table_of_the_first_look_may_differ_and_nothing_else(
+    folders: tuple[Path, Path],
+) -> None:
+    for folder, seconds in zip(folders, (1.0, 2.0), strict=True):
+        table = pd.DataFrame({"rate": ["r1"], "bpp": [1.5], "encode_s": [seconds]})
+        write_table(table, folder / "first_look" / "metrics.parquet")
+    assert differences(*folders) == []
+    table["bpp"] = 1.25
+    write_table(table, folders[1] / "first_look" / "metrics.parquet")
+    assert differences(*folders) == ["first_look/metrics.parquet: differs"]
 
 
 def test_other_bytes_and_other_numbers_are_told(folders: tuple[Path, Path]) -> None:

@@ -85,8 +85,12 @@ class CodingJobs:
 
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
-        points = max((data.points for data in self.plan.datasets.values()), default=0)
-        return self.timing.repeats * self.pace(codec).of(points)
+        return self.timing.repeats * self.pace(codec).of(self._most_points)
+
+    @cached_property
+    def _most_points(self) -> int:
+        """Points of the largest clouds."""
+        return max((data.points for data in self.plan.datasets.values()), default=0)
 
     def pace(self, codec: str) -> Pace:
         """Estimate of the time that a codec takes at one rate."""
@@ -197,10 +201,13 @@ class CodingJobs:
             and (kind == "metrics" or dataset in self.measured(curve.codec, surfaces=True))
         ]
 
-    @property
-    def rates(self) -> dict[str, tuple[str, ...]]:
-        """Rates of a curve by its codec and first rate ("draco/r1")."""
-        return {f"{curve.codec}/{curve.rates[0]}": curve.rates for curve in self.curves}
+    def rates(self, codec: str | None = None) -> dict[str, tuple[str, ...]]:
+        """Rates of a curve by its codec and first rate ("draco/r1"); codec: whose, if not all's."""
+        return {
+            f"{curve.codec}/{curve.rates[0]}": curve.rates
+            for curve in self.curves
+            if codec in (None, curve.codec)
+        }
 
     def tables(self) -> Iterator[tuple[RowsTable, list[str]]]:
         """The tables that are made of result rows of their own, and the files of these rows."""
@@ -209,7 +216,7 @@ class CodingJobs:
             rows = [f"{self.plan.results}/scan_errors/{name}.json" for name in names]
             yield RowsTable(kind="scan_errors"), rows
         if self.plan.recovered:
-            yield RowsTable(kind="recovery", rates=self.rates), self.first_rows("recovery")
+            yield RowsTable(kind="recovery", rates=self.rates()), self.first_rows("recovery")
 
     @property
     def threads_environment(self) -> str:
@@ -230,12 +237,10 @@ class CodingJobs:
 
         For the largest clouds: a function for each of very many jobs would cost planning more.
         """
-        datasets = self.plan.datasets.values()
-        views = max((data.settings.views for data in datasets), default=0)
-        points = max((data.points for data in datasets), default=0)
+        views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
-        return max(memory_mb(codec, points, changes), self._cloud_memory_mb) + pictures
+        return max(memory_mb(codec, self._most_points, changes), self._cloud_memory_mb) + pictures
 
     @cached_property
     def _cloud_memory_mb(self) -> int:

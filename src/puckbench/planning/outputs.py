@@ -66,7 +66,7 @@ class OutputJobs:
         plan, found = self.plan, {}
         if plan.datasets:
             summary = {"summary": self._file("summary", "csv")}
-            every = MetricsTable(rates=self.coding.rates)
+            every = MetricsTable(rates=self.coding.rates())
             rows = self.coding.first_rows("metrics")
             found["metrics"] = self._joined("metrics", every, rows, summary)
             rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
@@ -225,7 +225,7 @@ class OutputJobs:
         outputs = {"parquet": f"{folder}/metrics.parquet", "out": images}
         rows = self.coding.first_rows("metrics", self.first_codec)
         style = self._style(self.config.figures.style)
-        record = FirstLook(rates=self.coding.rates, style=style)
+        record = FirstLook(rates=self.coding.rates(self.first_codec), style=style)
         modules = [FIGURES.module_of(name) for name in drawn]
         return JoinedTable(planned(record, *modules, also=self._codec_styles), rows, outputs)
 

@@ -17,6 +17,7 @@ _TIMES = re.compile(r"^(en|de)code_(s|peak_mib)(_\w+)?$")
 """Columns that no two runs have alike."""
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
 """Words of the one claim of `claims.csv` that is about them."""
+_TABLE_FOLDERS = {"tables", "first_look"}
 _LEFT_OUT = re.compile(r"^(logs/.*|report\.html|\.lock)$")
 
 
@@ -60,7 +61,7 @@ def same(first: Path, second: Path) -> bool:
 
 
 def _content(path: Path) -> Any:
-    if path.suffix in {".csv", ".parquet"} and "tables" in path.parts:
+    if path.suffix in {".csv", ".parquet"} and _TABLE_FOLDERS.intersection(path.parts):
         return _without_times(_table(path))
     if path.suffix == ".json":
         return _timeless(json.loads(path.read_text(encoding="utf-8")))
