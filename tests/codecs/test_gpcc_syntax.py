@@ -1,6 +1,7 @@
 """Parameter sets and headers: bytes that the reference software wrote, and round trips."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.bits import Reader, Writer
 from puckbench.core.errors import InputError
+
+FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
 
 # TMC13 release-v14.0, one point at (5, 6, 7), neighbour contexts within 2^8.
 REFERENCE_SPS = bytes.fromhex("000000000080959dee40")
@@ -108,6 +111,88 @@ def test_a_geometry_parameter_set_comes_back(
     )
     data = syntax.written(syntax.geometry_parameter_set, gps)
     assert _read(syntax.geometry_parameter_set, syntax.GeometryParameterSet(), data) == gps
+
+
+LASER = st.builds(
+    syntax.Laser, st.integers(-(2**20), 2**20), st.integers(-(2**20), 2**20), st.integers(1, 4000)
+)
+FLAG = st.integers(0, 1)
+
+
+def _angular(lasers: list[syntax.Laser], flag: int) -> dict[str, Any]:
+    origin = {} if flag else {"gps_angular_origin_bits_minus1": 2, "gps_angular_origin_xyz": (-7, 0, 1)}
+    return {
+        "geom_angular_mode_enabled_flag": 1,
+        "geom_slice_angular_origin_present_flag": flag,
+        "lasers": lasers,
+        **origin,
+    }
+
+
+@given(st.lists(LASER, min_size=1, max_size=9), FLAG, FLAG, st.integers(-40, 40))
+def test_an_octree_of_a_sensor_comes_back(lasers: Any, flag: int, planar: int, qp: int) -> None:
+    gps = syntax.GeometryParameterSet(
+        **_angular(lasers, flag),
+        inferred_direct_coding_mode=2,
+        geom_planar_mode_enabled_flag=planar,
+        planar_buffer_disabled_flag=planar,
+        geom_scaling_enabled_flag=1,
+        geom_base_qp=abs(qp),
+        geom_qp_multiplier_log2=3,
+        geom_idcm_qp_offset=qp,
+    )
+    data = syntax.written(syntax.geometry_parameter_set, gps)
+    assert _read(syntax.geometry_parameter_set, syntax.GeometryParameterSet(), data) == gps
+
+
+@given(st.lists(LASER, min_size=1, max_size=9), FLAG, FLAG, st.integers(0, 2**20))
+def test_predictive_geometry_of_a_sensor_comes_back(
+    lasers: Any, flag: int, scaled: int, speed: int
+) -> None:
+    gps = syntax.GeometryParameterSet(
+        **_angular([syntax.Laser(laser.theta, laser.z) for laser in lasers], flag),
+        geom_tree_type=syntax.PREDICTIVE,
+        geom_angular_azimuth_scale_log2_minus11=7,
+        geom_angular_azimuth_speed_minus1=speed,
+        geom_angular_radius_inv_scale_log2=4,
+        geom_scaling_enabled_flag=scaled,
+        geom_base_qp=58 * scaled,
+        geom_qp_offset_intvl_log2=9 * scaled,
+        gps_extension_flag=1,
+        azimuth_scaling_enabled_flag=flag,
+    )
+    data = syntax.written(syntax.geometry_parameter_set, gps)
+    assert _read(syntax.geometry_parameter_set, syntax.GeometryParameterSet(), data) == gps
+    header = syntax.GeometryHeader(
+        gdu_angular_origin_bits_minus1=19 * flag,
+        gdu_angular_origin_xyz=(-speed // 2, 5, 0) if flag else (0, 0, 0),
+        geom_slice_qp_offset=-3 * scaled,
+        geom_qp_offset_intvl_log2_delta=scaled,
+        pgeom_resid_abs_log2_bits=(7, 0, 3),
+        pgeom_min_radius=speed,
+    )
+    sps = syntax.SequenceParameterSet()
+    data = syntax.written(syntax.geometry_header, header, sps, gps)
+    assert _read(syntax.geometry_header, syntax.GeometryHeader(), data, sps, gps) == header
+
+
+@pytest.mark.parametrize("name", ["angular", "predictive"])
+def test_headers_of_tmc13_are_written_as_they_were_read(name: str) -> None:
+    units = dict(syntax.payloads((FOLDER / f"{name}.bin").read_bytes()))
+    sps = _read(syntax.sequence_parameter_set, syntax.SequenceParameterSet(), units[0])
+    gps = _read(syntax.geometry_parameter_set, syntax.GeometryParameterSet(), units[1])
+    header = _read(syntax.geometry_header, syntax.GeometryHeader(), units[2], sps, gps)
+    assert syntax.written(syntax.geometry_parameter_set, gps) == units[1]
+    written = syntax.written(syntax.geometry_header, header, sps, gps)
+    assert written == units[2][: len(written)]
+
+
+def test_a_sensor_has_a_bound_on_its_lasers() -> None:
+    gps = syntax.GeometryParameterSet(
+        **_angular([syntax.Laser()] * (syntax.MAX_LASERS + 1), 1), geom_tree_type=syntax.PREDICTIVE
+    )
+    with pytest.raises(InputError, match="lasers"):
+        syntax.written(syntax.geometry_parameter_set, gps)
 
 
 @given(st.lists(st.integers(1, 7), min_size=1, max_size=63), THREE, st.integers(0, 9))

@@ -43,9 +43,7 @@ class SyntaxElements(ABC):
 
     def se(self, record: Any, name: str) -> None:
         """Signed Exp-Golomb number."""
-        value = int(getattr(record, name))
-        code = self.exp_golomb(2 * abs(value) - (value > 0))
-        setattr(record, name, (code + 1) // 2 if code & 1 else -(code // 2))
+        setattr(record, name, self.signed(int(getattr(record, name))))
 
     def u3(self, record: Any, name: str, n: int) -> None:
         """Three unsigned numbers of `n` bits: x, y, z."""
@@ -58,6 +56,11 @@ class SyntaxElements(ABC):
             magnitude = self.bits(n, abs(int(value)))
             values.append(-magnitude if self.bits(1, value < 0) else magnitude)
         setattr(record, name, tuple(values))
+
+    def signed(self, value: int) -> int:
+        """Exp-Golomb code of order 0 of a signed number: 0, 1, -1, 2 and so on."""
+        code = self.exp_golomb(2 * abs(value) - (value > 0))
+        return (code + 1) // 2 if code & 1 else -(code // 2)
 
     def exp_golomb(self, value: int) -> int:
         """Exp-Golomb code of order 0 of an unsigned number."""

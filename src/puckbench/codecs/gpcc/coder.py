@@ -284,6 +284,7 @@ class _StreamReader:
         elif payload_type == syntax.GEOMETRY_PARAMETER_SET:
             gps = syntax.GeometryParameterSet()
             syntax.geometry_parameter_set(Reader(payload), gps)
+            syntax.check_tools(gps)
             self._gps.setdefault(gps.gps_geom_parameter_set_id, gps)
         elif payload_type == syntax.TILE_INVENTORY:
             syntax.tile_inventory(Reader(payload), syntax.TileInventory())

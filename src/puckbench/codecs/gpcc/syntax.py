@@ -23,9 +23,15 @@ GEOMETRY_DATA_UNIT = 2
 TILE_INVENTORY = 5
 _LAST_PAYLOAD_TYPE = 9
 
+OCTREE, PREDICTIVE = 0, 1
+"""Values of geom_tree_type."""
+MAX_LASERS = 1024
+"""Lasers of a sensor, at most."""
+
 _TLV = struct.Struct(">BI")
 _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
+_MAX_ORIGIN_BITS = 32
 _NOTHING: Three = (0, 0, 0)
 
 
@@ -60,8 +66,24 @@ class SequenceParameterSet:
 
 
 @dataclass
+class Laser:
+    """A laser of the sensor that angular coding describes.
+
+    theta: tangent of its elevation, in 2^-18. z: minus its height above the sensor's origin, in
+    eighths of the coding unit. num_phi_per_turn: how often it fires in a turn (octree only).
+    """
+
+    theta: int = 0
+    z: int = 0
+    num_phi_per_turn: int = 0
+
+
+@dataclass
 class GeometryParameterSet:
-    """Geometry parameter set: the coding tools in use."""
+    """Geometry parameter set: the coding tools in use.
+
+    gps_angular_origin_xyz: the sensor's position from the sequence's origin, in coding units.
+    """
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -83,14 +105,30 @@ class GeometryParameterSet:
     geom_planar_threshold2: int = 0
     geom_idcm_rate_minus1: int = 31
     geom_angular_mode_enabled_flag: int = 0
+    geom_slice_angular_origin_present_flag: int = 0
+    gps_angular_origin_bits_minus1: int = 0
+    gps_angular_origin_xyz: Three = _NOTHING
+    geom_angular_azimuth_scale_log2_minus11: int = 0
+    geom_angular_azimuth_speed_minus1: int = 0
+    geom_angular_radius_inv_scale_log2: int = 0
+    lasers: list[Laser] = field(default_factory=list)
+    planar_buffer_disabled_flag: int = 0
     geom_scaling_enabled_flag: int = 0
+    geom_base_qp: int = 0
+    geom_qp_multiplier_log2: int = 0
+    geom_qp_offset_intvl_log2: int = 0
+    geom_idcm_qp_offset: int = 0
     gps_extension_flag: int = 0
     trisoup_enabled_flag: int = 0
+    azimuth_scaling_enabled_flag: int = 0
 
 
 @dataclass
 class GeometryHeader:
-    """Header of a geometry data unit, that is, of a slice."""
+    """Header of a geometry data unit, that is, of a slice.
+
+    gdu_angular_origin_xyz: the sensor's position from the slice's origin, in coding units.
+    """
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -102,9 +140,15 @@ class GeometryHeader:
     slice_geom_origin_log2_scale: int = 0
     slice_geom_origin_bits_minus1: int = 0
     slice_geom_origin_xyz: Three = _NOTHING
+    gdu_angular_origin_bits_minus1: int = 0
+    gdu_angular_origin_xyz: Three = _NOTHING
     tree_depth_minus1: int = 0
     tree_lvl_coded_axis_list: list[int] = field(default_factory=list)
     geom_stream_cnt_minus1: int = 0
+    geom_slice_qp_offset: int = 0
+    geom_qp_offset_intvl_log2_delta: int = 0
+    pgeom_resid_abs_log2_bits: Three = _NOTHING
+    pgeom_min_radius: int = 0
 
 
 @dataclass
@@ -192,7 +236,7 @@ def _pass_over_attribute(io: SyntaxElements) -> None:
 
 
 def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:
-    """Syntax of the geometry parameter set; InputError for tools other than octree coding."""
+    """Syntax of the geometry parameter set."""
     io.u(gps, "gps_geom_parameter_set_id", 4)
     io.u(gps, "gps_seq_parameter_set_id", 4)
     io.flag(gps, "slice_geom_origin_scale_present")
@@ -200,16 +244,19 @@ def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> Non
         io.ue(gps, "gps_geom_origin_log2_scale")
     io.flag(gps, "geom_unique_points_flag")
     io.flag(gps, "geom_tree_type")
-    _refuse(gps.geom_tree_type, "predictive geometry")
-    _octree_tools(io, gps)
+    if gps.geom_tree_type == OCTREE:
+        _octree_tools(io, gps)
     io.flag(gps, "geom_angular_mode_enabled_flag")
-    _refuse(gps.geom_angular_mode_enabled_flag, "angular mode")
+    if gps.geom_angular_mode_enabled_flag:
+        _angular_mode(io, gps)
     io.flag(gps, "geom_scaling_enabled_flag")
-    _refuse(gps.geom_scaling_enabled_flag, "geometry scaling")
+    if gps.geom_scaling_enabled_flag:
+        _scaling(io, gps)
     io.flag(gps, "gps_extension_flag")
     if gps.gps_extension_flag:
         io.flag(gps, "trisoup_enabled_flag")
-        _refuse(gps.trisoup_enabled_flag, "trisoup")
+        if gps.geom_tree_type == PREDICTIVE and gps.geom_angular_mode_enabled_flag:
+            io.flag(gps, "azimuth_scaling_enabled_flag")
 
 
 def _octree_tools(io: SyntaxElements, gps: GeometryParameterSet) -> None:
@@ -223,7 +270,6 @@ def _octree_tools(io: SyntaxElements, gps: GeometryParameterSet) -> None:
         io.flag(gps, "adjacent_child_contextualization_enabled_flag")
         io.ue(gps, "intra_pred_max_node_size_log2")
     io.flag(gps, "bitwise_occupancy_coding_flag")
-    _refuse(not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
     io.flag(gps, "geom_planar_mode_enabled_flag")
     if gps.geom_planar_mode_enabled_flag:
         io.ue(gps, "geom_planar_threshold0")
@@ -231,6 +277,68 @@ def _octree_tools(io: SyntaxElements, gps: GeometryParameterSet) -> None:
         io.ue(gps, "geom_planar_threshold2")
         if gps.inferred_direct_coding_mode == 1:
             io.u(gps, "geom_idcm_rate_minus1", 5)
+
+
+def _angular_mode(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    io.flag(gps, "geom_slice_angular_origin_present_flag")
+    if not gps.geom_slice_angular_origin_present_flag:
+        _angular_origin(io, gps, "gps_angular_origin")
+    predictive = gps.geom_tree_type == PREDICTIVE
+    if predictive:
+        io.ue(gps, "geom_angular_azimuth_scale_log2_minus11")
+        io.ue(gps, "geom_angular_azimuth_speed_minus1")
+        io.ue(gps, "geom_angular_radius_inv_scale_log2")
+    _laser_table(io, gps, turns=not predictive)
+    if not predictive and gps.geom_planar_mode_enabled_flag:
+        io.flag(gps, "planar_buffer_disabled_flag")
+
+
+def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
+    io.ue(record, f"{name}_bits_minus1")
+    bits = getattr(record, f"{name}_bits_minus1") + 1
+    _refuse(bits > _MAX_ORIGIN_BITS, "a sensor so far away")
+    io.s3(record, f"{name}_xyz", bits)
+
+
+def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
+    """Lasers by their differences: of elevations, once two are known, from a straight line."""
+    count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
+    _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
+    lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]
+    before: tuple[Laser, ...] = ()
+    for laser in lasers:
+        last = before[-1] if before else Laser()
+        theta = 2 * last.theta - before[-2].theta if len(before) == 2 else last.theta
+        laser.theta = theta + io.signed(laser.theta - theta)
+        laser.z = last.z + io.signed(laser.z - last.z)
+        if turns and not before:
+            laser.num_phi_per_turn = 1 + io.exp_golomb(max(laser.num_phi_per_turn - 1, 0))
+        elif turns:
+            laser.num_phi_per_turn = last.num_phi_per_turn + io.signed(
+                laser.num_phi_per_turn - last.num_phi_per_turn
+            )
+        _refuse(max(map(abs, (laser.theta, laser.z, laser.num_phi_per_turn))) >= 1 << 31, "such a laser")
+        before = (*before[-1:], laser)
+    gps.lasers = lasers
+
+
+def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    io.ue(gps, "geom_base_qp")
+    io.u(gps, "geom_qp_multiplier_log2", 2)
+    if gps.geom_tree_type == PREDICTIVE:
+        io.ue(gps, "geom_qp_offset_intvl_log2")
+    elif gps.inferred_direct_coding_mode:
+        io.se(gps, "geom_idcm_qp_offset")
+
+
+def check_tools(gps: GeometryParameterSet) -> None:
+    """InputError for a parameter set with coding tools that are not supported."""
+    octree = gps.geom_tree_type == OCTREE
+    _refuse(not octree, "predictive geometry")
+    _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
+    _refuse(octree and gps.geom_angular_mode_enabled_flag, "angular mode")
+    _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
+    _refuse(gps.trisoup_enabled_flag, "trisoup")
 
 
 def _refuse(used: Any, tool: str) -> None:
@@ -241,7 +349,7 @@ def _refuse(used: Any, tool: str) -> None:
 def geometry_header(
     io: SyntaxElements, header: GeometryHeader, sps: SequenceParameterSet, gps: GeometryParameterSet
 ) -> None:
-    """Syntax of a geometry data unit's header, without the final alignment."""
+    """Syntax of a geometry data unit's header, without the final alignment and without trisoup."""
     io.u(header, "gdu_geometry_parameter_set_id", 4)
     io.u(header, "gdu_reserved_zero_3bits", 3)
     io.ue(header, "slice_id")
@@ -255,10 +363,21 @@ def geometry_header(
         io.ue(header, "slice_geom_origin_log2_scale")
     io.ue(header, "slice_geom_origin_bits_minus1")
     io.u3(header, "slice_geom_origin_xyz", header.slice_geom_origin_bits_minus1 + 1)
-    io.ue(header, "tree_depth_minus1")
-    _refuse(header.tree_depth_minus1 >= _DEEPEST, f"a tree of more than {_DEEPEST} levels")
-    _coded_axes(io, header, gps)
-    io.ue(header, "geom_stream_cnt_minus1")
+    if gps.geom_angular_mode_enabled_flag and gps.geom_slice_angular_origin_present_flag:
+        _angular_origin(io, header, "gdu_angular_origin")
+    if gps.geom_tree_type == OCTREE:
+        io.ue(header, "tree_depth_minus1")
+        _refuse(header.tree_depth_minus1 >= _DEEPEST, f"a tree of more than {_DEEPEST} levels")
+        _coded_axes(io, header, gps)
+        io.ue(header, "geom_stream_cnt_minus1")
+    if gps.geom_scaling_enabled_flag:
+        io.se(header, "geom_slice_qp_offset")
+        if gps.geom_tree_type == PREDICTIVE:
+            io.ue(header, "geom_qp_offset_intvl_log2_delta")
+    if gps.geom_tree_type == PREDICTIVE:
+        io.u3(header, "pgeom_resid_abs_log2_bits", 3)
+        if gps.geom_angular_mode_enabled_flag:
+            io.ue(header, "pgeom_min_radius")
 
 
 def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParameterSet) -> None:
