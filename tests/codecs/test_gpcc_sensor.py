@@ -1,0 +1,47 @@
+"""The sensor as G-PCC's parameter sets describe it."""
+
+import pytest
+
+from puckbench.codecs.gpcc.sensor import SensorDescription, described
+from puckbench.codecs.gpcc.syntax import Laser
+from puckbench.core.errors import InputError
+from puckbench.lidar.sensor import load_sensor
+
+# Tangents and heights in mm of the VLP-16's lasers upwards, as given to TMC13, and what it wrote.
+TANGENTS = (-0.267949, -0.230868, -0.194380, -0.158384, -0.122785, -0.087489, -0.052408, -0.017455)
+HEIGHTS = (11.2, 9.7, 8.1, 6.6, 5.1, 3.7, 2.2, 0.7)
+THETAS = (-70241, -60521, -50956, -41519, -32187, -22935, -13738, -4576)
+ZS = (-90, -78, -65, -53, -41, -30, -18, -6)
+
+
+def test_lasers_are_those_that_tmc13_writes() -> None:
+    sensor = SensorDescription(
+        (*TANGENTS, *(-t for t in TANGENTS)), (*HEIGHTS, *(-h for h in HEIGHTS)), 1809
+    )
+    lower = [Laser(theta, z, 1809) for theta, z in zip(THETAS, ZS, strict=True)]
+    upper = [Laser(-laser.theta, -laser.z, 1809) for laser in reversed(lower)]
+    assert sensor.lasers() == lower + upper
+
+
+def test_a_data_sheet_gives_the_same_lasers_upwards() -> None:
+    lasers = described(load_sensor("vlp16"), 0.001).lasers()
+    assert [(laser.theta, laser.z) for laser in lasers[:8]] == list(zip(THETAS, ZS, strict=True))
+    assert {laser.num_phi_per_turn for laser in lasers} == {3600}
+    coarse = described(load_sensor("vlp16"), 0.002, steps_per_turn=1809).lasers()
+    assert (coarse[0].theta, coarse[0].z) == (THETAS[0], -45)
+    assert coarse[0].num_phi_per_turn == 1809
+
+
+def test_the_position_is_from_the_sequences_origin() -> None:
+    elements = SensorDescription((0.0,), (0.0,), 100, (5, 6, -7)).syntax_elements((8, 6, -20))
+    assert elements["gps_angular_origin_xyz"] == (-3, 0, 13)
+    assert elements["gps_angular_origin_bits_minus1"] == 3
+
+
+@pytest.mark.parametrize(
+    ("tangents", "heights", "steps"),
+    [((), (), 1), ((0.0,), (), 1), ((0.0,), (0.0,), 0), ((float("nan"),), (0.0,), 1)],
+)
+def test_what_no_stream_can_hold_is_refused(tangents: tuple, heights: tuple, steps: int) -> None:
+    with pytest.raises(InputError, match="sensor"):
+        SensorDescription(tangents, heights, steps)
