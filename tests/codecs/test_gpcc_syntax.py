@@ -120,7 +120,9 @@ FLAG = st.integers(0, 1)
 
 
 def _angular(lasers: list[syntax.Laser], flag: int) -> dict[str, Any]:
-    origin = {} if flag else {"gps_angular_origin_bits_minus1": 2, "gps_angular_origin_xyz": (-7, 0, 1)}
+    origin = (
+        {} if flag else {"gps_angular_origin_bits_minus1": 2, "gps_angular_origin_xyz": (-7, 0, 1)}
+    )
     return {
         "geom_angular_mode_enabled_flag": 1,
         "geom_slice_angular_origin_present_flag": flag,

@@ -17,7 +17,6 @@ FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
 MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
 LEFT_OUT = {
     "bytewise_minimal": "bytewise",
-    "predictive": "predictive",
     "trisoup": "trisoup",
     "quantised_in_loop": "scaling",
     "angular": "angular",
@@ -55,7 +54,7 @@ CHOICES: dict[str, dict[str, Any]] = {
 }
 DECODER_ONLY = {
     *("zyx_ctc", "bypass_defaults", "streams_defaults"),
-    *("sliced_minimal", "sliced_ctc", "tiled_defaults"),
+    *("sliced_minimal", "sliced_ctc", "tiled_defaults", "predictive"),
 }
 
 

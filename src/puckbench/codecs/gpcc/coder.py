@@ -14,6 +14,8 @@ from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.bits import Reader
 from puckbench.codecs.gpcc.contexts import Contexts, initial_contexts
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
+from puckbench.codecs.gpcc.predictive import initial_probabilities
+from puckbench.codecs.gpcc.predictive_slices import decode_trees
 from puckbench.codecs.gpcc.slices import CodedSlice, decode_slice, encode_slice, read_slice
 from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, coded_axes
 from puckbench.core.errors import InputError
@@ -32,6 +34,8 @@ MAX_POINTS = 1 << 24
 """Points of a stream, at most: as many as one slice can signal, so that memory is bounded."""
 MAX_LEVELS = 1 << 14
 """Octree levels of all slices of a stream, at most: each begins anew, however few points it has."""
+_LEVELS_OF_TREES = 2
+"""What a slice of prediction trees counts for among them."""
 MAX_PARAMETER_BYTES = 1 << 16
 """Bytes of a stream's parameter sets and tile inventories, at most: they are read bit by bit."""
 
@@ -251,7 +255,7 @@ def decode_geometry(stream: bytes) -> DecodedGeometry:
     Raises
     ------
     InputError
-        If the stream is not G-PCC, is damaged, or uses tools other than octree coding.
+        If the stream is not G-PCC, is damaged, or uses tools that are not supported.
     """
     contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
@@ -268,6 +272,7 @@ class _StreamReader:
         self._active: syntax.SequenceParameterSet | None = None
         self._frame: int | None = None
         self._contexts: Contexts = initial_contexts()
+        self._probabilities = initial_probabilities()
         self._slices: list[Ints] = []
         self._points = self._levels = self._parameter_bytes = 0
 
@@ -303,38 +308,26 @@ class _StreamReader:
         self._active = sps
         coded = read_slice(payload, sps, gps)
         self._points += coded.points
-        self._levels += len(coded.header.tree_lvl_coded_axis_list)
+        self._levels += len(coded.header.tree_lvl_coded_axis_list) or _LEVELS_OF_TREES
         if self._points > MAX_POINTS:
             raise InputError(f"G-PCC stream: more than {MAX_POINTS} points")
         if self._levels > MAX_LEVELS:
             raise InputError(f"G-PCC stream: more than {MAX_LEVELS} octree levels in its slices")
         self._check_single_frame(coded)
         if not coded.header.entropy_continuation_flag:
-            self._contexts = initial_contexts()
-        return self._placed(decode_slice(coded, sps, gps, self._contexts), coded, sps, gps)
+            self._contexts, self._probabilities = initial_contexts(), initial_probabilities()
+        axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
+        if gps.geom_tree_type == syntax.PREDICTIVE:
+            return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
+        codes = decode_slice(coded, sps, gps, self._contexts)
+        points: Ints = coordinates(codes, np.array(axes), np.array(origin, dtype=np.int64))
+        return points
 
     def _check_single_frame(self, coded: CodedSlice) -> None:
         frame = coded.header.frame_ctr_lsb
         if self._frame is not None and frame != self._frame:
             raise InputError("G-PCC stream: more than one frame")
         self._frame = frame
-
-    @staticmethod
-    def _placed(
-        codes: Ints,
-        coded: CodedSlice,
-        sps: syntax.SequenceParameterSet,
-        gps: syntax.GeometryParameterSet,
-    ) -> Ints:
-        header = coded.header
-        present = gps.slice_geom_origin_scale_present
-        scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
-        origin = [v << min(scale, 64) for v in header.slice_geom_origin_xyz]
-        if max(origin) >= _MAX_ORIGIN:
-            raise InputError("G-PCC stream: the origin of a slice is too large")
-        axes = np.array(_AXIS_ORDERS[sps.geom_axis_order], dtype=np.int64)
-        points: Ints = coordinates(codes, axes, np.array(origin, dtype=np.int64))
-        return points
 
     def geometry(self) -> DecodedGeometry:
         """All that was read; InputError when there is no slice."""
@@ -349,6 +342,17 @@ class _StreamReader:
             global_scale=_global_scale(sps),
             metres=bool(sps.seq_unit_is_metres_flag),
         )
+
+
+def _slice_origin(
+    header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet
+) -> tuple[int, int, int]:
+    present = gps.slice_geom_origin_scale_present
+    scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
+    x, y, z = (v << min(scale, 64) for v in header.slice_geom_origin_xyz)
+    if max(x, y, z) >= _MAX_ORIGIN:
+        raise InputError("G-PCC stream: the origin of a slice is too large")
+    return x, y, z
 
 
 def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:

@@ -24,6 +24,7 @@ from puckbench.codecs.gpcc.arithmetic import (
 from puckbench.codecs.gpcc.bits import Reader
 from puckbench.codecs.gpcc.contexts import Contexts, copy_contexts, initial_contexts
 from puckbench.codecs.gpcc.syntax import (
+    OCTREE,
     GeometryFooter,
     GeometryHeader,
     GeometryParameterSet,
@@ -89,13 +90,18 @@ def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameter
     reader = Reader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
-    if 0 in header.tree_lvl_coded_axis_list:
-        raise InputError("G-PCC stream: a level of the tree splits no axis")
-    if max(node_sizes_log2(header.tree_lvl_coded_axis_list)[0]) > MOST_BITS:
-        raise InputError(f"G-PCC stream: positions of more than {MOST_BITS} bits")
+    if gps.geom_tree_type == OCTREE:
+        _check_axes(header.tree_lvl_coded_axis_list)
     body = payload[reader.position :]
     footer, length = read_footer(body, header, gps)
     return CodedSlice(header, body[: len(body) - length], footer.geom_num_points_minus1 + 1)
+
+
+def _check_axes(axes: list[int]) -> None:
+    if 0 in axes:
+        raise InputError("G-PCC stream: a level of the tree splits no axis")
+    if max(node_sizes_log2(axes)[0]) > MOST_BITS:
+        raise InputError(f"G-PCC stream: positions of more than {MOST_BITS} bits")
 
 
 def decode_slice(
@@ -105,7 +111,7 @@ def decode_slice(
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
-    coder = _slice_decoder(coded, sps)
+    coder = slice_decoder(coded, sps)
     state = _initial_state(gps, depth, coded.points)
     parents = _root_parent()
     saved = copy_contexts(contexts), state.planar.rates.copy()
@@ -123,7 +129,8 @@ def decode_slice(
     return state.leaves
 
 
-def _slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
+def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
+    """A decoder at the start of a slice's entropy-coded data."""
     data = np.frombuffer(coded.data, dtype=np.uint8)
     if not sps.bypass_stream_enabled_flag:
         return decoder(data)

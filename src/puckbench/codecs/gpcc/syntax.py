@@ -317,7 +317,9 @@ def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) 
             laser.num_phi_per_turn = last.num_phi_per_turn + io.signed(
                 laser.num_phi_per_turn - last.num_phi_per_turn
             )
-        _refuse(max(map(abs, (laser.theta, laser.z, laser.num_phi_per_turn))) >= 1 << 31, "such a laser")
+        _refuse(
+            max(map(abs, (laser.theta, laser.z, laser.num_phi_per_turn))) >= 1 << 31, "such a laser"
+        )
         before = (*before[-1:], laser)
     gps.lasers = lasers
 
@@ -334,7 +336,6 @@ def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
 def check_tools(gps: GeometryParameterSet) -> None:
     """InputError for a parameter set with coding tools that are not supported."""
     octree = gps.geom_tree_type == OCTREE
-    _refuse(not octree, "predictive geometry")
     _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
     _refuse(octree and gps.geom_angular_mode_enabled_flag, "angular mode")
     _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")

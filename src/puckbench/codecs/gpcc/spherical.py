@@ -1,0 +1,145 @@
+"""Spherical coordinates of a sensor's points: radius, azimuth and laser, in integers alone.
+
+Angular coding predicts in these coordinates and goes from them to x, y, z by fixed-point sines,
+the same on every machine. An azimuth of 2^azimuth_log2 is a whole turn.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.codecs.gpcc.syntax import GeometryParameterSet, Three
+from puckbench.core.compiling import inlined
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import Ints
+
+_SINE_LOG2 = 24
+_SINE_STEPS_LOG2 = 12  # of a turn
+_SINES: Ints = np.rint(
+    (1 << _SINE_LOG2) * np.sin(np.arange(1026) * (2 * np.pi / (1 << _SINE_STEPS_LOG2)))
+).astype(np.int64)
+_THETA_LOG2, _Z_LOG2 = 20, 3
+_MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
+
+
+class Sphere(NamedTuple):
+    """How spherical coordinates of a slice become x, y, z.
+
+    radius_log2: steps of the radius are 2^this coding units. azimuth_log2: steps of a turn. theta,
+    z: (n,) of each laser. x, y, z: the sensor's position from the slice's origin.
+    """
+
+    radius_log2: int
+    azimuth_log2: int
+    theta: Ints
+    z: Ints
+    origin: Three
+
+
+def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
+    """What a parameter set says of the sensor.
+
+    origin: the sensor's position from the slice's origin, axes in the coding order.
+
+    Raises
+    ------
+    InputError
+        The steps of radius or azimuth are none that can be computed with.
+    """
+    azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
+    radius_log2 = gps.geom_angular_radius_inv_scale_log2
+    if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
+        raise InputError("G-PCC stream: such steps of the azimuth or the radius are not supported")
+    theta = np.array([laser.theta for laser in gps.lasers], dtype=np.int64)
+    heights = np.array([laser.z for laser in gps.lasers], dtype=np.int64)
+    return Sphere(radius_log2, azimuth_log2, theta, heights, origin)
+
+
+@inlined
+def wrapped(value: int) -> int:
+    """The number that 32 bits keep: predictions of damaged streams may leave them."""
+    return integer(np.int32(value))
+
+
+@inlined
+def halved_away(value: int, shift: int) -> int:
+    """Division by 2^shift, rounded, halves away from zero."""
+    half = (1 << shift) >> 1
+    return (value + half) >> shift if value >= 0 else -((half - value) >> shift)
+
+
+@kernel
+def sine(azimuth: int, azimuth_log2: int) -> int:
+    """Sine in 2^-24 of an azimuth, interpolated; beyond half a turn it is held there."""
+    half = 1 << (azimuth_log2 - 1)
+    within = min(abs(azimuth), half)
+    if within > half >> 1:
+        within = half - within
+    value = _quarter_sine(within, azimuth_log2)
+    return value if azimuth >= 0 else -value
+
+
+@kernel
+def cosine(azimuth: int, azimuth_log2: int) -> int:
+    """Cosine in 2^-24 of an azimuth, likewise."""
+    half = 1 << (azimuth_log2 - 1)
+    within = min(abs(azimuth), half)
+    quarter = half >> 1
+    if within <= quarter:
+        return _quarter_sine(quarter - within, azimuth_log2)
+    return -_quarter_sine(within - quarter, azimuth_log2)
+
+
+@kernel
+def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
+    """Sine of an azimuth of 0 to a quarter of a turn."""
+    shift = azimuth_log2 - _SINE_STEPS_LOG2
+    index = azimuth >> shift
+    rest = azimuth - (index << shift)
+    rise = rest * (_SINES[index + 1] - _SINES[index])
+    return integer(_SINES[index] + ((rise + ((1 << shift) >> 1)) >> shift))
+
+
+@kernel
+def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
+    """Coordinates x, y, z from the sensor."""
+    r = wrapped(radius << around.radius_log2)
+    height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
+    return (
+        wrapped(halved_away(r * cosine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        wrapped(halved_away(r * sine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        wrapped(halved_away(height - around.z[laser], _Z_LOG2)),
+    )
+
+
+@kernel
+def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
+    """The angle of an arc on a circle, both in steps: the arc is in eighths of the radius's.
+
+    The reciprocal is that of the reference software, 48/17 - 32/17 r and one step of Newton's
+    method. Shifts are taken modulo 64, as processors do.
+    """
+    r = wrapped(radius << 3)
+    if r == 0:
+        r = 1
+    length = _bit_length(r)
+    b = r << (31 - length) if length <= 31 else r >> (length - 31)
+    inverse = ((0x2D2D2D2D << 31) - 0x1E1E1E1E * b) >> 28
+    inverse += (inverse * ((1 << 31) - ((b * inverse) >> 31))) >> 31
+    shift = (31 + length - azimuth_log2) & 63
+    product = arc * inverse
+    return wrapped(product >> shift if product >= 0 else -((-product) >> shift))
+
+
+@kernel
+def _bit_length(value: int) -> int:
+    """Bits of a number; 64 for a negative one."""
+    if value < 0:
+        return 64
+    length = 0
+    while value >> length:
+        length += 1
+    return length
