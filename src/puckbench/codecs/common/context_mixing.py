@@ -12,7 +12,7 @@ Mahoney 2005, "Adaptive weighing of context models for lossless data compression
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +26,19 @@ from puckbench.codecs.common.binary_coder import (
     learning_rates,
     logistic_tables,
 )
-from puckbench.core.compiling import compiled_in_place
+from puckbench.core.compiling import compiled_in_place, inlined
 
 Ints = NDArray[np.int64]
 Slots = NDArray[np.int32]
-_FINE_BITS = 22
+Numbers = NDArray[np.signedinteger[Any]]
+"""Of 32 or 64 bits."""
+FINE_BITS = 22
 """Adaptive probabilities are in units of 2**-22."""
-_SEEN_BITS = 9
+SEEN_BITS = 9
 """Lowest bits of a context's state, below its probability: number of bits seen so far."""
-_CERTAIN = (1 << _FINE_BITS) - 1
-_BUCKETS = 33
-_BIAS = 77
+CERTAIN = (1 << FINE_BITS) - 1
+BUCKETS = 33
+BIAS = 77
 """Constant input of every mixture, in units of the logistic domain."""
 _TABLES = 2
 """Most correction tables, selected as the first sets of weights are."""
@@ -109,12 +111,11 @@ def mixer(
     stretch, squash = logistic_tables()
     weights = np.full((rows, inputs + 2), round(settings.context * ONE), np.int64)
     weights[:, 0], weights[:, -1] = round(settings.estimate * ONE), 0
-    steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,
-        np.full(contexts, 1 << _FINE_BITS + _SEEN_BITS - 1, np.int32),
+        new_counters(contexts),
         weights,
-        np.tile(squash[steps] << _FINE_BITS - 16, (rows, 1)),
+        new_corrections(rows),
         stretch,
         squash,
         learning_rates(),
@@ -125,6 +126,18 @@ def mixer(
         settings.learning_rate,
         settings.memory,
     )
+
+
+def new_counters(count: int) -> Slots:
+    """Adaptive probabilities (count,) of 1 / 2, of no bit seen yet."""
+    return np.full(count, 1 << FINE_BITS + SEEN_BITS - 1, np.int32)
+
+
+def new_corrections(rows: int) -> Ints:
+    """Tables (rows, buckets) that correct nothing: a mixture's own probability in each bucket."""
+    _, squash = logistic_tables()
+    steps = np.minimum(np.arange(BUCKETS) * 128, 2 * ENDS - 1)
+    return np.tile(squash[steps] << FINE_BITS - 16, (rows, 1))
 
 
 @compiled_in_place
@@ -140,27 +153,26 @@ def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
     # Half of it is the mixture, half its corrections: 2 or 4 times the mean, to be shifted.
     final = tables * mixer.squash[level]
     for number in range(tables):
-        final += _seen(mixer, mixer.rows[number], bucket, share)
+        final += seen_at(mixer.corrected, mixer.rows[number], bucket, share)
     bit = code(mixer.bits, bit, min(max(final >> tables, LEAST), ONE - LEAST))
     for number in range(tables):
-        _correct(mixer, mixer.rows[number], bucket, share, bit * _CERTAIN)
+        correct(mixer.corrected, mixer.rows[number], bucket, share, bit * CERTAIN)
     for number in range(sets):
         row = mixer.rows[number]
         error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.learning_rate
         for place in range(len(inputs)):
             mixer.weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
     for place in range(len(mixer.at)):
-        _learn(mixer, mixer.at[place], bit * _CERTAIN)
+        learn_bit(mixer.contexts, mixer.at[place], bit * CERTAIN, mixer.rates, mixer.memory)
     return bit
 
 
 @compiled_in_place
 def _gather(mixer: Mixer, guess: int) -> None:
     inputs, last = mixer.inputs, len(mixer.at) + 1
-    inputs[0], inputs[last] = guess, _BIAS
+    inputs[0], inputs[last] = guess, BIAS
     for place in range(len(mixer.at)):
-        state = mixer.contexts[mixer.at[place]]
-        inputs[place + 1] = mixer.stretch[state >> _SEEN_BITS + _FINE_BITS - 12]
+        inputs[place + 1] = logit_of(mixer.contexts, mixer.at[place], mixer.stretch)
 
 
 @compiled_in_place
@@ -173,22 +185,30 @@ def _mix(mixer: Mixer, number: int) -> int:
     return int(mixer.mixtures[number])
 
 
-@compiled_in_place
-def _seen(mixer: Mixer, row: int, bucket: int, share: int) -> int:
-    left, right = mixer.corrected[row, bucket], mixer.corrected[row, bucket + 1]
+@inlined
+def logit_of(counters: Slots, counter: int, stretch: Numbers) -> int:
+    """The logit of an adaptive probability."""
+    return int(stretch[counters[counter] >> SEEN_BITS + FINE_BITS - 12])
+
+
+@inlined
+def learn_bit(counters: Slots, counter: int, target: int, rates: Numbers, memory: int) -> None:
+    """Move an adaptive probability towards a coded bit; target: the bit times `CERTAIN`."""
+    state = np.int64(counters[counter])
+    seen, probability = state & ((1 << SEEN_BITS) - 1), state >> SEEN_BITS
+    probability += ((target - probability) * rates[seen]) >> 16
+    counters[counter] = probability << SEEN_BITS | min(seen + 1, memory)
+
+
+@inlined
+def seen_at(corrected: Numbers, row: int, bucket: int, share: int) -> int:
+    """How often a bit was 1 at a mixture between two buckets; share: of the second, in 1 / 128."""
+    left, right = corrected[row, bucket], corrected[row, bucket + 1]
     return int((left * (128 - share) + right * share) >> 13)
 
 
-@compiled_in_place
-def _correct(mixer: Mixer, row: int, bucket: int, share: int, target: int) -> None:
-    corrected = mixer.corrected
+@inlined
+def correct(corrected: Numbers, row: int, bucket: int, share: int, target: int) -> None:
+    """Let the buckets of `seen_at` learn from a coded bit; target: the bit times `CERTAIN`."""
     corrected[row, bucket] += ((target - corrected[row, bucket]) * (128 - share)) >> 14
     corrected[row, bucket + 1] += ((target - corrected[row, bucket + 1]) * share) >> 14
-
-
-@compiled_in_place
-def _learn(mixer: Mixer, context: int, target: int) -> None:
-    state = np.int64(mixer.contexts[context])
-    seen, probability = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
-    probability += ((target - probability) * mixer.rates[seen]) >> 16
-    mixer.contexts[context] = probability << _SEEN_BITS | min(seen + 1, mixer.memory)

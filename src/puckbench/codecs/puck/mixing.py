@@ -21,16 +21,20 @@ from puckbench.codecs.common.binary_coder import (
     learning_rates,
     logistic_tables,
 )
+from puckbench.codecs.common.context_mixing import (
+    BIAS,
+    CERTAIN,
+    correct,
+    learn_bit,
+    logit_of,
+    new_corrections,
+    new_counters,
+    seen_at,
+)
 from puckbench.core.compiling import inlined
 
 Ints = NDArray[np.int64]
 Words = NDArray[np.int32]
-
-_FINE_BITS = 22
-_SEEN_BITS = 9
-_CERTAIN = (1 << _FINE_BITS) - 1
-_BUCKETS = 33
-_BIAS = 77
 
 
 class Mixer(NamedTuple):
@@ -39,8 +43,8 @@ class Mixer(NamedTuple):
     bits: the arithmetic coder. counters: (contexts,) probability of a 1 and number of bits seen.
     weights: (rows, inputs), inputs are the experts, the contexts and a constant. corrected:
     (rows, buckets). inputs: (inputs,), of which the caller fills the experts. at: (contexts of a
-    bit,) its counters. rows: (sets,) its weights' rows. errors: (sets,) workspace.
-    rate, memory: of the weights and of the counters.
+    bit,) its counters. rows: (sets,) its weights' rows. mixtures: (sets,) workspace. pace: learning
+    rate at first and in the end, memory of counters, bits coded.
     """
 
     bits: BitCoder
@@ -70,12 +74,11 @@ def new_mixer(
     inputs = experts + contexts + 1
     weights = np.zeros((rows, inputs), np.int32)
     weights[:, :-1] = [round(start * ONE) for start in starts]
-    steps = np.minimum(np.arange(_BUCKETS) * 128, 2 * ENDS - 1)
     return Mixer(
         bits,
-        np.full(counters, 1 << _FINE_BITS + _SEEN_BITS - 1, np.int32),
+        new_counters(counters),
         weights,
-        np.tile(squash[steps] << _FINE_BITS - 16, (rows, 1)).astype(np.int32),
+        new_corrections(rows).astype(np.int32),
         np.zeros(inputs, np.int32),
         np.zeros(contexts, np.int64),
         np.zeros(sets, np.int64),
@@ -94,10 +97,8 @@ def code_bit(mixer: Mixer, bit: int) -> int:
     contexts, sets, width = len(at), len(mixer.rows), len(inputs)
     first = width - contexts - 1
     for place in range(contexts):
-        inputs[first + place] = mixer.stretch[
-            mixer.counters[at[place]] >> _SEEN_BITS + _FINE_BITS - 12
-        ]
-    inputs[width - 1] = _BIAS
+        inputs[first + place] = logit_of(mixer.counters, at[place], mixer.stretch)
+    inputs[width - 1] = BIAS
     total = 0
     for number in range(sets):
         row, mixed = mixer.rows[number], 0
@@ -107,14 +108,11 @@ def code_bit(mixer: Mixer, bit: int) -> int:
         mixer.mixtures[number] = mixed
         total += mixed
     level = total // sets + ENDS
-    bucket, share, corrected = level >> 7, level & 127, mixer.corrected
-    own = mixer.rows[0]
-    seen = (corrected[own, bucket] * (128 - share) + corrected[own, bucket + 1] * share) >> 13
-    final = (np.int64(mixer.squash[level]) + seen) >> 1
+    bucket, share, own = level >> 7, level & 127, mixer.rows[0]
+    seen = seen_at(mixer.corrected, own, bucket, share)
+    final = (int(mixer.squash[level]) + seen) >> 1
     bit = code(mixer.bits, bit, min(max(final, LEAST), ONE - LEAST))
-    target = bit * _CERTAIN
-    corrected[own, bucket] += ((target - corrected[own, bucket]) * (128 - share)) >> 14
-    corrected[own, bucket + 1] += ((target - corrected[own, bucket + 1]) * share) >> 14
+    correct(mixer.corrected, own, bucket, share, bit * CERTAIN)
     pace = mixer.pace
     rate = pace[1] + ((pace[0] - pace[1]) * 256) // (256 + (pace[3] >> 3))
     pace[3] += 1
@@ -124,8 +122,5 @@ def code_bit(mixer: Mixer, bit: int) -> int:
         for place in range(width):
             weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
     for place in range(contexts):
-        state = np.int64(mixer.counters[at[place]])
-        count, probability = state & ((1 << _SEEN_BITS) - 1), state >> _SEEN_BITS
-        probability += ((target - probability) * mixer.rates[count]) >> 16
-        mixer.counters[at[place]] = probability << _SEEN_BITS | min(count + 1, pace[2])
+        learn_bit(mixer.counters, at[place], bit * CERTAIN, mixer.rates, pace[2])
     return bit
