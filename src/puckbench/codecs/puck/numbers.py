@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from puckbench.codecs.common.binary_coder import LEAST, ONE, code
+from puckbench.codecs.common.context_mixing import CERTAIN, FINE_BITS, SEEN_BITS, learn_bit
 from puckbench.codecs.puck.experts import FINE, Experts, ask, tell
 from puckbench.codecs.puck.mixing import Mixer, code_bit
 from puckbench.core.compiling import inlined
@@ -38,10 +37,31 @@ def code_number(
     step
         The experts' unit in the number's.
     """
+    return _traverse(mixer, experts, False, 0, number, centre, unit, step)
+
+
+@inlined
+def code_plain_number(
+    mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
+) -> int:
+    """Code a number as `code_number` does, by the counters from `start` on alone."""
+    return _traverse(mixer, experts, True, start, number, centre, unit, step)
+
+
+@inlined
+def _traverse(
+    mixer: Mixer, experts: Experts, is_plain: bool, start: int, number: int, centre: int, unit: int,
+    step: int,
+) -> int:  # fmt: skip
+    """Code a number's decisions, from its side of the centre down to an interval of itself.
+
+    is_plain: whether by counters from `start` on; the compiler folds it, being constant in the
+    callers.
+    """
     low, high = 0, FARTHEST // step + 2
     side, steps, reach = 0, 0, 0
     if centre < high:
-        side = _decide(mixer, experts, number, centre, 0, step)
+        side = _decide(mixer, experts, is_plain, start, number, centre, 0, step)
         low, high = (centre, high) if side == 1 else (low, centre)
     while True:
         steps += 1
@@ -50,26 +70,32 @@ def code_number(
         if middle <= low or middle >= high:
             break
         node = 1 + side * _STEPS + min(steps - 1, _STEPS - 1)
-        bit = _decide(mixer, experts, number, middle, node, step)
+        bit = _decide(mixer, experts, is_plain, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         if bit != side:
             break
     node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
     while high - low > 1:
         middle = (low + high) >> 1
-        bit = _decide(mixer, experts, number, middle, node, step)
+        bit = _decide(mixer, experts, is_plain, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node = _DEEP
     return low
 
 
 @inlined
-def _decide(mixer: Mixer, experts: Experts, number: int, middle: int, node: int, step: int) -> int:
+def _decide(
+    mixer: Mixer, experts: Experts, is_plain: bool, start: int, number: int, middle: int, node: int,
+    step: int,
+) -> int:  # fmt: skip
     """Code whether the number is at least `middle`."""
+    bit = 1 if number >= middle else 0
+    if is_plain:
+        return code_plain_bit(mixer, start + node, bit)
     edge = FINE * step * middle - FINE * step // 2
     ask(experts, edge, mixer.inputs)
     _move(mixer, node)
-    bit = code_bit(mixer, 1 if number >= middle else 0)
+    bit = code_bit(mixer, bit)
     _move(mixer, -node)
     tell(experts, edge, bit)
     return bit
@@ -86,43 +112,10 @@ def _move(mixer: Mixer, nodes: int) -> None:
 @inlined
 def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
     """Code a bit by one adaptive probability, without mixing."""
-    state = np.int64(mixer.counters[counter])
-    count, probability = state & 511, state >> 9
-    share = int(probability >> 6)
+    share = int(mixer.counters[counter] >> SEEN_BITS + FINE_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
-    probability += ((bit * ((1 << 22) - 1) - probability) * mixer.rates[count]) >> 16
-    mixer.counters[counter] = probability << 9 | min(count + 1, mixer.pace[2])
+    learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.pace[2])
     return bit
-
-
-@inlined
-def code_plain_number(
-    mixer: Mixer, start: int, number: int, centre: int, unit: int, step: int
-) -> int:
-    """Code a number as `code_number` does, by the counters from `start` on alone."""
-    low, high = 0, FARTHEST // step + 2
-    side, steps, reach = 0, 0, 0
-    if centre < high:
-        side = code_plain_bit(mixer, start, 1 if number >= centre else 0)
-        low, high = (centre, high) if side == 1 else (low, centre)
-    while True:
-        steps += 1
-        reach = unit * steps if steps < 4 else unit * (2 + (steps & 1)) << (steps >> 1) >> 1
-        middle = centre + reach if side == 1 else centre - reach
-        if middle <= low or middle >= high:
-            break
-        node = 1 + side * _STEPS + min(steps - 1, _STEPS - 1)
-        bit = code_plain_bit(mixer, start + node, 1 if number >= middle else 0)
-        low, high = (middle, high) if bit == 1 else (low, middle)
-        if bit != side:
-            break
-    node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
-    while high - low > 1:
-        middle = (low + high) >> 1
-        bit = code_plain_bit(mixer, start + node, 1 if number >= middle else 0)
-        low, high = (middle, high) if bit == 1 else (low, middle)
-        node = _DEEP
-    return low
 
 
 @inlined

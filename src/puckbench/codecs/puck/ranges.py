@@ -249,12 +249,7 @@ def _code_range(
     model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
 ) -> None:  # fmt: skip
     """Code the range of a return."""
-    base = _base(model, image, before, c, laser, t)
-    _find_features(model, image, before, c, laser, t, base)
-    activity = _activity(model, image, before, c, laser, t)
-    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
-    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
-    first = predicted(model.linear, 0, model.features)
+    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     group = 0
     if model.settings[2] > 1:
@@ -262,13 +257,8 @@ def _code_range(
     _find_experts(model, image, before, c, laser, t, base, mean, group)
     begin(model.experts, situation)
     _find_contexts(model, image, before, c, laser, t, base, situation, mean)
-    step, lmbda = model.settings[0], model.settings[1]
-    centre = max((mean + FINE * step // 2) // (FINE * step), 1)
-    scale = model.experts.scales[0, situation] >> 8
-    unit = max(scale * 3 // (64 * step), 1)
-    index = (source[c, laser] + step // 2) // step
-    if lmbda > 0:
-        index = _chosen(source[c, laser], index, mean, scale, step, lmbda)
+    index, centre, unit = _quantise(model, source[c, laser], mean, situation)
+    step = model.settings[0]
     index = code_number(model.value, model.experts, index, centre, unit, step)
     value = min(max(index * step, 1), FARTHEST)
     _learn_range(model, image, c, laser, value, base, first, group, situation)
@@ -297,29 +287,48 @@ def _code_range_plainly(
     model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
 ) -> None:  # fmt: skip
     """Code the range of a return by adaptive probabilities alone."""
-    base = _base(model, image, before, c, laser, t)
-    _find_features(model, image, before, c, laser, t, base)
-    activity = _activity(model, image, before, c, laser, t)
-    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
-    first = predicted(model.linear, 0, model.features)
+    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
-    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
-    step = model.settings[0]
-    centre = max((mean + FINE * step // 2) // (FINE * step), 1)
-    scale = model.experts.scales[0, situation] >> 8
-    unit = max(scale * 3 // (64 * step), 1)
-    then = 9
+    index, centre, unit = _quantise(model, source[c, laser], mean, situation)
+    step, then = model.settings[0], 9
     if is_known == 1:
         then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
-    index = (source[c, laser] + step // 2) // step
-    if model.settings[1] > 0:
-        index = _chosen(source[c, laser], index, mean, scale, step, model.settings[1])
     start = (then * _LEVELS + activity) * NODES
-    index = code_plain_number(model.value, start, index, centre, unit, step)
+    index = code_plain_number(model.value, model.experts, start, index, centre, unit, step)
     value = min(max(index * step, 1), FARTHEST)
     wrong = min(abs(FINE * value - mean), 4000) * 256
     model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
     _learn_range(model, image, c, laser, value, base, first, 0, situation)
+
+
+@inlined
+def _predict(
+    model: Model, image: Image, before: Image, c: int, laser: int, t: int,
+) -> tuple[int, int, int, int, int]:  # fmt: skip
+    """Predict a range: its base, the difference to it in quarter quanta, and how sure that is.
+
+    How sure: the activity round about, whether the turn before has a return there (0 or 1), and
+    both as the situation that errors are learnt in.
+    """
+    base = _base(model, image, before, c, laser, t)
+    _find_features(model, image, before, c, laser, t, base)
+    activity = _activity(model, image, before, c, laser, t)
+    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
+    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
+    first = predicted(model.linear, 0, model.features)
+    return base, first, activity, is_known, situation
+
+
+@inlined
+def _quantise(model: Model, value: int, mean: int, situation: int) -> tuple[int, int, int]:
+    """A range in steps, and the centre and the unit of the decisions that code it."""
+    step, lmbda = model.settings[0], model.settings[1]
+    scale = model.experts.scales[0, situation] >> 8
+    index = (value + step // 2) // step
+    if lmbda > 0:
+        index = _chosen(value, index, mean, scale, step, lmbda)
+    centre = max((mean + FINE * step // 2) // (FINE * step), 1)
+    return index, centre, max(scale * 3 // (64 * step), 1)
 
 
 @inlined
