@@ -174,8 +174,8 @@ def _targets(points: Floats, place: GridPlacement, voxels: Ints) -> tuple[Floats
     groups = voxel_mode.voxelise(points, place)
     rows = np.empty(len(voxels), np.int64)
     rows[np.argsort(cell_keys(voxels - voxels.min(axis=0)))] = np.arange(len(voxels))
-    counts = groups.counts[rows]
-    return groups.means[rows], counts / counts.sum() + 1 / len(counts)
+    _, means, weights = voxel_mode.targets(groups)
+    return means[rows], weights[rows]
 
 
 def _displaced(

@@ -55,7 +55,7 @@ class _Coded(NamedTuple):
         """The stream, with the best displacements."""
         table = None
         if self.displaced:
-            cells, means, weights = _targets(self.voxels)
+            cells, means, weights = targets(self.voxels)
             table, _ = fit_displacements(cells, means, weights)
         return pack_voxels(self.place, table, self.bits)
 
@@ -168,7 +168,7 @@ def _placed(place: GridPlacement, table: DisplacementTable | None, voxels: Ints)
     return np.asarray(xyz * place.cell_size + place.origin)
 
 
-def _targets(voxels: CellGroups) -> tuple[Ints, Floats, Floats]:
+def targets(voxels: CellGroups) -> tuple[Ints, Floats, Floats]:
     """Voxels (m, 3), the means (m, 3) of their points, and the weights (m,) of their errors."""
     weights = voxels.counts / voxels.counts.sum() + 1 / len(voxels.counts)
     return voxels.cells, voxels.means, weights
@@ -178,7 +178,7 @@ def _is_displaced(voxels: CellGroups, voxel_bytes: int) -> bool:
     """Whether displacements save more of the squared error than they add to the bytes."""
     if len(voxels.cells) > MAX_DISPLACED:
         return False
-    cells, means, weights = _targets(voxels)
+    cells, means, weights = targets(voxels)
     error = (weights[:, None] * (cells - means) ** 2).sum()
     least = _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error
     gains = displacement_gains(cells, means, weights, BLOCK_SIZES[::-1])  # the fastest first

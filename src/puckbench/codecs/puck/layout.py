@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from puckbench.codecs.common.byte_io import Reader
 from puckbench.core.errors import InputError
 
-CENTIDEGREES = 36000
 MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
 """Columns of a turn, at most: the slowest Puck has 3,617."""

@@ -22,21 +22,21 @@ from numpy.typing import NDArray
 from puckbench.codecs.puck.layout import Layout, Turn
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packets import (
+    BLOCK,
     BLOCKS,
     CENTIDEGREES,
     FLAG,
     MODES,
+    PACKET,
     PACKET_BYTES,
-    RETURN,
 )
+from puckbench.lidar.recordings.packets import SENSORS as PUCKS
 from puckbench.lidar.sensor import load_sensor
 
-SENSORS = {0x21: "hdl32e", 0x22: "vlp16", 0x24: "puck_hires"}
+SENSORS = {0x21: "hdl32e", **PUCKS}
 """Sensors by the product byte of their packets."""
 _CHANNELS = 32
-_BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, _CHANNELS)])
-_PACKET = np.dtype([("blocks", _BLOCK, BLOCKS), ("time", "<u4"), ("mode", "u1"), ("product", "u1")])
-_BLOCK_BYTES = _BLOCK.itemsize
+_BLOCK_BYTES = BLOCK.itemsize
 _DUAL = 0x39
 
 Payloads = NDArray[np.uint8]
@@ -49,11 +49,6 @@ class PacketKind:
     product: int
     mode: int
     layout: Layout
-
-    @property
-    def is_dual(self) -> bool:
-        """Whether blocks come in pairs of two returns of the same firings."""
-        return self.mode == _DUAL
 
 
 @cache
@@ -127,7 +122,7 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
     return Turn(
         _imaged(kind, blocks["returns"]["distance"]),
         np.ascontiguousarray(blocks["azimuth"][:, :: kind.layout.kinds].ravel()),
-        packets["time"].astype(np.uint32),
+        packets["time_us"].astype(np.uint32),
         _imaged(kind, blocks["returns"]["reflectivity"]),
     )
 
@@ -145,24 +140,24 @@ def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
         raise InputError("the stream holds no times or reflectivities, so no packets")
     if len(turn.azimuths) != len(turn.times) * layout.blocks_per_time:
         raise InputError("the stream holds a packet that is not whole")
-    packets = np.zeros(len(turn.times), dtype=_PACKET)
+    packets = np.zeros(len(turn.times), dtype=PACKET)
     blocks = packets["blocks"]
     blocks["flag"] = FLAG
     azimuths = turn.azimuths.reshape(len(packets), -1)
     blocks["azimuth"] = np.repeat(azimuths, layout.kinds, axis=1)
     blocks["returns"]["distance"] = _blocked(kind, turn.ranges)
     blocks["returns"]["reflectivity"] = _blocked(kind, turn.reflectivities)
-    packets["time"], packets["mode"], packets["product"] = turn.times, kind.mode, kind.product
+    packets["time_us"], packets["mode"], packets["product"] = turn.times, kind.mode, kind.product
     return packets.view(np.uint8).reshape(-1, PACKET_BYTES)
 
 
 def _viewed(payloads: Payloads) -> NDArray[np.void]:
-    viewed: NDArray[np.void] = np.ascontiguousarray(payloads).view(_PACKET)[:, 0]
+    viewed: NDArray[np.void] = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     return viewed
 
 
 def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
-    """Values of blocks (p, 12, 32) as an image (kinds, columns, lasers)."""
+    """Values of blocks (p, 12, 2, 16) as an image (kinds, columns, lasers)."""
     layout = kind.layout
     paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
     images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)
@@ -172,4 +167,4 @@ def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
 def _blocked(kind: PacketKind, images: NDArray[Any]) -> NDArray[Any]:
     """The inverse of `_imaged`."""
     paired = images.reshape(kind.layout.kinds, -1, _CHANNELS).transpose(1, 0, 2)[:, ::-1]
-    return paired.reshape(-1, BLOCKS, _CHANNELS)
+    return paired.reshape(-1, BLOCKS, *BLOCK["returns"].shape)

@@ -307,8 +307,8 @@ def _predict(
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """Predict a range: its base, the difference to it in quarter quanta, and how sure that is.
 
-    How sure: the activity round about, whether the turn before has a return there (0 or 1), and
-    both as the situation that errors are learnt in.
+    How sure: the activity round about, whether the turn before has a return there (0 or 1), and the
+    situation, which adds whether the laser's last firing returned; errors are learnt by it.
     """
     base = _base(model, image, before, c, laser, t)
     _find_features(model, image, before, c, laser, t, base)
