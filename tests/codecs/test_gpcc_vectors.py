@@ -19,7 +19,6 @@ LEFT_OUT = {
     "bytewise_minimal": "bytewise",
     "trisoup": "trisoup",
     "quantised_in_loop": "scaling",
-    "angular": "angular",
 }
 """Vectors of tools that we do not have, and what the error says."""
 

@@ -274,9 +274,10 @@ def code_bypass(coder: Any, bit: int) -> int:
 
 
 @kernel
-def code_exp_golomb(coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int) -> int:
-    """Code a number by Exp-Golomb of order 0; at most 24 prefix bits are read."""
-    order = 0
+def code_exp_golomb(
+    coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
+) -> int:
+    """Code a number by Exp-Golomb of an order; at most 24 prefix bits are read."""
     base = 0
     while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order

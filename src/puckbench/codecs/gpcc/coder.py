@@ -16,7 +16,13 @@ from puckbench.codecs.gpcc.contexts import Contexts, initial_contexts
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.gpcc.predictive import initial_probabilities
 from puckbench.codecs.gpcc.predictive_slices import decode_trees
-from puckbench.codecs.gpcc.slices import CodedSlice, decode_slice, encode_slice, read_slice
+from puckbench.codecs.gpcc.slices import (
+    CodedSlice,
+    decode_slice,
+    encode_slice,
+    read_slice,
+    sensor_state,
+)
 from puckbench.codecs.gpcc.tree import Tree, bounds, build_tree, coded_axes
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
@@ -319,7 +325,8 @@ class _StreamReader:
         axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
         if gps.geom_tree_type == syntax.PREDICTIVE:
             return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
-        codes = decode_slice(coded, sps, gps, self._contexts)
+        sensor = sensor_state(coded.header, gps, axes, origin)
+        codes = decode_slice(coded, sps, gps, self._contexts, sensor)
         points: Ints = coordinates(codes, np.array(axes), np.array(origin, dtype=np.int64))
         return points
 

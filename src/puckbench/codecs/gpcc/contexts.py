@@ -24,13 +24,20 @@ CTX_SAME_BIT_HIGH = integer(38)  # 3 axes x 5
 CTX_PLANAR_MODE = integer(53)  # 3 axes
 CTX_PLANE_LAST_INDEX_Z = integer(56)  # 3
 CTX_PLANE_LAST_INDEX = integer(59)  # 3 axes x 3 x 4
-_COUNT = 95
+CTX_THETA_RES = integer(95)  # 3
+CTX_THETA_RES_SIGN = integer(98)
+CTX_THETA_RES_EXP = integer(99)
+CTX_PLANE_ANGULAR = integer(100)  # 4
+CTX_PLANE_ANGULAR_IDCM = integer(104)  # 4
+CTX_PLANE_ANGULAR_PHI = integer(108)  # 8
+CTX_PLANE_ANGULAR_PHI_IDCM = integer(116)  # 8
+_COUNT = 124
 
 
 class Contexts(NamedTuple):
     """State of all contexts of a slice.
 
-    probabilities: (95,) uint16 probability of a zero. ctx_idx_maps: from neighbourhoods to contexts
+    probabilities: (124,) uint16 probability of a zero. ctx_idx_maps: from neighbourhoods to contexts
     of occupancy bits, flat.
     """
 
@@ -42,8 +49,3 @@ def initial_contexts() -> Contexts:
     """The contexts at the start of a slice."""
     probabilities = np.full(_COUNT, HALF, dtype=np.uint16)
     return Contexts(probabilities, np.full(CTX_MAP_COUNT * CTX_MAP_SIZE, 127, dtype=np.uint8))
-
-
-def copy_contexts(contexts: Contexts) -> Contexts:
-    """A copy, to come back to."""
-    return Contexts(contexts.probabilities.copy(), contexts.ctx_idx_maps.copy())

@@ -10,6 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.angular import (
+    Angular,
+    azimuth_ctx,
+    corrected_elevation,
+    elevation_ctx,
+    laser_of,
+    node_corner,
+    predicted_azimuth,
+    tangent_of,
+)
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_bypass, code_exp_golomb
 from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.contexts import (
@@ -17,9 +27,16 @@ from puckbench.codecs.gpcc.contexts import (
     CTX_DUP_POINT_CNT_GT0,
     CTX_DUP_POINT_CNT_GT1,
     CTX_NUM_IDCM_POINTS_GT1,
+    CTX_PLANE_ANGULAR_IDCM,
+    CTX_PLANE_ANGULAR_PHI_IDCM,
     CTX_SAME_BIT_HIGH,
+    CTX_THETA_RES,
+    CTX_THETA_RES_EXP,
+    CTX_THETA_RES_SIGN,
     Contexts,
 )
+from puckbench.codecs.gpcc.fixed_point import arc_tangent, int32, inverse_square_root
+from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import gathered, spread
 
 Ints = NDArray[np.int64]
@@ -32,11 +49,12 @@ _ALL_AXES = 0xFFFFFFFF
 class IdcmNode(NamedTuple):
     """A node whose points are coded directly.
 
-    node_size_log2: along x, y, z. unique_points: geom_unique_points_flag. joint_2pt_idcm: whether
-    the common leading bits of two points are coded once. planar_mode, plane_pos_bits: axes whose
-    plane is known, and the planes.
+    morton: code. node_size_log2: along x, y, z. unique_points: geom_unique_points_flag.
+    joint_2pt_idcm: whether the common leading bits of two points are coded once. planar_mode,
+    plane_pos_bits: axes whose plane is known, and the planes.
     """
 
+    morton: int
     node_size_log2: tuple[int, int, int]
     unique_points: bool
     joint_2pt_idcm: bool
@@ -91,6 +109,7 @@ def code_direct_positions(
     coder: Any,
     contexts: Contexts,
     node: IdcmNode,
+    angular: Angular | None,
     given: Ints,
     leaves: int,
     points: int,
@@ -99,22 +118,31 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Code the points of a node; the numbers of distinct ones, and of all.
 
-    given: (2, 3) the `leaves` distinct of `points` points to code, relative to the node. coded:
-    (2, 3) those points as coded. bits_left: (3,) scratch.
+    angular: in angular mode. given: (2, 3) the `leaves` distinct of `points` points to code,
+    relative to the node. coded: (2, 3) those points as coded. bits_left: (3,) scratch.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
     if not node.unique_points and not pair:
         dup_point_cnt = _code_dup_point_cnt(coder, contexts, points - 1)
     _start_from_planes(node, coded, bits_left)
-    if pair and node.joint_2pt_idcm:
-        _code_same_bits(coder, contexts, given, bits_left, coded)
-    for i in range(1 + pair):
-        for axis in range(3):
-            for k in range(bits_left[axis] - 1, -1, -1):
-                bit = code_bypass(coder, given[i, axis] >> k & 1)
-                coded[i, axis] = coded[i, axis] << 1 | bit
+    if angular is None:
+        if pair and node.joint_2pt_idcm:
+            _code_same_bits(coder, contexts, given, bits_left, coded)
+        for i in range(1 + pair):
+            for axis in range(3):
+                _code_axis(coder, given, bits_left, coded, i, axis)
+    else:
+        _code_by_angles(coder, contexts, node, angular, given, pair, coded, bits_left)
     return 1 + pair, 1 + pair + dup_point_cnt
+
+
+@inlined
+def _code_axis(coder: Any, given: Ints, bits_left: Ints, coded: Ints, i: int, axis: int) -> None:
+    """Code the bits left of a point's coordinate."""
+    for k in range(bits_left[axis] - 1, -1, -1):
+        bit = code_bypass(coder, given[i, axis] >> k & 1)
+        coded[i, axis] = coded[i, axis] << 1 | bit
 
 
 @kernel
@@ -146,27 +174,192 @@ def _code_same_bits(
     """Code two ordered points' bits along each axis up to the first that differs."""
     equal = True
     for axis in range(3):
-        same = integer(1)
-        ctx = 0
-        while bits_left[axis] > 0 and same:
-            bits_left[axis] -= 1
-            one, other = (
-                given[0, axis] >> bits_left[axis] & 1,
-                given[1, axis] >> bits_left[axis] & 1,
+        same = _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, axis, equal)
+        equal = equal and same
+
+
+@kernel
+def _code_same_bits_of_axis(
+    coder: Any,
+    contexts: Contexts,
+    given: Ints,
+    bits_left: Ints,
+    coded: Ints,
+    axis: int,
+    equal: bool,
+) -> bool:
+    """Code two points' bits along an axis up to the first that differs; False if one does.
+
+    equal: whether the points are equal along the axes before, so that they are ordered on this one.
+    """
+    same = integer(1)
+    ctx = 0
+    while bits_left[axis] > 0 and same:
+        bits_left[axis] -= 1
+        one, other = (
+            given[0, axis] >> bits_left[axis] & 1,
+            given[1, axis] >> bits_left[axis] & 1,
+        )
+        same = code_bit(
+            coder,
+            contexts.probabilities,
+            CTX_SAME_BIT_HIGH + 5 * axis + ctx,
+            integer(one == other),
+        )
+        ctx = min(4, ctx + 1)
+        bit = integer(0)
+        if same or not equal:
+            bit = code_bypass(coder, one)
+        coded[0, axis] = coded[0, axis] << 1 | bit
+        coded[1, axis] = coded[1, axis] << 1 | (bit if same else 1 - bit)
+    return same != 0
+
+
+@kernel
+def _code_by_angles(
+    coder: Any,
+    contexts: Contexts,
+    node: IdcmNode,
+    angular: Angular,
+    given: Ints,
+    pair: int,
+    coded: Ints,
+    bits_left: Ints,
+) -> None:
+    """Code one or two points: along x or y as they are, else with contexts of the sensor's angles.
+
+    Sets `angular.fault` if a laser that the stream names does not exist.
+    """
+    x, y, z = node_corner(angular, node.morton, node.node_size_log2)
+    direct = integer(abs(x) <= abs(y))
+    if pair and node.joint_2pt_idcm:
+        _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, direct, True)
+    laser = laser_of(
+        angular,
+        x + _middle(coded, bits_left, 0),
+        y + _middle(coded, bits_left, 1),
+        z + _middle(coded, bits_left, 2),
+    )
+    for i in range(1 + pair):
+        _code_axis(coder, given, bits_left, coded, i, direct)
+        seen_by = laser_of(angular, x + given[i, 0], y + given[i, 1], z + given[i, 2])
+        seen_by = laser + _code_theta_res(coder, contexts, seen_by - laser)
+        if seen_by < 0 or seen_by >= len(angular.azimuth):
+            angular.fault[0] = 1
+            return
+        if direct:
+            y_known = y + coded[i, 1]
+            x_known = _code_azimuth(
+                coder, contexts, angular, seen_by, 0, x, y_known, given, coded, bits_left, i
             )
-            same = code_bit(
-                coder,
-                contexts.probabilities,
-                CTX_SAME_BIT_HIGH + 5 * axis + ctx,
-                integer(one == other),
+        else:
+            x_known = x + coded[i, 0]
+            y_known = _code_azimuth(
+                coder, contexts, angular, seen_by, 1, y, x_known, given, coded, bits_left, i
             )
-            ctx = min(4, ctx + 1)
-            bit = integer(0)
-            if same or not equal:
-                bit = code_bypass(coder, one)
-            coded[0, axis] = coded[0, axis] << 1 | bit
-            coded[1, axis] = coded[1, axis] << 1 | (bit if same else 1 - bit)
-        equal = equal and same != 0
+        if bits_left[2]:
+            _code_elevation(
+                coder, contexts, angular, seen_by, (x_known, y_known, z), given, coded, bits_left, i
+            )
+
+
+@inlined
+def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
+    """The middle of what is left for the first point along an axis, relative to the node."""
+    return (coded[0, axis] << bits_left[axis]) + (1 << bits_left[axis] >> 1)
+
+
+@kernel
+def _code_theta_res(coder: Any, contexts: Contexts, residual: int) -> int:
+    """Code how many lasers another is above the expected one."""
+    probabilities = contexts.probabilities
+    size = abs(residual)
+    if not code_bit(coder, probabilities, CTX_THETA_RES, integer(size > 0)):
+        return 0
+    coded = 1 + code_bit(coder, probabilities, CTX_THETA_RES + 1, integer(size > 1))
+    if coded == 2:
+        coded += code_bit(coder, probabilities, CTX_THETA_RES + 2, integer(size > 2))
+    if coded == 3:
+        coded += code_exp_golomb(coder, probabilities, CTX_THETA_RES_EXP, size - 3, 1)
+    negative = code_bit(coder, probabilities, CTX_THETA_RES_SIGN, integer(residual < 0))
+    return -coded if negative else coded
+
+
+@kernel
+def _code_azimuth(
+    coder: Any,
+    contexts: Contexts,
+    angular: Angular,
+    laser: int,
+    axis: int,
+    corner: int,
+    other: int,
+    given: Ints,
+    coded: Ints,
+    bits_left: Ints,
+    i: int,
+) -> int:
+    """Code a point's coordinate along x or y; what it is from the sensor.
+
+    corner: of the node along `axis`, and other: the point's other coordinate, from the sensor.
+    """
+    left = bits_left[axis]
+    place = corner + (coded[i, axis] << left)
+    azimuth = arc_tangent(place, other) if axis else arc_tangent(other, place)
+    predicted = predicted_azimuth(angular, laser, azimuth)
+    for k in range(left - 1, -1, -1):
+        further = place + (1 << k)
+        upper = arc_tangent(further, other) if axis else arc_tangent(other, further)
+        context = azimuth_ctx(azimuth - predicted, upper - predicted, 1)
+        bit = code_bit(
+            coder,
+            contexts.probabilities,
+            CTX_PLANE_ANGULAR_PHI_IDCM + context,
+            given[i, axis] >> k & 1,
+        )
+        coded[i, axis] = coded[i, axis] << 1 | bit
+        if bit:
+            place, azimuth = further, upper
+            predicted = predicted_azimuth(angular, laser, azimuth)
+    angular.azimuth[laser] = azimuth
+    return place
+
+
+@kernel
+def _code_elevation(
+    coder: Any,
+    contexts: Contexts,
+    angular: Angular,
+    laser: int,
+    place: tuple[int, int, int],
+    given: Ints,
+    coded: Ints,
+    bits_left: Ints,
+    i: int,
+) -> None:
+    """Code a point's coordinate along z.
+
+    place: the point's x and y, and the node's z, from the sensor.
+    """
+    x, y, z = place
+    left = bits_left[2]
+    z += coded[i, 2] << left
+    x, y = (x << 8) - 128, (y << 8) - 128
+    root = inverse_square_root(x * x + y * y)
+    elevation = corrected_elevation(angular, laser, root)
+    half_height = int32(root << left >> 18)
+    for k in range(left - 1, -1, -1):
+        difference = int32(elevation - tangent_of((z + (1 << k) << 1) - 1, root))
+        context = elevation_ctx(difference, half_height)
+        bit = code_bit(
+            coder,
+            contexts.probabilities,
+            CTX_PLANE_ANGULAR_IDCM + context,
+            given[i, 2] >> k & 1,
+        )
+        coded[i, 2] = coded[i, 2] << 1 | bit
+        z += bit << k
+        half_height >>= 1
 
 
 @kernel
@@ -188,6 +381,31 @@ def local_points(
                 for other in range(3):
                     local[0, other], local[1, other] = local[1, other], local[0, other]
             return
+
+
+@kernel
+def order_by_angles(
+    node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
+) -> None:
+    """Put the two points of a node in order: along the axis that is coded as it is, if joined.
+
+    Else, and where they are equal there, they stay as the cloud has them, within a child. axes:
+    those that the node splits. second_first: whether the cloud has the second of `local` first.
+    """
+    one_child = True
+    for axis in range(3):
+        top = node.node_size_log2[axis] - 1
+        if axes >> (2 - axis) & 1:
+            one_child = one_child and (local[0, axis] ^ local[1, axis]) >> top & 1 == 0
+    swapped = one_child and second_first
+    if node.joint_2pt_idcm:
+        x, y, _ = node_corner(angular, node.morton, node.node_size_log2)
+        direct = integer(abs(x) <= abs(y))
+        if local[0, direct] != local[1, direct]:
+            swapped = local[0, direct] > local[1, direct]
+    if swapped:
+        for axis in range(3):
+            local[0, axis], local[1, axis] = local[1, axis], local[0, axis]
 
 
 @kernel

@@ -12,6 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.gpcc.angular import (
+    NO_LASER,
+    Angular,
+    PlaneAngles,
+    angular_eligible_axes,
+    plane_angles,
+)
 from puckbench.codecs.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
 from puckbench.codecs.gpcc.compiled import entry, integer, kernel, part
 from puckbench.codecs.gpcc.contexts import (
@@ -27,6 +34,7 @@ from puckbench.codecs.gpcc.idcm import (
     is_idcm_eligible,
     leaf_code,
     local_points,
+    order_by_angles,
 )
 from puckbench.codecs.gpcc.neighbours import (
     OccupancyAtlas,
@@ -92,13 +100,14 @@ class Nodes(NamedTuple):
 
     morton: codes. occupancy: a bit for each child. idcm_eligible: children that may be coded
     directly, a bit each. first_child: in an encoder, index of the first child among all nodes of
-    its level.
+    its level. laser: in angular mode, the one that sees the node.
     """
 
     morton: Ints
     occupancy: Bytes
     idcm_eligible: Bytes
     first_child: NDArray[np.int32]
+    laser: Bytes
 
 
 class Source(NamedTuple):
@@ -106,7 +115,8 @@ class Source(NamedTuple):
 
     occupancy, first_child: of all nodes of the level. first_leaf: index of each node's first leaf,
     and the number of leaves. leaves: codes of all leaves, where points are coded directly. counts:
-    points at each leaf, unless merged.
+    points at each leaf, unless merged. second_first: in angular mode, a flag for each leaf that is
+    the first of two alone in a node: whether its point comes after the other's.
     """
 
     occupancy: Bytes
@@ -114,6 +124,7 @@ class Source(NamedTuple):
     first_leaf: NDArray[np.int32]
     leaves: Ints
     counts: NDArray[np.int32]
+    second_first: Bytes
 
 
 class SliceState(NamedTuple):
@@ -139,7 +150,7 @@ class ParentNode(NamedTuple):
     first_child_code: Morton code of its first child. sibling_occupancy: its occupancy. faces:
     occupied face neighbours of its children. grid: occupied nodes around the children.
     idcm_eligible: children that may be coded directly. first_child: in an encoder, index of its
-    first child among all nodes of the level.
+    first child among all nodes of the level. laser: in angular mode, the one that sees it.
     """
 
     first_child_code: int
@@ -148,6 +159,7 @@ class ParentNode(NamedTuple):
     grid: int
     idcm_eligible: int
     first_child: int
+    laser: int
 
 
 @entry
@@ -159,8 +171,11 @@ def code_level(
     nodes: Nodes,
     source: Source | None,
     state: SliceState,
+    angular: Angular | None,
 ) -> int:
     """Code the children of `parents`; those that have children themselves are written to `nodes`.
+
+    `source` is None in a decoder, `angular` without a sensor.
 
     Returns
     -------
@@ -182,10 +197,11 @@ def code_level(
         faces = face_neighbours(atlas, axes, base, sibling_occupancy)
         grid = neighbour_grid(atlas, axes, base) if level.intra_pred else 0
         first = integer(parents.first_child[p]) if source is not None else 0
+        laser = integer(parents.laser[p]) if angular is not None else NO_LASER
         parent = ParentNode(
-            base, sibling_occupancy, faces, grid, integer(parents.idcm_eligible[p]), first
+            base, sibling_occupancy, faces, grid, integer(parents.idcm_eligible[p]), first, laser
         )
-        fault = _code_children(coder, contexts, level, parent, nodes, source, state)
+        fault = _code_children(coder, contexts, level, parent, nodes, source, state, angular)
         if fault:
             return fault
     if atlas.side:
@@ -202,14 +218,15 @@ def _code_children(
     nodes: Nodes,
     source: Source | None,
     state: SliceState,
+    angular: Angular | None,
 ) -> int:
     """Code the children of one parent; 0, or the negative fault of a damaged stream."""
     index, counters = parent.first_child, state.counters
     for child in range(8):
         if parent.sibling_occupancy >> child & 1 == 0:
             continue
-        occupancy, neigh_pattern = _code_node(
-            coder, contexts, level, source, state, parent, child, index
+        occupancy, neigh_pattern, laser = _code_node(
+            coder, contexts, level, source, state, angular, parent, child, index
         )
         if occupancy and level.last:
             _code_leaf_point_counts(
@@ -231,11 +248,16 @@ def _code_children(
             )
             if source is not None:
                 nodes.first_child[kept] = source.first_child[index]
+            if angular is not None:
+                nodes.laser[kept] = laser
             counters[2] += 1
             counters[3] += POPCOUNT[occupancy]
         index += 1
         if exhausted(coder):
             return EXHAUSTED
+        if angular is not None:
+            if angular.fault[0]:
+                return EXHAUSTED
         if counters[0] + counters[3] > counters[1]:
             return TOO_MANY_POINTS
     return 0
@@ -248,11 +270,12 @@ def _code_node(
     level: Level,
     source: Source | None,
     state: SliceState,
+    angular: Angular | None,
     parent: ParentNode,
     child: int,
     index: int,
-) -> tuple[int, int]:
-    """Code one node: its occupancy (0: points coded directly) and refined neighbour pattern."""
+) -> tuple[int, int, int]:
+    """Code one node: occupancy (0: points coded directly), refined neighbour pattern and laser."""
     morton = parent.first_child_code | child
     neigh_pattern = neigh_pattern_of(parent.faces, child)
     gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
@@ -261,6 +284,9 @@ def _code_node(
             state.atlas, level.coded_axes, morton, neigh_pattern
         )
     occupancy = integer(source.occupancy[index]) if source is not None else 0
+    angles = PlaneAngles(-1, -1, -1, NO_LASER)
+    if angular is not None:
+        angles = plane_angles(angular, morton, level.node_size_log2, parent.laser)
     planar_mode, plane_pos_bits, planar_possible = 0, 0, 7
     if state.planar.enabled:
         sibling_occupancy = 0 if level.root else parent.sibling_occupancy
@@ -271,13 +297,16 @@ def _code_node(
             neigh_pattern,
             adjacent_occupancies,
             level.adjacent_child_ctx,
+            (angles.x, angles.y, angles.z),
         )
         eligible_axes = planar_eligible_axes(state.planar, level.coded_axes)
+        if angular is not None:
+            eligible_axes = angular_eligible_axes(angles, eligible_axes, level.coded_axes)
         planar_mode, plane_pos_bits, planar_possible = code_planar_modes(
             coder, contexts, state.planar, node, eligible_axes, occupancy
         )
     if parent.idcm_eligible >> child & 1 and _code_direct_positions(
-        coder, contexts, level, source, state, morton, index, planar_mode, plane_pos_bits
+        coder, contexts, level, source, state, angular, morton, index, planar_mode, plane_pos_bits
     ):
         occupancy = 0
     else:
@@ -292,7 +321,7 @@ def _code_node(
         occupancy = code_occupancy(coder, contexts, neighbourhood, masks, occupancy)
     if level.adjacent_child_ctx:
         state.atlas.nodes[morton & ((1 << 3 * state.atlas.side) - 1)] = occupancy
-    return occupancy, neigh_pattern
+    return occupancy, neigh_pattern, angles.laser
 
 
 @inlined
@@ -336,6 +365,7 @@ def _code_direct_positions(
     level: Level,
     source: Source | None,
     state: SliceState,
+    angular: Angular | None,
     morton: int,
     index: int,
     planar_mode: int,
@@ -350,15 +380,26 @@ def _code_direct_positions(
     is_direct = integer(can_be_direct(level.unique_points, leaves, points))
     if not code_bit(coder, contexts.probabilities, CTX_BLOCK_SKIP_TH, is_direct):
         return False
-    if source is not None:
-        local_points(
-            source.leaves[start:end], level.node_size_log2, state.given, level.joint_2pt_idcm
-        )
     node = IdcmNode(
-        level.node_size_log2, level.unique_points, level.joint_2pt_idcm, planar_mode, plane_pos_bits
+        morton,
+        level.node_size_log2,
+        level.unique_points,
+        level.joint_2pt_idcm,
+        planar_mode,
+        plane_pos_bits,
     )
+    if source is not None:
+        if angular is None:
+            local_points(
+                source.leaves[start:end], level.node_size_log2, state.given, level.joint_2pt_idcm
+            )
+        else:
+            local_points(source.leaves[start:end], level.node_size_log2, state.given, False)
+            if leaves == 2:
+                second_first = integer(source.second_first[start]) != 0
+                order_by_angles(node, angular, level.coded_axes, second_first, state.given)
     leaves, points = code_direct_positions(
-        coder, contexts, node, state.given, leaves, points, state.coded, state.left
+        coder, contexts, node, angular, state.given, leaves, points, state.coded, state.left
     )
     if source is None:
         for i in range(leaves):

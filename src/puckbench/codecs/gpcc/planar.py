@@ -15,6 +15,8 @@ from puckbench.codecs.gpcc.arithmetic import code_bit
 from puckbench.codecs.gpcc.compiled import integer, kernel
 from puckbench.codecs.gpcc.contexts import (
     CTX_PLANAR_MODE,
+    CTX_PLANE_ANGULAR,
+    CTX_PLANE_ANGULAR_PHI,
     CTX_PLANE_LAST_INDEX,
     CTX_PLANE_LAST_INDEX_Z,
     Contexts,
@@ -33,24 +35,28 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 class PlanarState(NamedTuple):
     """Adaptive rates of planar modes, and the buffer of the last planar nodes.
 
-    enabled: geom_planar_mode_enabled_flag. rates: of planes along x, y, z, and the local density of
+    enabled: geom_planar_mode_enabled_flag. buffered: not planar_buffer_disabled_flag. rates: of planes along x, y, z, and the local density of
     nodes. thresholds: rates from which the most, second and least frequent axis are tried.
     position, plane_index: (3, rows) for each axis and position along it, where the last planar node
     was across it, and its plane.
     """
 
     enabled: bool
+    buffered: bool
     rates: NDArray[np.int64]
     thresholds: NDArray[np.int64]
     position: NDArray[np.int64]
     plane_index: NDArray[np.int64]
 
 
-def planar_state(enabled: bool, depth: int, thresholds: tuple[int, int, int]) -> PlanarState:
+def planar_state(
+    enabled: bool, buffered: bool, depth: int, thresholds: tuple[int, int, int]
+) -> PlanarState:
     """The state at the start of a slice, an octree of `depth` levels."""
-    rows = min(_ROWS, 1 << depth) if enabled else 1
+    rows = min(_ROWS, 1 << depth) if enabled and buffered else 1
     return PlanarState(
         enabled,
+        buffered,
         np.array([1024, 1024, 1024, 4096], dtype=np.int64),
         np.array(thresholds, dtype=np.int64) << 4,
         np.zeros((3, rows), dtype=np.int64),
@@ -117,7 +123,7 @@ class PlanarNode(NamedTuple):
 
     morton, child: code, and index in the parent. sibling_occupancy: of the parent. neigh_pattern:
     occupied face neighbours. adjacent_occupancies: of the neighbours x-1, y-1, z-1, a byte each;
-    known with adjacent-child contexts only.
+    known with adjacent-child contexts only. angles: contexts by the sensor's angles, or -1.
     """
 
     morton: int
@@ -126,6 +132,7 @@ class PlanarNode(NamedTuple):
     neigh_pattern: int
     adjacent_occupancies: int
     adjacent_known: bool
+    angles: tuple[int, int, int]
 
 
 @kernel
@@ -170,23 +177,31 @@ def _code_planar_mode(
     plane_pos_bits: int,
 ) -> int:
     """Code whether a node is planar along an axis, and the plane; -1 if it is not."""
-    row = gathered(node.morton >> (2 - axis)) & (_ROWS - 1)
-    other = gathered(node.morton >> (1 if axis == 0 else 2))
-    another = gathered(node.morton >> (1 if axis == 2 else 0))
-    position = max(other >> 3 & 31, another >> 3 & 31)
-    far_ctx = 2 * integer(abs(position - state.position[axis, row]) > 1)
-    last_plane = state.plane_index[axis, row]
+    row, position, far_ctx, last_plane = 0, 0, 0, -1
+    if state.buffered:
+        row = gathered(node.morton >> (2 - axis)) & (_ROWS - 1)
+        other = gathered(node.morton >> (1 if axis == 0 else 2))
+        another = gathered(node.morton >> (1 if axis == 2 else 0))
+        position = max(other >> 3 & 31, another >> 3 & 31)
+        far_ctx = 2 * integer(abs(position - state.position[axis, row]) > 1)
+        last_plane = state.plane_index[axis, row]
     plane = integer(-1)
     if code_bit(coder, contexts.probabilities, CTX_PLANAR_MODE + axis, planar_mode):
-        adjacent_ctx = _adjacent_planes_ctx(node, axis)
-        if last_plane < 0:
-            context = CTX_PLANE_LAST_INDEX_Z + adjacent_ctx
+        if node.angles[axis] >= 0:
+            context = CTX_PLANE_ANGULAR if axis == 2 else CTX_PLANE_ANGULAR_PHI
+            context += node.angles[axis]
         else:
-            context = CTX_PLANE_LAST_INDEX + 12 * axis + 4 * adjacent_ctx + last_plane + far_ctx
+            adjacent_ctx = _adjacent_planes_ctx(node, axis)
+            if last_plane < 0:
+                context = CTX_PLANE_LAST_INDEX_Z + adjacent_ctx
+            else:
+                context = CTX_PLANE_LAST_INDEX + 12 * axis + 4 * adjacent_ctx
+                context += last_plane + far_ctx
         plane = code_bit(coder, contexts.probabilities, context, plane_pos_bits)
     state.rates[axis] = (255 * state.rates[axis] + (2048 if plane >= 0 else 0) + 128) >> 8
-    state.position[axis, row] = position
-    state.plane_index[axis, row] = plane
+    if state.buffered:
+        state.position[axis, row] = position
+        state.plane_index[axis, row] = plane
     return plane
 
 

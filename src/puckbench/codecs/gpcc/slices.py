@@ -7,10 +7,12 @@ points (in TMC13: `GeometryBrickHeader`, `GeometryBrickFooter`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc import idcm, neighbours, octree, planar
+from puckbench.codecs.gpcc import angular, idcm, neighbours, octree, planar
 from puckbench.codecs.gpcc.arithmetic import (
     Bytes,
     Decoder,
@@ -22,13 +24,14 @@ from puckbench.codecs.gpcc.arithmetic import (
     restart,
 )
 from puckbench.codecs.gpcc.bits import Reader
-from puckbench.codecs.gpcc.contexts import Contexts, copy_contexts, initial_contexts
+from puckbench.codecs.gpcc.contexts import Contexts, initial_contexts
 from puckbench.codecs.gpcc.syntax import (
     OCTREE,
     GeometryFooter,
     GeometryHeader,
     GeometryParameterSet,
     SequenceParameterSet,
+    Three,
     footer_bytes,
     geometry_header,
     read_footer,
@@ -43,8 +46,9 @@ _DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
 _BYPASS_CHUNK = 256
 
 # Most bytes that one node can take: eight bits of at most a byte each and planes; the coordinates
-# and counts of direct points; the counts of eight leaves.
-_NODE_BYTES, _DIRECT_BYTES, _LEAVES_BYTES = 16, 128, 256
+# and counts of direct points, and more where angles give their contexts; the counts of eight
+# leaves.
+_NODE_BYTES, _DIRECT_BYTES, _LASER_BYTES, _LEAVES_BYTES = 16, 128, 64, 256
 
 
 @dataclass(frozen=True)
@@ -57,17 +61,29 @@ class CodedSlice:
 
 
 def encode_slice(
-    tree: Tree, header: GeometryHeader, sps: SequenceParameterSet, gps: GeometryParameterSet
+    tree: Tree,
+    header: GeometryHeader,
+    sps: SequenceParameterSet,
+    gps: GeometryParameterSet,
+    sensor: angular.Angular | None = None,
 ) -> bytes:
-    """A geometry data unit with the points of an octree, split as the header says."""
+    """A geometry data unit with the points of an octree, split as the header says.
+
+    sensor: in angular mode, as the slice sees it.
+    """
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     footer = GeometryFooter(geom_num_points_minus1=points - 1)
     head = written(geometry_header, header, sps, gps)
-    return head + encode_octree(tree, header, gps) + footer_bytes(footer)
+    return head + encode_octree(tree, header, gps, sensor) + footer_bytes(footer)
 
 
-def encode_octree(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> bytes:
-    """The arithmetic-coded part of a geometry data unit."""
+def encode_octree(
+    tree: Tree,
+    header: GeometryHeader,
+    gps: GeometryParameterSet,
+    sensor: angular.Angular | None = None,
+) -> bytes:
+    """The arithmetic-coded part of a geometry data unit; sensor: in angular mode."""
     coder = encoder(64)
     contexts = initial_contexts()
     state = _initial_state(gps, len(tree.levels), 0)
@@ -76,9 +92,9 @@ def encode_octree(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet)
     for number, (level, source) in enumerate(levels):
         planar.reset_planar_buffer(state.planar, 1 << number)
         count = len(source.occupancy)
-        coder = enlarged(coder, 64 + count * _max_node_bytes(level))
+        coder = enlarged(coder, 64 + count * _max_node_bytes(level, sensor))
         nodes = _empty_nodes(0 if level.last else count, encoding=True)
-        kept = octree.code_level(coder, contexts, level, parents, nodes, source, state)
+        kept = octree.code_level(coder, contexts, level, parents, nodes, source, state, sensor)
         parents = _first_nodes(nodes, kept)
         if not kept:
             break
@@ -105,23 +121,31 @@ def _check_axes(axes: list[int]) -> None:
 
 
 def decode_slice(
-    coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet, contexts: Contexts
+    coded: CodedSlice,
+    sps: SequenceParameterSet,
+    gps: GeometryParameterSet,
+    contexts: Contexts,
+    sensor: angular.Angular | None = None,
 ) -> Ints:
-    """Morton codes (n,) of a slice's points; `contexts` is left as the slice ends with it."""
+    """Morton codes (n,) of a slice's points; `contexts` is left as the slice ends with it.
+
+    sensor: in angular mode, as the slice sees it.
+    """
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
     coder = slice_decoder(coded, sps)
     state = _initial_state(gps, depth, coded.points)
     parents = _root_parent()
-    saved = copy_contexts(contexts), state.planar.rates.copy()
+    lasting: list[NDArray[Any]] = [*contexts, state.planar.rates, *([sensor.azimuth] if sensor else [])]
+    saved: list[NDArray[Any]] = []
     for number, level in enumerate(_levels(header, gps)):
-        if number == depth - 1 - streams:
-            saved = copy_contexts(contexts), state.planar.rates.copy()
+        if streams and number == max(depth - 1 - streams, 0):
+            saved = [array.copy() for array in lasting]
         if streams and number > depth - 1 - streams:
-            _next_stream(coder, contexts, state, saved)
+            _next_stream(coder, lasting, saved)
         planar.reset_planar_buffer(state.planar, 1 << number)
-        parents = _decode_level(coder, contexts, level, parents, state)
+        parents = _decode_level(coder, contexts, level, parents, state, sensor)
         if not len(parents.morton):
             break
     if state.counters[0] != coded.points:
@@ -157,14 +181,11 @@ def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     return np.concatenate(coded), np.concatenate(bits)
 
 
-def _next_stream(
-    coder: Decoder, contexts: Contexts, state: octree.SliceState, saved: tuple[Contexts, Ints]
-) -> None:
-    """Go on with the next entropy stream, from the contexts saved for it."""
+def _next_stream(coder: Decoder, lasting: list[NDArray[Any]], saved: list[NDArray[Any]]) -> None:
+    """Go on with the next entropy stream, from the state saved for it."""
     restart(coder)
-    np.copyto(contexts.probabilities, saved[0].probabilities)
-    np.copyto(contexts.ctx_idx_maps, saved[0].ctx_idx_maps)
-    np.copyto(state.planar.rates, saved[1])
+    for array, before in zip(lasting, saved, strict=True):
+        np.copyto(array, before)
 
 
 def _decode_level(
@@ -173,10 +194,11 @@ def _decode_level(
     level: octree.Level,
     parents: octree.Nodes,
     state: octree.SliceState,
+    sensor: angular.Angular | None,
 ) -> octree.Nodes:
     count = int(POPCOUNT[parents.occupancy].sum())
     nodes = _empty_nodes(0 if level.last else count, encoding=False)
-    kept = octree.code_level(coder, contexts, level, parents, nodes, None, state)
+    kept = octree.code_level(coder, contexts, level, parents, nodes, None, state, sensor)
     if kept == octree.TOO_MANY_POINTS:
         raise InputError("G-PCC stream: a slice holds more points than it says")
     if kept < 0 or consumed(coder) > coder.state[4]:
@@ -184,9 +206,10 @@ def _decode_level(
     return _first_nodes(nodes, kept)
 
 
-def _max_node_bytes(level: octree.Level) -> int:
+def _max_node_bytes(level: octree.Level, sensor: angular.Angular | None) -> int:
     counts = 0 if level.unique_points or not level.last else _LEAVES_BYTES
-    return _NODE_BYTES + (_DIRECT_BYTES if level.idcm_mode else 0) + counts
+    direct = _DIRECT_BYTES + (_LASER_BYTES if sensor else 0)
+    return _NODE_BYTES + (direct if level.idcm_mode else 0) + counts
 
 
 def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Source]:
@@ -197,7 +220,9 @@ def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> l
         starts = leaf_starts(tree)
         leaves = leaf_codes(tree, header.tree_lvl_coded_axis_list)
     return [
-        octree.Source(level.occupancy, level.first_child, start, leaves, tree.counts)
+        octree.Source(
+            level.occupancy, level.first_child, start, leaves, tree.counts, tree.second_first
+        )
         for level, start in zip(tree.levels, starts, strict=True)
     ]
 
@@ -257,13 +282,37 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
     scratch = np.zeros((2, 3), dtype=np.int64)
     return octree.SliceState(
         neighbours.empty_atlas(min(minus1 + 1, depth) if minus1 else 0),
-        planar.planar_state(bool(gps.geom_planar_mode_enabled_flag), depth, thresholds),
+        planar.planar_state(
+            bool(gps.geom_planar_mode_enabled_flag),
+            not gps.planar_buffer_disabled_flag,
+            depth,
+            thresholds,
+        ),
         np.empty(max_points, dtype=np.int64),
         np.array([0, max_points or 1 << 62, 0, 0, 0], dtype=np.int64),
         scratch,
         scratch.copy(),
         np.zeros(3, dtype=np.int64),
     )
+
+
+def sensor_state(
+    header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
+) -> angular.Angular | None:
+    """The sensor as a slice sees it at its start; None without angular mode.
+
+    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
+    """
+    if not gps.geom_angular_mode_enabled_flag:
+        return None
+    table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]
+    elevation, height, turns = np.array(table, dtype=np.int64).T.copy()
+    coded = np.empty(3, dtype=np.int64)
+    if gps.geom_slice_angular_origin_present_flag:
+        coded[list(axes)] = header.gdu_angular_origin_xyz
+    else:
+        coded[list(axes)] = np.subtract(gps.gps_angular_origin_xyz, origin)
+    return angular.angular_state(elevation, height, turns, coded)
 
 
 def _root_parent() -> octree.Nodes:
@@ -273,6 +322,7 @@ def _root_parent() -> octree.Nodes:
         np.ones(1, dtype=np.uint8),
         np.zeros(1, dtype=np.uint8),
         np.zeros(1, dtype=np.int32),
+        np.full(1, angular.NO_LASER, dtype=np.uint8),
     )
 
 
@@ -283,11 +333,12 @@ def _empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
         np.empty(count, dtype=np.uint8),
         np.empty(count, dtype=np.uint8),
         np.empty(count if encoding else 0, dtype=np.int32),
+        np.empty(count, dtype=np.uint8),
     )
 
 
 def _first_nodes(nodes: octree.Nodes, count: int) -> octree.Nodes:
-    morton, occupancy, idcm_eligible, first_child = nodes
+    morton, occupancy, idcm_eligible, first_child, laser = nodes
     return octree.Nodes(
-        morton[:count], occupancy[:count], idcm_eligible[:count], first_child[:count]
+        morton[:count], occupancy[:count], idcm_eligible[:count], first_child[:count], laser[:count]
     )

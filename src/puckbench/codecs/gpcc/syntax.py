@@ -337,7 +337,6 @@ def check_tools(gps: GeometryParameterSet) -> None:
     """InputError for a parameter set with coding tools that are not supported."""
     octree = gps.geom_tree_type == OCTREE
     _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
-    _refuse(octree and gps.geom_angular_mode_enabled_flag, "angular mode")
     _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
     _refuse(gps.trisoup_enabled_flag, "trisoup")
 

@@ -69,11 +69,16 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Levels from the root down; the leaves' sorted keys, and the number of points at each."""
+    """Levels from the root down; the leaves' sorted keys, and the number of points at each.
+
+    second_first: where the order of points counts, a flag for each leaf that is the first of two
+    alone in a node: whether its point comes after the other's.
+    """
 
     levels: list[TreeLevel]
     keys: Ints
     counts: Indices
+    second_first: Bytes
 
 
 @compiled
@@ -107,7 +112,7 @@ def build_tree(points: Ints, corner: Ints, levels: list[int]) -> Tree:
         children = _child_of_bits(axes)
         below, occupancy, first = _parents(below, children.size.bit_length() - 1, children)
         found.append(TreeLevel(occupancy, first))
-    return Tree(found[::-1], keys, counts)
+    return Tree(found[::-1], keys, counts, np.empty(0, dtype=np.uint8))
 
 
 def leaf_starts(tree: Tree) -> list[Indices]:
