@@ -37,8 +37,8 @@ _COUNT = 124
 class Contexts(NamedTuple):
     """State of all contexts of a slice.
 
-    probabilities: (124,) uint16 probability of a zero. ctx_idx_maps: from neighbourhoods to contexts
-    of occupancy bits, flat.
+    probabilities: (124,) uint16 probability of a zero. ctx_idx_maps: from neighbourhoods to
+    contexts of occupancy bits, flat.
     """
 
     probabilities: NDArray[np.uint16]

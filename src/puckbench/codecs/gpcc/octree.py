@@ -253,14 +253,19 @@ def _code_children(
             counters[2] += 1
             counters[3] += POPCOUNT[occupancy]
         index += 1
-        if exhausted(coder):
+        if _is_damaged(coder, angular):
             return EXHAUSTED
-        if angular is not None:
-            if angular.fault[0]:
-                return EXHAUSTED
         if counters[0] + counters[3] > counters[1]:
             return TOO_MANY_POINTS
     return 0
+
+
+@inlined
+def _is_damaged(coder: Any, angular: Angular | None) -> bool:
+    """Whether a decoder has read too far, or of a laser that does not exist."""
+    if angular is not None:
+        return exhausted(coder) or angular.fault[0] != 0
+    return exhausted(coder)
 
 
 @part

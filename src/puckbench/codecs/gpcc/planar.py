@@ -35,10 +35,10 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 class PlanarState(NamedTuple):
     """Adaptive rates of planar modes, and the buffer of the last planar nodes.
 
-    enabled: geom_planar_mode_enabled_flag. buffered: not planar_buffer_disabled_flag. rates: of planes along x, y, z, and the local density of
-    nodes. thresholds: rates from which the most, second and least frequent axis are tried.
-    position, plane_index: (3, rows) for each axis and position along it, where the last planar node
-    was across it, and its plane.
+    enabled: geom_planar_mode_enabled_flag. buffered: not planar_buffer_disabled_flag. rates: of
+    planes along x, y, z, and the local density of nodes. thresholds: rates from which the most,
+    second and least frequent axis are tried. position, plane_index: (3, rows) for each axis and
+    position along it, where the last planar node was across it, and its plane.
     """
 
     enabled: bool

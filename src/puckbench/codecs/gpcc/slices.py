@@ -137,7 +137,11 @@ def decode_slice(
     coder = slice_decoder(coded, sps)
     state = _initial_state(gps, depth, coded.points)
     parents = _root_parent()
-    lasting: list[NDArray[Any]] = [*contexts, state.planar.rates, *([sensor.azimuth] if sensor else [])]
+    lasting: list[NDArray[Any]] = [
+        *contexts,
+        state.planar.rates,
+        *([sensor.azimuth] if sensor else []),
+    ]
     saved: list[NDArray[Any]] = []
     for number, level in enumerate(_levels(header, gps)):
         if streams and number == max(depth - 1 - streams, 0):
