@@ -52,7 +52,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "planar_idcm_ctc": {"inferred_direct_coding_mode": 1, "planar_mode_idcm_use": 32},
 }
 DECODER_ONLY = {
-    *("zyx_ctc", "bypass_defaults", "streams_defaults"),
+    *("zyx_ctc", "bypass_defaults", "streams_defaults", "angular"),
     *("sliced_minimal", "sliced_ctc", "tiled_defaults", "predictive"),
 }
 

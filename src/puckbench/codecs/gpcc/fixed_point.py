@@ -170,7 +170,7 @@ def inverse_square_root(number: int) -> int:
         number <<= 2
         shift += 1
     index = (number >> 25) - 32
-    root = _ROOTS_3[index] - (_ROOTS_CUBED[index] * number >> 32)
+    root: int = _ROOTS_3[index] - (_ROOTS_CUBED[index] * number >> 32)
     error = 0x30000000 - (root * (root * number >> 32) >> 32)
     root = root * error >> 32
     return root << shift if shift > 0 else root >> -shift
@@ -182,7 +182,8 @@ def _arc_tangent(y: int, x: int) -> int:
     sine = y * inverse_square_root(x * x + y * y) >> 20
     index = sine >> 11
     rest = sine & 0x7FF
-    return _ARC_SINES[index] + (rest * (_ARC_SINES[index + 1] - _ARC_SINES[index]) >> 11)
+    below: int = _ARC_SINES[index]
+    return below + (rest * (_ARC_SINES[index + 1] - below) >> 11)
 
 
 @kernel

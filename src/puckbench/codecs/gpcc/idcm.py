@@ -266,7 +266,9 @@ def _code_by_angles(
 @inlined
 def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
     """The middle of what is left for the first point along an axis, relative to the node."""
-    return (coded[0, axis] << bits_left[axis]) + (1 << bits_left[axis] >> 1)
+    left: int = bits_left[axis]
+    middle: int = (coded[0, axis] << left) + (1 << left >> 1)
+    return middle
 
 
 @kernel
@@ -304,7 +306,7 @@ def _code_azimuth(
     corner: of the node along `axis`, and other: the point's other coordinate, from the sensor.
     """
     left = bits_left[axis]
-    place = corner + (coded[i, axis] << left)
+    place: int = corner + (coded[i, axis] << left)
     azimuth = arc_tangent(place, other) if axis else arc_tangent(other, place)
     predicted = predicted_azimuth(angular, laser, azimuth)
     for k in range(left - 1, -1, -1):
