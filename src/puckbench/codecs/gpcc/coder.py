@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -16,6 +16,7 @@ from puckbench.codecs.gpcc.contexts import Contexts, initial_contexts
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.gpcc.predictive import initial_probabilities
 from puckbench.codecs.gpcc.predictive_slices import decode_trees
+from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.gpcc.slices import (
     CodedSlice,
     decode_slice,
@@ -91,6 +92,7 @@ def encode_geometry(
     options: GpccOptions,
     scale: Fraction | float = 1,
     origin: Sequence[int] | Ints = (0, 0, 0),
+    sensor: SensorDescription | None = None,
 ) -> bytes:
     """Code points as a stream that TMC13 decodes.
 
@@ -102,11 +104,14 @@ def encode_geometry(
         Coding tools.
     scale, origin
         (points + origin) / scale are the positions that a decoder gives.
+    sensor
+        That measured the points, in the coordinates of points + origin; with it, the octree is
+        coded in angular mode.
 
     Raises
     ------
     InputError
-        For an empty cloud, or for points more than 21 bits apart.
+        For an empty cloud, for points more than 21 bits apart, or for a sensor far away.
     """
     points = np.ascontiguousarray(points, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
@@ -117,6 +122,9 @@ def encode_geometry(
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_MAX_DENOMINATOR))
     gps = _geometry_parameter_set(options)
+    if sensor is not None:
+        gps = replace(gps, **sensor.syntax_elements(corner))
+        gps.planar_buffer_disabled_flag = int(options.planar and not options.planar_buffer)
     stream = [
         syntax.encapsulate(
             syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
@@ -125,7 +133,7 @@ def encode_geometry(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    slices = list(_partition(points, low, options))
+    slices = list(_partition(points, low, options, sensor is not None))
     if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
@@ -185,20 +193,22 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
     )
 
 
-def _partition(points: Ints, start: Ints, options: GpccOptions) -> Iterator[_SlicePoints]:
+def _partition(
+    points: Ints, start: Ints, options: GpccOptions, angular: bool
+) -> Iterator[_SlicePoints]:
     """Parts of the cloud of at most slice_max_points, halved along their longest side.
 
     start: (3,) origin of the sequence.
     """
-    slice_points = _slice_points(points, start, options)
+    slice_points = _slice_points(points, start, options, angular)
     if slice_points.coded_points(options) <= options.slice_max_points:
         yield slice_points
         return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     middle = _split_position(points[order, axis])
-    yield from _partition(points[order[:middle]], start, options)
-    yield from _partition(points[order[middle:]], start, options)
+    yield from _partition(points[order[:middle]], start, options, angular)
+    yield from _partition(points[order[middle:]], start, options, angular)
 
 
 def _split_position(sorted_values: Ints) -> int:
@@ -224,14 +234,24 @@ class _SlicePoints:
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
-def _slice_points(points: Ints, start: Ints, options: GpccOptions) -> _SlicePoints:
+def _slice_points(points: Ints, start: Ints, options: GpccOptions, angular: bool) -> _SlicePoints:
     low, high = bounds(points)
     x, y, z = (max(int(size).bit_length(), 1) for size in high - low)
+    late_z = (
+        options.angular_max_node_min_dim_log2_to_split_z,
+        options.angular_max_diff_to_split_z,
+    )
     axes = coded_axes(
-        (x, y, z), options.qtbt, options.max_num_qtbt_before_ot, options.min_qtbt_size_log2
+        (x, y, z),
+        options.qtbt,
+        options.max_num_qtbt_before_ot,
+        options.min_qtbt_size_log2,
+        late_z if angular else None,
     )
     a, b, c = (low - start).tolist()
-    return _SlicePoints((a, b, c), axes, build_tree(points, low, axes))
+    ordered = angular and options.inferred_direct_coding_mode > 0
+    tree = build_tree(points, low, axes, ordered, options.merge_duplicates)
+    return _SlicePoints((a, b, c), axes, tree)
 
 
 def _data_unit(
@@ -247,7 +267,8 @@ def _data_unit(
         tree_depth_minus1=len(slice_points.axes) - 1,
         tree_lvl_coded_axis_list=slice_points.axes,
     )
-    return encode_slice(slice_points.tree, header, sps, gps)
+    sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], slice_points.corner)
+    return encode_slice(slice_points.tree, header, sps, gps, sensor)
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:

@@ -183,7 +183,8 @@ def _arc_tangent(y: int, x: int) -> int:
     index = sine >> 11
     rest = sine & 0x7FF
     below: int = _ARC_SINES[index]
-    return below + (rest * (_ARC_SINES[index + 1] - below) >> 11)
+    above: int = _ARC_SINES[index + 1]
+    return below + (rest * (above - below) >> 11)
 
 
 @kernel

@@ -39,6 +39,18 @@ class GpccOptions(Model):
     min_qtbt_size_log2: int = Field(
         default=0, ge=0, le=21, description="nodes with such a side split only their longest sides"
     )
+    angular_max_node_min_dim_log2_to_split_z: int = Field(
+        default=8,
+        ge=0,
+        le=21,
+        description="with a sensor: nodes of at most this height are split late along z",
+    )
+    angular_max_diff_to_split_z: int = Field(
+        default=1, ge=0, le=21, description="with a sensor: log2 of height to width that is late"
+    )
+    planar_buffer: bool = Field(
+        default=True, description="with a sensor: contexts from planes coded before, too"
+    )
     inferred_direct_coding_mode: int = Field(
         default=0,
         ge=0,

@@ -18,7 +18,11 @@ _AXIS_MASKS = (4, 2, 1)
 
 
 def coded_axes(
-    bits: Bits, qtbt: bool, max_num_qtbt_before_ot: int = 4, min_qtbt_size_log2: int = 0
+    bits: Bits,
+    qtbt: bool,
+    max_num_qtbt_before_ot: int = 4,
+    min_qtbt_size_log2: int = 0,
+    late_z: tuple[int, int] | None = None,
 ) -> list[int]:
     """The axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
 
@@ -32,6 +36,9 @@ def coded_axes(
         Levels that first split the longest sides alone.
     min_qtbt_size_log2
         log2 of the shortest side from which on only longer sides are split.
+    late_z
+        In angular mode: log2 of the height from which on nodes are split along z only if they are
+        higher than wide, by that factor's log2.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -40,14 +47,27 @@ def coded_axes(
     min_qtbt_size_log2 = 0 if longest == shortest else min(min_qtbt_size_log2, shortest)
     size, levels = list(bits), []
     while max(size) > 0:
-        partial = max_num_qtbt_before_ot > 0 or min(size) == min_qtbt_size_log2
-        split = [not partial or side == max(size) for side in size]
+        if max_num_qtbt_before_ot > 0 or min(size) == min_qtbt_size_log2:
+            split = [side == max(size) for side in size]
+        elif late_z and min_qtbt_size_log2 >= 0 and size[2] <= late_z[0] and sum(late_z) > 0:
+            split = _split_late_along_z(size, *late_z)
+        else:
+            split = [True, True, True]
         levels.append(sum(a for a, s in zip(_AXIS_MASKS, split, strict=True) if s))
         size = [side - s for side, s in zip(size, split, strict=True)]
         max_num_qtbt_before_ot = max(max_num_qtbt_before_ot - 1, 0)
         if min(size) == max(size) == min_qtbt_size_log2:
             min_qtbt_size_log2 = -1
     return levels
+
+
+def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]:
+    """The axes of a low node that are split: x and y where longest, z where it is much longer."""
+    x, y, z = size
+    longest = max(x, y)
+    high = min(size) <= height and z >= longest + factor
+    large = longest >= height + factor and z >= longest
+    return [x == longest, y == longest, high or large]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
@@ -92,7 +112,9 @@ def bounds(points: Ints) -> tuple[Ints, Ints]:
     return low, high
 
 
-def build_tree(points: Ints, corner: Ints, levels: list[int]) -> Tree:
+def build_tree(
+    points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
+) -> Tree:
     """Build the octree of points.
 
     Parameters
@@ -103,16 +125,25 @@ def build_tree(points: Ints, corner: Ints, levels: list[int]) -> Tree:
         (3,) origin of the root.
     levels
         The axes that each level splits.
+    ordered
+        Whether the order of the points counts, of which of equal ones only the first if `merged`.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
-    keys.sort()
+    second_first = np.empty(0, dtype=np.uint8)
+    if ordered:
+        keys = _first_ones(keys) if merged else keys
+        second_first = _sorted_as_coded(keys, _digit_positions(levels))
+    else:
+        keys.sort()
     keys, counts = _unique(keys)
+    if ordered:
+        second_first = second_first[np.cumsum(counts) - counts]
     found, below = [], keys
     for axes in reversed(levels):
         children = _child_of_bits(axes)
         below, occupancy, first = _parents(below, children.size.bit_length() - 1, children)
         found.append(TreeLevel(occupancy, first))
-    return Tree(found[::-1], keys, counts, np.empty(0, dtype=np.uint8))
+    return Tree(found[::-1], keys, counts, second_first)
 
 
 def leaf_starts(tree: Tree) -> list[Indices]:
@@ -173,6 +204,70 @@ def _keys(points: Ints, corner: Ints, tables: Ints) -> Ints:
                 key |= tables[axis, byte, value >> 8 * byte & 0xFF]
         keys[i] = key
     return keys
+
+
+def _first_ones(keys: Ints) -> Ints:
+    """Keys without those that have occurred before."""
+    ordered = np.sort(keys)
+    if (ordered[1:] != ordered[:-1]).all():
+        return keys
+    _, first = np.unique(keys, return_index=True)
+    first.sort()
+    unique: Ints = keys[first]
+    return unique
+
+
+def _digit_positions(levels: list[int]) -> Ints:
+    """Where the bits of each level begin in a key, and where those of the root end."""
+    widths = [axes.bit_count() for axes in reversed(levels)]
+    return np.cumsum([0, *widths])[::-1].astype(np.int64)
+
+
+@compiled
+def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
+    """Sort keys level by level, as the reference sorts the points of a node into its children.
+
+    Its counting sort, which swaps points in place, changes the order of points in a child. Returns
+    for each key whether it is the first of two alone in a node and was behind the other there.
+    """
+    behind = np.zeros(len(keys), dtype=np.uint8)
+    stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
+    place = np.empty(8, dtype=np.int64)
+    end = np.empty(8, dtype=np.int64)
+    stack[0, 0], stack[0, 1], stack[0, 2] = 0, len(keys), 0
+    height = 1
+    while height:
+        height -= 1
+        first, last, level = stack[height, 0], stack[height, 1], stack[height, 2]
+        if last - first == 2 and keys[first] > keys[first + 1]:
+            keys[first], keys[first + 1] = keys[first + 1], keys[first]
+            behind[first] = 1
+        if last - first <= 2 or level + 1 == len(positions):
+            continue
+        shift = positions[level + 1]
+        mask = (1 << (positions[level] - shift)) - 1
+        end[:] = 0
+        for i in range(first, last):
+            end[keys[i] >> shift & mask] += 1
+        total = first
+        for digit in range(mask + 1):
+            place[digit] = total
+            total += end[digit]
+            end[digit] = total
+        start = first
+        for digit in range(mask + 1):
+            while place[digit] != end[digit]:
+                i = place[digit]
+                own = keys[i] >> shift & mask
+                other = place[own]
+                keys[i], keys[other] = keys[other], keys[i]
+                place[own] += 1
+            if end[digit] > start + 1:
+                stack[height, 0], stack[height, 1] = start, end[digit]
+                stack[height, 2] = level + 1
+                height += 1
+            start = end[digit]
+    return behind
 
 
 @compiled
