@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
@@ -51,8 +52,9 @@ CHOICES: dict[str, dict[str, Any]] = {
     "one_point_idcm_defaults": {"joint_two_point_idcm": False},
     "planar_idcm_ctc": {"inferred_direct_coding_mode": 1, "planar_mode_idcm_use": 32},
 }
+SENSORS = {"angular": SensorDescription((0.0,), (0.0,), 800)}
 DECODER_ONLY = {
-    *("zyx_ctc", "bypass_defaults", "streams_defaults", "angular"),
+    *("zyx_ctc", "bypass_defaults", "streams_defaults"),
     *("sliced_minimal", "sliced_ctc", "tiled_defaults", "predictive"),
 }
 
@@ -65,7 +67,8 @@ def test_encoding_the_decoded_points_gives_the_bytes_of_tmc13(name: str) -> None
     choices = {"merge_duplicates": not kept, **CHOICES.get(name, {})}
     options = PROFILES[about["profile"]].model_copy(update=choices)
     shuffled = np.random.default_rng(0).permutation(decoded.points)
-    assert encode_geometry(shuffled, options, scale=decoded.scale, origin=decoded.origin) == stream
+    place = {"scale": decoded.scale, "origin": decoded.origin}
+    assert encode_geometry(shuffled, options, **place, sensor=SENSORS.get(name)) == stream
 
 
 def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:
