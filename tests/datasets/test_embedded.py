@@ -10,6 +10,8 @@ from puckbench.core.errors import InputError
 from puckbench.datasets.calibration import Calibration
 from puckbench.datasets.embedded_objects import EmbeddedObjects
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
+from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.street import Street
 
 SMALL = "copy_room_1"
 
@@ -103,3 +105,34 @@ def test_a_calibration_scene_has_the_sensor_at_its_distance() -> None:
     assert scene.origin is not None
     assert scene.origin[1] == 5
     assert scene.mesh.areas().sum() == pytest.approx(1.6 * 2.2 + 1.6 * 5)
+
+
+def test_a_street_has_its_sensor_in_the_middle_of_its_free_way() -> None:
+    streets = Street(seed=3, streets=2, length_m=60)
+    assert streets.names() == ["street_1", "street_2"]
+    scene = streets.load("street_2")
+    assert scene.mesh is not None
+    assert scene.mesh.labels is not None
+    assert scene.group == "street"
+    assert scene.origin is not None
+    assert scene.about["free_way_m"] == [-30.0, 30.0]
+    assert scene.about["length_m"] == 60
+    assert scene.about["seed"] == 3
+    assert streets.files("street_2") == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"length_m": 10}, "length_m is 10, but must be greater than or equal to 40"),
+        ({"streets": 0}, "streets is 0, but must be greater than 0"),
+    ],
+)
+def test_streets_that_cannot_be_are_refused(options: dict[str, int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        open_scene_set("street", options, 0)
+
+
+def test_a_street_that_is_not_there_is_named() -> None:
+    with pytest.raises(InputError, match="no scene 'street_9'"):
+        Street().load("street_9")

@@ -91,12 +91,9 @@ class Room:
 
     def _try(self, item: Item, place: Floats) -> bool:
         """Add the item at a pose if its space is free."""
-        low, high = bounds(item)[:, 2] + place[2, 3]
-        grounds = [_ground(piece, place) for piece in _feet(item)]
-        if high > self.height + 1e-6 or not all(self.plan.fits(one, low, high) for one in grounds):
+        high = bounds(item)[1, 2] + place[2, 3]
+        if high > self.height + 1e-6 or not claim(self.plan, item, place):
             return False
-        for ground in grounds:
-            self.plan.take(ground, low, high)
         self._add(item, place)
         return True
 
@@ -145,6 +142,17 @@ class Room:
     def _fixed(self, placement: Placement) -> None:
         x, y, z = placement.at or (0.0, 0.0, 0.0)
         self._add(placement.maker(self.cad), pose(x, y, z, turn=placement.turn))
+
+
+def claim(plan: Plan, item: Item, place: Floats) -> bool:
+    """Take the space of an item that stands at a pose (4, 4); whether all of it was free."""
+    low, high = bounds(item)[:, 2] + place[2, 3]
+    grounds = [_ground(piece, place) for piece in _feet(item)]
+    if not all(plan.fits(one, low, high) for one in grounds):
+        return False
+    for ground in grounds:
+        plan.take(ground, low, high)
+    return True
 
 
 def _ground(piece: Piece, place: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -110,19 +110,14 @@ def _sides(opening: Opening) -> Surface:
     """The four sides of a hole, fronts inwards."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).turned_inside_out().at(y=reach / 2)
-    return _only(whole, (0, 1, 4, 5))
+    return whole.only(0, 1, 4, 5)
 
 
 def _back(opening: Opening) -> Surface:
     """The plane that closes a hole at its back, front to the room."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).turned_inside_out().at(y=reach / 2)
-    return _only(whole, (3,))
-
-
-def _only(surface: Surface, shapes: tuple[int, ...]) -> Surface:
-    kept = np.isin(surface.shape_id, shapes)
-    return replace(surface, triangles=surface.triangles[kept], shape_id=surface.shape_id[kept])
+    return whole.only(3)
 
 
 def _skirting(length: float, openings: list[Opening]) -> Surface:
@@ -135,7 +130,7 @@ def _skirting(length: float, openings: list[Opening]) -> Surface:
         for x0, x1 in zip(starts, ends, strict=True)
         if x1 - x0 > 0.02
     ]
-    return join(boards) if boards else _only(box(1, 1, 1), ())
+    return join(boards) if boards else box(1, 1, 1).only()
 
 
 def _casing(width: float, height: float) -> list[Surface]:
@@ -146,7 +141,7 @@ def _casing(width: float, height: float) -> list[Surface]:
     return [*sides, box(width, 0.02, CASING).at(y=-0.01, z=height)]
 
 
-def _leaf(cad: Modeller, width: float, height: float) -> Surface:
+def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
     """Door leaf with its front at y = 0: two raised panels and a lever handle on a plate."""
     board = box(width, 0.04, height).at(y=0.02)
     panels = [box(width * 0.68, 0.008, z).at(0, -0.004, at) for at, z in ((0.2, 0.65), (1.05, 0.8))]
@@ -159,14 +154,14 @@ def _leaf(cad: Modeller, width: float, height: float) -> Surface:
 
 def _door(cad: Modeller, opening: Opening) -> Item:
     """Closed door: leaf, casing and the plane behind the gaps."""
-    leaf = _leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
+    leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
     parts = [leaf, _back(opening), *_casing(opening.width, opening.height)]
     return [Piece("door", "door", join(parts))]
 
 
 def _passage(cad: Modeller, opening: Opening) -> Item:
     """Door that stands open into a passage with a closed end."""
-    leaf = _leaf(cad, opening.width - 0.008, opening.height - 0.008)
+    leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008)
     swung = leaf.at(x=opening.width / 2).at(
         -opening.width / 2 + 0.06, 0.12, 0.004, turn=cad.between(84, 89)
     )

@@ -110,6 +110,11 @@ class Surface:
         """The surface with its vertices (v, 3) changed at will: it becomes freeform."""
         return freeform(change(self.vertices), self.triangles)
 
+    def only(self, *shapes: int) -> Surface:
+        """The triangles that lie on the shapes of these numbers."""
+        kept = np.isin(self.shape_id, shapes)
+        return replace(self, triangles=self.triangles[kept], shape_id=self.shape_id[kept])
+
     def bounds(self) -> Floats:
         """Corners of the axis-aligned bounding box, (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

@@ -1,0 +1,47 @@
+"""Streets that puckbench generates."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydantic import Field, PositiveInt
+
+from puckbench.datasets.base import GeneratedSet, found
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene
+from puckbench.scenes.street.layout import free_way, make_street, street_origin
+
+
+@LOADERS.register("street")
+class Street(GeneratedSet):
+    """Streets with houses, trees, parked cars and a free lane along x.
+
+    Scenes are called street_1. `about` says from where to where along x, from its origin, a sensor
+    can go: ``free_way_m``.
+    """
+
+    of_clouds: ClassVar[bool] = False
+    primitives: ClassVar[bool] = True
+
+    seed: int = 0
+    """Seed of houses, planting, fittings and cars."""
+    streets: PositiveInt = 4
+    """Number of streets (street_1, ...)."""
+    length_m: float = Field(200.0, ge=40.0, le=1000.0)
+    """Length of a street between the cross streets at its ends."""
+
+    def names(self) -> list[str]:
+        """Names of the streets."""
+        return sorted(f"street_{number}" for number in range(1, self.streets + 1))
+
+    def load(self, name: str) -> Scene:
+        """Generate the street, with a place for a sensor over the middle of a lane."""
+        name = found({one: one for one in self.names()}, name, "the generated streets")
+        way = list(free_way(self.length_m))
+        return Scene(
+            name,
+            "street",
+            mesh=make_street(name, self.seed, self.length_m),
+            origin=street_origin(),
+            about=self._about(seed=self.seed, length_m=self.length_m, free_way_m=way),
+        )

@@ -1,0 +1,119 @@
+"""What stands on the pavements of a street: lamps, signs, bollards, benches, fences, a bus stop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.scenes import outlines
+from puckbench.scenes.builder import Item, Piece
+from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.solids import extrude
+from puckbench.scenes.surfaces import Surface, join
+
+SHELTER = (4.2, 1.6)
+"""Length and depth of a bus shelter, m."""
+
+
+def curved_lamp(cad: Modeller) -> Item:
+    """Lamp post with an arm over the road."""
+    height, reach = cad.between(6.5, 8.0), cad.between(1.2, 1.9)
+    foot = cad.cylinder(0.11, 1.0)
+    post = cad.cone(0.085, 0.05, height - 1.0).at(z=1.0)
+    path = [(0, 0, height), (0, 0, height + 0.5), (0, -reach, height + 0.7)]
+    arm = cad.pipe(path, 0.04, 0.3)
+    head = cad.slab(0.24, 0.6, 0.1, 0.06).at(y=-reach - 0.2, z=height + 0.62)
+    return [
+        Piece("lamp_post", "pole", join([foot, post])),
+        Piece("lamp", "pole", join([arm, head])),
+    ]
+
+
+def globe_lamp(cad: Modeller) -> Item:
+    """Lower lamp post with a globe on top."""
+    height = cad.between(3.6, 4.4)
+    post = [cad.cylinder(0.09, 0.7), cad.cylinder(0.055, height - 0.7).at(z=0.7)]
+    globe = [cad.cone(0.06, 0.14, 0.12).at(z=height), cad.sphere(0.24).at(z=height + 0.33)]
+    return [Piece("lamp_post", "pole", join(post)), Piece("lamp", "pole", join(globe))]
+
+
+def sign(cad: Modeller) -> Item:
+    """Traffic sign on a post, round, triangular or square, its back and front along x."""
+    height = cad.between(2.2, 2.7)
+    outline = cad.pick(
+        (
+            outlines.circle(0.3, cad.steps(0.3)),
+            outlines.polygon((-0.4, -0.23), (0.4, -0.23), (0.0, 0.46)),
+            outlines.rectangle(0.5, 0.7),
+        )
+    )
+    plate = extrude(outline, 0.03).at(tilt=90).at(turn=90).at(x=0.04, z=height - 0.4)
+    post = cad.cylinder(0.03, height)
+    return [Piece("sign_post", "pole", post), Piece("sign", "sign", plate)]
+
+
+def bollard(cad: Modeller) -> Item:
+    """Bollard with a round top."""
+    radius, height = 0.065, 0.85
+    top = outlines.arc((0.0, height), radius, 0, 90, cad.steps(radius) // 4)
+    profile = (*outlines.line((0, 0), (radius, 0), (radius, height)), *top)
+    return [Piece("bollard", "pole", cad.turned(profile))]
+
+
+def bench(cad: Modeller) -> Item:
+    """Bench of slats on two stands."""
+    return [Piece("bench", "bench", _bench(cad, 1.8))]
+
+
+def _bench(cad: Modeller, length: float) -> Surface:
+    seat = [cad.box(length, 0.11, 0.04).at(y=y, z=0.42) for y in (-0.14, 0.0, 0.14)]
+    back = [cad.box(length, 0.03, 0.11).at(y=0.25, z=z) for z in (0.55, 0.7)]
+    stands = [
+        cad.box(0.06, *size).at(s * (length / 2 - 0.25), y, 0)
+        for s in (-1, 1)
+        for size, y in (((0.38, 0.42), 0.0), ((0.05, 0.82), 0.29))
+    ]
+    return join([*seat, *back, *stands])
+
+
+def bin_(cad: Modeller) -> Item:
+    """Litter bin: a drum with a rim."""
+    drum = cad.cylinder(0.22, 0.8)
+    return [Piece("bin", "bin", join([drum, cad.torus(0.22, 0.025).at(z=0.8)]))]
+
+
+def cabinet(cad: Modeller) -> Item:
+    """Cabinet of a power or telephone company."""
+    width, height = cad.between(0.6, 1.3), cad.between(0.9, 1.3)
+    plinth = cad.box(width, 0.36, 0.1)
+    return [Piece("cabinet", "box", join([plinth, cad.slab(width, 0.34, height, 0.02).at(z=0.1)]))]
+
+
+def shelter(cad: Modeller) -> Item:
+    """Bus shelter, open to the road, with a bench in it."""
+    length, depth = SHELTER
+    y, x = depth / 2 - 0.1, length / 2 - 0.15
+    panes = [cad.box(length - 0.4, 0.03, 1.9).at(y=y, z=0.3)]
+    panes.append(cad.box(0.03, depth - 0.5, 1.9).at(x, 0.1, 0.3))
+    posts = [cad.box(0.08, 0.08, 2.4).at(s * x, t * y, 0) for s in (-1, 1) for t in (-1, 1)]
+    roof = cad.slab(length, depth, 0.12, 0.1).at(z=2.4)
+    seat = _bench(cad, 2.2).at(y=y - 0.4)
+    return [
+        Piece("shelter", "shelter", join([*panes, *posts, roof])),
+        Piece("bench", "bench", seat),
+    ]
+
+
+def fence(cad: Modeller, length: float) -> Item:
+    """Fence of pickets along x, centred."""
+    height = cad.between(0.9, 1.3)
+    count = max(2, round(length / 0.16))
+    picket = cad.box(0.08, 0.02, height)
+    places = np.linspace(0.04 - length / 2, length / 2 - 0.04, count)
+    rails = [cad.box(length, 0.04, 0.06).at(y=0.03, z=z) for z in (0.2, height - 0.25)]
+    return [Piece("fence", "fence", join([*rails, *(picket.at(x=float(x)) for x in places)]))]
+
+
+def garden_wall(cad: Modeller, length: float, height: float) -> Item:
+    """Wall along x, centred, with coping stones."""
+    wall, coping = cad.box(length, 0.24, height), cad.box(length, 0.3, 0.07).at(z=height)
+    return [Piece("garden_wall", "fence", join([wall, coping]))]
