@@ -12,9 +12,9 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.puck import Settings, decode
-from puckbench.codecs.puck.packets import find_packets, split_turns, turn_of
 from puckbench.codecs.puck.recording import Account, compress, decompress
 from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 POSITION = b"$GPRMC,223123,A,3707.8178,N,12139.2690,W,000.0,182.4,160516,013.7,E,D*05\r\n"

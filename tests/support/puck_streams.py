@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.puck import Settings, decode, encode
-from puckbench.codecs.puck.packets import split_turns, turn_of
 from puckbench.codecs.puck.recording import compress, decompress
+from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 _EFFORTS = ("fast", "normal", "thorough")

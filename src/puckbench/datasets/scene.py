@@ -1,4 +1,4 @@
-"""A scene (a mesh or a cloud, and where it comes from) and what every data set offers."""
+"""A scene (a mesh, a cloud or a sensor's returns, and their source) and what data sets offer."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
+
 
 @dataclass(frozen=True)
 class Scene:
-    """One scene, in metres with z up: either a mesh or a cloud.
+    """One scene, in metres with z up: a mesh, a cloud, or a real sensor's returns.
 
     Parameters
     ----------
@@ -22,7 +25,7 @@ class Scene:
         Safe as a file name and unique in its data set.
     group
         Its class, room type or area.
-    mesh, cloud
+    mesh, cloud, returns
         Exactly one of them is given.
     origin
         (x, y, z) where a sensor may stand, if known.
@@ -36,20 +39,22 @@ class Scene:
     group: str
     mesh: Mesh | None = None
     cloud: PointCloud | None = None
+    returns: Returns | None = None
     origin: tuple[float, float, float] | None = None
     box: Floats | None = None
     about: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if (self.mesh is None) == (self.cloud is None):
-            raise ValueError(f"scene {self.name}: needs a mesh or a cloud, not both")
+        if sum(one is not None for one in (self.mesh, self.cloud, self.returns)) != 1:
+            raise ValueError(f"scene {self.name}: needs one of a mesh, a cloud and returns")
 
 
 class SceneSet(Protocol):
     """What a data set offers; its constructor takes the options of the configuration by name.
 
     A data set whose meshes name the geometric primitive of each triangle in their labels says so by
-    a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``.
+    a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``, and
+    one whose clouds are a sensor's returns by ``of_returns`` as well.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -73,6 +78,11 @@ def of_clouds(scenes: SceneSet) -> bool | None:
     """Whether the scenes of a data set are clouds, not meshes; None where it does not say."""
     found: bool | None = getattr(scenes, "of_clouds", None)
     return found
+
+
+def of_returns(scenes: SceneSet) -> bool:
+    """Whether the scenes of a data set are a real sensor's returns."""
+    return bool(getattr(scenes, "of_returns", False))
 
 
 def safe_name(text: str) -> str:

@@ -130,6 +130,11 @@ class Sweep(Model):
         rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
+    @property
+    def is_level_and_still(self) -> bool:
+        """Whether the sensor stays at the scan's origin, its axes along the world's."""
+        return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
+
     def way(self) -> tuple[Floats, Floats]:
         """Times (n,), s, and places (n, 3), m, between which the sensor moves in straight lines.
 
@@ -155,7 +160,7 @@ class Sweep(Model):
 
     def steps(self, sensor: Sensor) -> int:
         """Azimuth steps in a frame: the whole ones that its share of a turn has room for."""
-        steps = self._degrees_per_frame(sensor) / self._step_deg(sensor)
+        steps = self._degrees_per_frame(sensor) / self.step_deg(sensor)
         count = int(steps * (1 + 1e-9))
         if count < 1:
             raise InputError(
@@ -166,10 +171,10 @@ class Sweep(Model):
     def rays(self, sensor: Sensor, frames: range) -> Rays:
         """Nominal rays of the given frames; azimuth runs on from frame to frame."""
         starts = np.asarray(frames) * self._degrees_per_frame(sensor)
-        steps = np.arange(self.steps(sensor)) * self._step_deg(sensor)
+        steps = np.arange(self.steps(sensor)) * self.step_deg(sensor)
         degrees = (starts[:, None] + steps)[:, :, None]
         if self.timing == "firing":
-            degrees = degrees + 360.0 * self._rotation_hz(sensor) * _delays(sensor)
+            degrees = degrees + 360.0 * self.turning_hz(sensor) * _delays(sensor)
         yaw = np.radians(np.mod(degrees, 360.0))
         pitch = np.radians(sensor.laser_elevation_deg)
         shape = (*yaw.shape[:2], sensor.lasers)
@@ -180,7 +185,7 @@ class Sweep(Model):
 
         Shape (frames, steps).
         """
-        second_per_step = self._step_deg(sensor) / (360.0 * self._rotation_hz(sensor))
+        second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
 
@@ -190,16 +195,18 @@ class Sweep(Model):
         fired = steps + _delays(sensor) if self.timing == "firing" else steps
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
 
-    def _rotation_hz(self, sensor: Sensor) -> float:
+    def turning_hz(self, sensor: Sensor) -> float:
+        """Turns in a second."""
         return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
 
-    def _step_deg(self, sensor: Sensor) -> float:
+    def step_deg(self, sensor: Sensor) -> float:
+        """Azimuth from step to step."""
         if self.timing == "firing":
-            return 360.0 * self._rotation_hz(sensor) * _sequence_s(sensor)
+            return 360.0 * self.turning_hz(sensor) * _sequence_s(sensor)
         return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
 
     def _degrees_per_frame(self, sensor: Sensor) -> float:
-        return 360.0 * self._rotation_hz(sensor) / self.frames_per_second
+        return 360.0 * self.turning_hz(sensor) / self.frames_per_second
 
 
 def _delays(sensor: Sensor) -> Floats:

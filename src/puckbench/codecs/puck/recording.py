@@ -18,8 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.common.byte_io import Reader, base_128
-from puckbench.codecs.puck.layout import unpacked
-from puckbench.codecs.puck.packets import (
+from puckbench.codecs.puck.layout import packed, unpacked
+from puckbench.codecs.puck.stream import Kind, Record, read_records, start
+from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import unreadable, written_whole
+from puckbench.lidar.recordings.packet_turns import (
     PacketKind,
     Payloads,
     find_packets,
@@ -28,10 +32,6 @@ from puckbench.codecs.puck.packets import (
     split_turns,
     turn_of,
 )
-from puckbench.codecs.puck.stream import Kind, Record, read_records, start
-from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
-from puckbench.core.errors import InputError, naming
-from puckbench.core.files import unreadable, written_whole
 from puckbench.lidar.recordings.packets import PACKET_BYTES
 
 _WINDOW = 1 << 24
@@ -90,10 +90,10 @@ def compress(
     with written_whole(out) as temporary, temporary.open("wb") as stream:
         stream.write(start())
         for record in _records(data, chosen, account, tell):
-            packed = record.packed()
+            body = record.packed()
             name = record.kind.name.lower()
-            account.parts[name] = account.parts.get(name, 0) + len(packed)
-            stream.write(packed)
+            account.parts[name] = account.parts.get(name, 0) + len(body)
+            stream.write(body)
         account.compressed = stream.tell()
     return account
 
@@ -213,7 +213,7 @@ class _PacketEncoder:
     def _turn(self, kind: PacketKind, payloads: Payloads) -> Iterator[Record]:
         if self._turns is None or kind != self._kind:
             self._kind, self._turns = kind, TurnEncoder(kind.layout, self._settings)
-            yield Record(Kind.LAYOUT, kind.layout.packed() + bytes([kind.product, kind.mode]))
+            yield Record(Kind.LAYOUT, packed(kind.layout) + bytes([kind.product, kind.mode]))
         turn = turn_of(kind, payloads)
         self._account.turns += 1
         self._account.packets += len(payloads)

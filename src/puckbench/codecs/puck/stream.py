@@ -13,9 +13,10 @@ from io import BytesIO
 from typing import IO
 
 from puckbench.codecs.common.byte_io import base_128
-from puckbench.codecs.puck.layout import Layout, Turn, unpacked
+from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder, is_key
 from puckbench.core.errors import InputError
+from puckbench.lidar.turns import Layout, Turn
 
 MAGIC = b"PUCK"
 _VERSION = 1
@@ -130,7 +131,7 @@ def encode(turns: Iterable[Turn], layout: Layout, settings: Settings | None = No
     [True, True]
     """
     encoder = TurnEncoder(layout, settings)
-    records = [Record(Kind.LAYOUT, layout.packed())]
+    records = [Record(Kind.LAYOUT, packed(layout))]
     records += [Record(Kind.TURN, encoder.encode(turn)) for turn in turns]
     return b"".join([start(), *(each.packed() for each in [*records, Record(Kind.END, b"")])])
 

@@ -18,7 +18,6 @@ from puckbench.codecs.common.binary_coder import (
     written,
 )
 from puckbench.codecs.common.byte_io import Reader, base_128
-from puckbench.codecs.puck.layout import Layout, Turn, check_turn
 from puckbench.codecs.puck.mixing import Ints, Words
 from puckbench.codecs.puck.ranges import (
     EFFORTS,
@@ -44,7 +43,7 @@ from puckbench.codecs.puck.second_returns import (
 )
 from puckbench.codecs.puck.sequences import Track, code_sequence, new_track, track_with_bits
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings.packets import CENTIDEGREES
+from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
 
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3

@@ -18,6 +18,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings.returns import BOTH, LAST, STRONGEST, RecordedReturns
 from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.turns import CENTIDEGREES
 
 PACKET_BYTES = 1206
 
@@ -55,7 +56,6 @@ BLOCKS = 12
 LASERS = 16
 FLAG = 0xEEFF
 DISTANCE_UNIT_M = 0.002
-CENTIDEGREES = 36000
 HOUR_S = 3600.0
 MODES = {0x37: "strongest", 0x38: "last", 0x39: "dual"}
 PRODUCTS = {

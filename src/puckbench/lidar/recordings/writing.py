@@ -14,7 +14,6 @@ from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings.packets import (
     BLOCKS,
-    CENTIDEGREES,
     DISTANCE_UNIT_M,
     FLAG,
     HOUR_S,
@@ -28,6 +27,7 @@ from puckbench.lidar.recordings.packets import (
 )
 from puckbench.lidar.scan_table import ScanTable
 from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.turns import CENTIDEGREES
 
 _PORT = 2368
 _SENDER, _RECEIVER = bytes([192, 168, 1, 201]), b"\xff" * 4

@@ -19,19 +19,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.puck.layout import Layout, Turn
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packets import (
     BLOCK,
     BLOCKS,
-    CENTIDEGREES,
+    DISTANCE_UNIT_M,
     FLAG,
     MODES,
     PACKET,
     PACKET_BYTES,
 )
 from puckbench.lidar.recordings.packets import SENSORS as PUCKS
+from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
 SENSORS = {0x21: "hdl32e", **PUCKS}
 """Sensors by the product byte of their packets."""
@@ -125,6 +126,25 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
         packets["time_us"].astype(np.uint32),
         _imaged(kind, blocks["returns"]["reflectivity"]),
     )
+
+
+def returns_of_packets(payloads: Payloads) -> Returns:
+    """The returns of packets (p, 1206); the first and the last turn may be parts of one.
+
+    Raises
+    ------
+    InputError
+        There are none, of an unknown sensor, or of more than one sensor or return mode.
+    """
+    if len(payloads) == 0:
+        raise InputError("no data packets")
+    kinds, turns = zip(
+        *((kind, turn_of(kind, part)) for kind, part in split_turns(payloads)), strict=True
+    )
+    if len(set(kinds)) > 1:
+        raise InputError("packets of more than one sensor or return mode")
+    sensor = load_sensor(SENSORS[kinds[0].product])
+    return Returns(Beams.of(sensor), kinds[0].layout, turns, DISTANCE_UNIT_M, sensor.name)
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:

@@ -1,0 +1,92 @@
+"""A virtual scan as what the sensor itself would report: its returns, in its own numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import parsed
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
+from puckbench.lidar.scan_table import ScanTable
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sweep import Sweep
+from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
+
+_MOST_QUANTA = 0xFFFF
+
+
+@dataclass(frozen=True)
+class ScanReturns:
+    """Returns of a scan, and what of the scan they come from.
+
+    Parameters
+    ----------
+    returns
+        The returns.
+    rows
+        (n,) rows of the scan table, in the order of ``returns.points()``.
+    still_at
+        Position (3,) of a sensor that stays level and in its place, in m; None for one that moves.
+    """
+
+    returns: Returns
+    rows: NDArray[np.intp]
+    still_at: Floats | None
+
+
+def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
+    """The returns of a scan whose frames are whole turns.
+
+    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; a return whose
+    range is 0 then, or does not fit 16 bits, is left out.
+
+    Parameters
+    ----------
+    table
+        The scan.
+    clean
+        Take its true ranges in place of the measured ones.
+
+    Raises
+    ------
+    InputError
+        A frame of the scan is no turn.
+    """
+    sensor = parsed(Sensor, table.about["sensor"], "the scan's sensor")
+    sweep = parsed(Sweep, table.about["sweep"], "the scan's sweep")
+    hertz = sweep.turning_hz(sensor)
+    if not np.isclose(hertz, sweep.frames_per_second, rtol=1e-9):
+        raise InputError(
+            f"the scan has {sweep.frames_per_second:g} frames a second, and the sensor turns "
+            f"{hertz:g} times: returns are taken of frames that are whole turns"
+        )
+    firing = "own_moment" if sweep.timing == "firing" else "together"
+    beams = Beams.of(sensor, firing, is_virtual=True)
+    quantum = sensor.range_quantum_mm / 1000 if sensor.range_quantum_mm else USUAL_QUANTUM_M
+    quanta = np.rint(table["distance" if clean else "distance_noisy"] / quantum)
+    rows = np.flatnonzero((quanta > 0) & (quanta <= _MOST_QUANTA))
+    laser, step = table["laser_id"][rows], sweep.step_deg(sensor)
+    column = np.rint(np.degrees(table["yaw"][rows]) / step - np.asarray(beams.delays)[laser])
+    images = np.zeros((sweep.frames, 1, sweep.steps(sensor), sensor.lasers), np.uint16)
+    images[table["frame"][rows], 0, column.astype(np.intp), laser] = quanta[rows]
+    order = tuple(int(one) for one in np.argsort(sensor.laser_elevation_deg, kind="stable"))
+    azimuths = np.rint(np.arange(images.shape[2]) * step * 100) % CENTIDEGREES
+    seconds = sweep.timestamps(sensor, range(sweep.frames))
+    turns = tuple(
+        Turn(image, azimuths.astype(np.uint16), np.rint(times * 1e6).astype(np.uint32))
+        for image, times in zip(images, seconds, strict=True)
+    )
+    still_at = np.asarray(table.about["origin"]) if sweep.is_level_and_still else None
+    return ScanReturns(Returns(beams, Layout(order), turns, quantum, sensor.name), rows, still_at)
+
+
+def true_points(table: ScanTable, found: ScanReturns) -> Floats:
+    """The true points (n, 3) that returns stand for, in the sensor's frame, in m."""
+    yaw, pitch = (table[name][found.rows] for name in ("yaw", "pitch"))
+    level = table["distance"][found.rows] * np.cos(pitch)
+    height = table["distance"][found.rows] * np.sin(pitch)
+    return np.column_stack([-level * np.sin(yaw), level * np.cos(yaw), height])

@@ -1,0 +1,96 @@
+"""A turn of a spinning sensor as an image of its own numbers, and the layouts of such images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+
+CENTIDEGREES = 36000
+MAX_LASERS = 128
+MAX_COLUMNS = 1 << 14
+"""Columns of a turn, at most: the slowest Puck has 3,617."""
+MAX_PIXELS = 1 << 20
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a sensor's firings make an image.
+
+    Parameters
+    ----------
+    order
+        Laser ids from the lowest elevation to the highest; a permutation.
+    columns_per_block
+        Columns that share an azimuth; two of a VLP-16.
+    blocks_per_time
+        Blocks that share a time: those of a packet.
+    kinds
+        2 where each beam was asked for two returns.
+    """
+
+    order: tuple[int, ...]
+    columns_per_block: int = 1
+    blocks_per_time: int = 1
+    kinds: int = 1
+
+    def __post_init__(self) -> None:
+        if sorted(self.order) != list(range(len(self.order))) or not self.order:
+            raise ValueError("the order of the lasers is no permutation")
+        if len(self.order) > MAX_LASERS or self.kinds not in (1, 2):
+            raise ValueError(f"at most {MAX_LASERS} lasers and two kinds")
+        if not 1 <= self.columns_per_block <= 255 or not 1 <= self.blocks_per_time <= 255:
+            raise ValueError("columns of a block and blocks of a time are 1 to 255")
+
+    @property
+    def lasers(self) -> int:
+        """Number of lasers."""
+        return len(self.order)
+
+    @property
+    def max_blocks(self) -> int:
+        """Blocks of a turn, at most."""
+        columns = min(MAX_COLUMNS, MAX_PIXELS // self.lasers)
+        return max(columns // self.columns_per_block, 1)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The returns of a turn as an image of the sensor's own numbers.
+
+    ranges: (kinds, columns, lasers) uint16, in quanta (2 mm of a Velodyne), 0 for no return.
+    azimuths: (blocks,) uint16, in 0.01 degrees. times: (ceil(blocks / blocks_per_time),) uint32, in
+    microseconds, or None. reflectivities: as ranges, uint8, or None.
+    """
+
+    ranges: NDArray[np.uint16]
+    azimuths: NDArray[np.uint16]
+    times: NDArray[np.uint32] | None = None
+    reflectivities: NDArray[np.uint8] | None = None
+
+    @property
+    def returns(self) -> int:
+        """Number of returns of the first kind."""
+        return int(np.count_nonzero(self.ranges[0]))
+
+
+def check_turn(turn: Turn, layout: Layout) -> None:
+    """Raise InputError unless the turn's arrays have the layout's shapes."""
+    blocks = len(turn.azimuths)
+    shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
+    wanted: list[tuple[str, Any, tuple[int, ...], str]] = [
+        ("ranges", turn.ranges, shape, "uint16"),
+        ("azimuths", turn.azimuths, (blocks,), "uint16"),
+        ("times", turn.times, (-(-blocks // layout.blocks_per_time),), "uint32"),
+        ("reflectivities", turn.reflectivities, shape, "uint8"),
+    ]
+    for name, values, expected, kind in wanted:
+        if values is not None and (values.shape != expected or values.dtype != kind):
+            found = f"{values.dtype} {values.shape}"
+            raise InputError(f"{name} of a turn are {found}, not {kind} {expected}")
+    if not 0 < blocks <= layout.max_blocks:
+        raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
