@@ -23,18 +23,28 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from puckbench.codecs.common.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model, among, parsed
-from puckbench.geometry.cloud import Floats, Frame, check_points
+from puckbench.geometry.cloud import Floats, Frame, PointCloud, check_points
 from puckbench.geometry.mesh import Mesh, surface_in_metres
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
 
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
+LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
+"""Of the rates of clouds in metres, the smallest bitrate first."""
+
+
+def lengths(*millimetres: int) -> dict[str, Parameters]:
+    """Rates of clouds in metres by their names (10mm): the parameter ``step_m``."""
+    return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
 class Availability(NamedTuple):
@@ -84,7 +94,7 @@ class Codec(ABC):
     ----------
     name
         Under which it runs and appears in tables.
-    rates
+    rates, metric_rates
         Parameters by the rate's name, the smallest bitrate first; the class's own by default.
     options
         Of the class's `Options`.
@@ -108,7 +118,11 @@ class Codec(ABC):
     """Its place in legends and lists; those of equal rank stand by name."""
 
     rates: Mapping[str, Parameters] = MappingProxyType({})
-    """Parameters by the rate's name, the smallest bitrate (r1) first."""
+    """Of scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
+    metric_rates: Mapping[str, Parameters] = MappingProxyType({})
+    """Of clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
+    takes: ClassVar[Literal["points", "returns"]] = "points"
+    """What is coded of a cloud: its points, or the returns of the sensor that measured it."""
     Options: type[Model] = Model
     """The model of its options; by default it has none."""
     options: Any
@@ -131,10 +145,15 @@ class Codec(ABC):
     """Whether clouds far from the origin are shifted to it before coding (`common.shift`)."""
 
     def __init__(
-        self, name: str, rates: Mapping[str, Parameters] | None = None, **options: Any
+        self,
+        name: str,
+        rates: Mapping[str, Parameters] | None = None,
+        metric_rates: Mapping[str, Parameters] | None = None,
+        **options: Any,
     ) -> None:
         self.name = name
         self.rates = dict(self.rates if rates is None else rates)
+        self.metric_rates = dict(self.metric_rates if metric_rates is None else metric_rates)
         self.options = parsed(self.Options, options, f"codec {name}")
 
     @property
@@ -176,19 +195,45 @@ class Codec(ABC):
         """What the last call cost, for a codec that runs outside this process; else None."""
         return None
 
-    def check_frame(self, frame: Frame | None) -> None:
+    def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
+        """The rates of a cloud of a frame: lengths for one in metres, where the codec has them."""
+        has_unit = getattr(self.options, "unit", None) is not None
+        is_metric = frame == "metric" and self.metric_rates and not has_unit
+        return self.metric_rates if is_metric else self.rates
+
+    def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
         """Refuse a cloud whose frame is not that of the rates; None: it is not known.
+
+        Parameters
+        ----------
+        frame
+            Of the cloud.
+        rate
+            The one that is wanted; all of the frame's if not given.
 
         Raises
         ------
         InputError
-            Rates are steps of a scaled cloud's grid, and this is none.
+            Rates are steps of a scaled cloud's grid, and this is none; or they are lengths, and
+            this is not in metres.
         """
+        wanted = self.rates_of(frame) if rate is None else (rate,)
+        if any(name in self.metric_rates for name in wanted):
+            if frame == "metric":
+                return
+            is_what = "is scaled" if frame else "does not say that it is in metres"
+            instead = f": take one of {', '.join(self.rates)}" if self.rates else ""
+            raise InputError(
+                f"codec {self.name}: rates such as {next(iter(self.metric_rates))} are lengths, "
+                f"and the cloud {is_what}{instead}"
+            )
         if not self.needs_scaled or frame == "scaled":
             return
         is_what = "is in metres" if frame else "does not say whether it is scaled"
-        lengths = hasattr(self.options, "unit")
-        metric = ", or give the codec a unit in metres (--entry)" if lengths else ""
+        has_unit = hasattr(self.options, "unit")
+        metric = ", or give the codec a unit in metres (--entry)" if has_unit else ""
+        if frame and self.metric_rates:
+            metric = f", or take a rate of {', '.join(self.metric_rates)}"
         raise InputError(
             f"codec {self.name}: its rates are steps of a scaled cloud's grid, and the cloud "
             f"{is_what}: prepare it (puckbench prepare, or encode --prepare), or say that it is "
@@ -197,9 +242,34 @@ class Codec(ABC):
 
     def parameters_of(self, rate: str) -> Parameters:
         """The parameters of a rate; InputError when there is none of the name."""
-        if rate not in self.rates:
-            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, self.rates)}")
-        return self.rates[rate]
+        known = {**self.rates, **self.metric_rates}
+        if rate not in known:
+            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, known)}")
+        return known[rate]
+
+    def encode_cloud(self, cloud: PointCloud, rate: str) -> bytes:
+        """Code a cloud at a named rate: what the codec takes of it, points or returns.
+
+        Raises
+        ------
+        InputError
+            As for `encode`, and where the codec takes returns and the cloud has none.
+        """
+        if self.takes == "points":
+            return self.encode(cloud.xyz, rate)
+        if cloud.returns is None:
+            raise InputError(
+                f"codec {self.name}: codes the returns of a spinning sensor, and the cloud has none"
+            )
+        return self.encode_returns(cloud.returns, rate)
+
+    def encode_returns(self, returns: Returns, rate: str) -> bytes:
+        """Code a spinning sensor's returns at a named rate; InputError as for `encode`."""
+        return self.encode(returns.points(), rate)
+
+    def decode_returns(self, stream: bytes) -> Returns | None:
+        """The returns of a stream, where a codec codes them; None for one that codes points."""
+        return None
 
     def encode(self, points: Floats, rate: str) -> bytes:
         """Code points at a named rate.

@@ -7,13 +7,16 @@ Points whose float32 coordinates are equal are coded once (DracoPy does so; Debi
 
 from __future__ import annotations
 
+import math
 import struct
 from importlib.metadata import version
+
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Codec, Pace, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
@@ -22,6 +25,7 @@ from puckbench.geometry.cloud import Floats
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
+_MOST_BITS = 30
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
 """PCC Arena's table, as the thesis ran it."""
@@ -38,9 +42,28 @@ class DracoOptions(Model):
     compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
 
 
+def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
+    """The encoder's arguments for a rate: bits over the cloud's cube, or a grid of a step."""
+    if "step_m" not in parameters:
+        return {"quantization_bits": parameters["quantization_bits"]}
+    step = float(parameters["step_m"])
+    least = np.floor(points.min(axis=0) / step)
+    bits = max(1, math.ceil(math.log2(float((points.max(axis=0) / step - least).max()) + 2)))
+    if bits > _MOST_BITS:
+        raise InputError(f"the cloud is wider than 2^{_MOST_BITS} steps of {step:g} m")
+    width = step * ((1 << bits) - 1)
+    origin = (least * step).tolist()
+    return {
+        "quantization_bits": bits, "quantization_range": width, "quantization_origin": origin
+    }  # fmt: skip
+
+
 @CODECS.register("draco")
 class Draco(Codec):
-    """Draco (Google), kd-tree method; a rate is a number of position quantisation bits."""
+    """Draco (Google), kd-tree method.
+
+    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
+    """
 
     title = "Draco"
     use = "a fast baseline that everybody has"
@@ -49,6 +72,7 @@ class Draco(Codec):
     rank = 0
     pace = Pace(0.02, 1.1)
     rates = DRACO_RATES
+    metric_rates = lengths()
     Options = DracoOptions
     options: DracoOptions
     magic = b"DRACO"
@@ -66,7 +90,7 @@ class Draco(Codec):
             raise InputError(f"codec {self.name}: coordinates exceed Draco's single precision")
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
-            quantization_bits=parameters["quantization_bits"],
+            **_quantisation(points, parameters),
             compression_level=self.options.compression_level,
             preserve_order=False,  # else DracoPy takes the sequential coder, not the kd-tree
         )

@@ -49,8 +49,9 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     name
         Of the codec.
     changes
-        What a configuration says of it: ``options``, ``rates`` (names of those to keep, or a table
-        of others) and, for a codec of one's own, ``class`` (``module:Class`` or ``file.py:Class``).
+        What a configuration says of it: ``options``, ``rates`` and ``metric_rates`` (names of those
+        to keep, or a table of others) and, for a codec of one's own, ``class`` (``module:Class`` or
+        ``file.py:Class``).
 
     Raises
     ------
@@ -60,7 +61,8 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     codec, changes = open_codec(name, changes), changes or {}
     place = changes.get("class") or f"{CODECS.module_of(name)}:{type(codec).__name__}"
     options = {**changes.get("options", {}), **codec.options.model_dump()}
-    return {"class": place, "options": options, "rates": dict(codec.rates)}
+    found = {"class": place, "options": options, "rates": dict(codec.rates)}
+    return {**found, **({"metric_rates": codec.metric_rates} if codec.metric_rates else {})}
 
 
 def entries() -> dict[str, dict[str, Any]]:
@@ -71,9 +73,14 @@ def entries() -> dict[str, dict[str, Any]]:
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
     """The codec of a name with a configuration's changes, as `entry` reads them."""
     own_class, changes = codec_class(name, changes), changes or {}
-    rates = _rates(name, own_class.rates, changes.get("rates"))
+    own = {"rates": own_class.rates, "metric_rates": own_class.metric_rates}
+    rates = {key: _rates(name, known, changes.get(key)) for key, known in own.items()}
+    if not any(rates.values()):
+        raise InputError(f"codec {name}: neither its entry nor its class names rates")
+    if not rates["metric_rates"]:
+        del rates["metric_rates"]  # a class from before there were any need not take them
     try:
-        return own_class(name=name, rates=rates, **changes.get("options", {}))
+        return own_class(name=name, **rates, **changes.get("options", {}))
     except TypeError as error:
         raise InputError(f"codec {name}: {error}") from error
 
@@ -82,8 +89,6 @@ def _rates(name: str, known: Entry, wanted: Entry | Sequence[str] | None) -> dic
     """The rates wanted of those that the class has, or instead of them."""
     if isinstance(wanted, Mapping):
         return dict(wanted)
-    if not known:
-        raise InputError(f"codec {name}: neither its entry nor its class names rates")
     unknown = [rate for rate in wanted or () if rate not in known]
     if unknown:
         raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], known)}")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
 
 Floats = NDArray[np.float64]
 Frame = Literal["scaled", "metric"]
@@ -32,6 +35,8 @@ class PointCloud:
     about
         The JSON beside the file: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the
         cube that it is scaled to (0: metres), and more.
+    returns
+        The returns of a spinning sensor whose points these are, row by row, or None.
     """
 
     xyz: Floats
@@ -39,6 +44,7 @@ class PointCloud:
     colours: NDArray[np.uint8] | None = None
     labels: NDArray[np.int32] | None = None
     about: dict[str, Any] = field(default_factory=dict)
+    returns: Returns | None = None
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -53,17 +59,24 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """The largest coordinate that a scaled cloud can have, the peak of its PSNRs; else None."""
-        return float(self.about["size"]) - 1 if self.frame == "scaled" else None
+        """Peak of MPEG's PSNRs, in the cloud's units; None where it is not known.
+
+        Of a scaled cloud it is the largest coordinate that it can have; one in metres names it.
+        """
+        if self.frame == "scaled":
+            return float(self.about["size"]) - 1
+        peak = self.about.get("peak")
+        return None if peak is None else float(peak)
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """The cloud of some rows (a mask or indices), with their attributes."""
+        """The cloud of some rows (a mask or indices), with their attributes, without returns."""
         return replace(
             self,
             xyz=self.xyz[rows],
             normals=None if self.normals is None else self.normals[rows],
             colours=None if self.colours is None else self.colours[rows],
             labels=None if self.labels is None else self.labels[rows],
+            returns=None,
         )
 
     def to_metres(self, points: Floats) -> Floats:

@@ -126,6 +126,17 @@ def read_table(path: Path, kind: type[T]) -> T:
     return kind(columns, about)
 
 
+def metadata_of(path: Path) -> dict[bytes, bytes]:
+    """The metadata of a Parquet file, whose keys tell the kind of table; none for another file."""
+    from pyarrow import ArrowException, parquet
+
+    try:
+        found: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
+    except (OSError, ArrowException):
+        return {}
+    return found
+
+
 def _rows(table: Table, schema: Any = None) -> Any:
     """The table for Arrow, its `about` in the schema's metadata unless a schema is given."""
     import pyarrow as pa

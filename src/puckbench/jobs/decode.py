@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from puckbench.codecs.measurement import measured
 from puckbench.core.environment import run_environment
@@ -14,12 +14,16 @@ from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codecs import TimedJob
 from puckbench.jobs.registry import JOBS
 
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
+
 
 class Decoded(NamedTuple):
-    """Decoded points (m, 3) and what decoding cost."""
+    """Decoded points (m, 3), what decoding cost, and the returns where the codec codes them."""
 
     points: Floats
     record: dict[str, Any]
+    returns: Returns | None = None
 
 
 class Decoding(TimedJob):
@@ -30,19 +34,24 @@ class Decoding(TimedJob):
         name, stream = self.read_stream(path)
         with naming(path):
             codec = self.loaded(name)
-            timed = measured(lambda: codec.decode(stream), self.repeats, codec.cost)
+            if codec.takes == "returns":
+                timed = measured(lambda: codec.decode_returns(stream), self.repeats, codec.cost)
+                returns, points = timed.result, timed.result.points()
+            else:
+                timed = measured(lambda: codec.decode(stream), self.repeats, codec.cost)
+                returns, points = None, timed.result
         record = {
             "codec": name,
             "bytes": len(stream),
-            "points_out": len(timed.result),
+            "points_out": len(points),
             **timed.costs("decode"),
             **run_environment(self.alone),
         }
-        return Decoded(timed.result, record)
+        return Decoded(points, record, returns)
 
     def write_decoded(self, stream: Path, cloud: Path) -> dict[str, Any]:
         """Write the decoded cloud of a stream file as PLY."""
-        points, record = self.decoded(stream)
+        points, record, _ = self.decoded(stream)
         about = {"source": stream.name, "codec": record["codec"]}
         write_cloud(cloud, PointCloud(points, about=about))
         return record

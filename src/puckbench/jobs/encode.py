@@ -12,11 +12,39 @@ from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming
 from puckbench.core.files import write_json, written_whole
 from puckbench.core.progress import Progress
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import Frame, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import TimedJob, ready, record_file
 from puckbench.jobs.prepare import Prepare
+from puckbench.jobs.prepare_returns import with_returns
 from puckbench.jobs.registry import JOBS
+
+
+def to_code(
+    codec: Codec, path: Path, frame: Frame | None = None, rate: str | None = None
+) -> PointCloud:
+    """Read a cloud for a codec, with its returns where the codec takes those.
+
+    Parameters
+    ----------
+    codec
+        The codec.
+    path
+        The cloud's file.
+    frame
+        Of a cloud whose description does not tell.
+    rate
+        As `Codec.check_frame` takes it.
+
+    Raises
+    ------
+    InputError
+        The codec's rates are not those of the cloud's frame.
+    """
+    cloud = read_cloud(path)
+    with naming(path):
+        codec.check_frame(frame or cloud.frame, rate)
+    return with_returns(cloud, path) if codec.takes == "returns" else cloud
 
 
 class Encoding(TimedJob):
@@ -24,18 +52,18 @@ class Encoding(TimedJob):
 
     codec: str
 
-    def coded(self, codec: Codec, points: Floats, rate: str, stream: Path) -> dict[str, Any]:
-        """Code points (n, 3) with a loaded codec, timed; write the stream and its record."""
-        found = measured(lambda: codec.encode(points, rate), self.repeats, codec.cost)
+    def coded(self, codec: Codec, cloud: PointCloud, rate: str, stream: Path) -> dict[str, Any]:
+        """Code a cloud with a loaded codec, timed; write the stream and its record."""
+        found = measured(lambda: codec.encode_cloud(cloud, rate), self.repeats, codec.cost)
         weights = codec.weights_of(rate)
         record = {
             "codec": self.codec,
             "rate": rate,
             "codec_version": codec.version,
             **({"weights": weights} if weights else {}),
-            "points_in": len(points),
+            "points_in": len(cloud),
             "bytes": len(found.result),
-            "bpp": 8 * len(found.result) / len(points),
+            "bpp": 8 * len(found.result) / len(cloud),
             "repeats": self.repeats,
             **found.costs("encode"),
             **run_environment(self.alone),
@@ -69,17 +97,14 @@ class Encode(Encoding):
         """
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
-        points = self._cloud(codec, cloud, prepared).xyz
-        return self.coded(ready(codec), points, self.rate, stream)
+        original = self._cloud(codec, cloud, prepared)
+        return self.coded(ready(codec), original, self.rate, stream)
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
         """The cloud to code; InputError where the codec's rates are not in its frame."""
         if prepared:
             Prepare().run(path, prepared)
-        cloud = read_cloud(prepared or path)
-        with naming(path):
-            codec.check_frame(self.frame or cloud.frame)
-        return cloud
+        return to_code(codec, prepared or path, self.frame, self.rate)
 
 
 @JOBS.register("encode_curve")
@@ -88,12 +113,11 @@ class EncodeCurve(Encoding):
 
     def run(self, cloud: Path, streams: tuple[Path, ...]) -> dict[str, Any]:
         """Write the streams, each named after its rate, and their records."""
-        codec, original = open_codec(self.codec, self.changes), read_cloud(cloud)
-        with naming(cloud):
-            codec.check_frame(original.frame)
+        codec = open_codec(self.codec, self.changes)
+        original = to_code(codec, cloud)
         ready(codec)
         progress, seconds = Progress("rate"), 0.0
         for done, stream in enumerate(streams, start=1):
-            seconds += self.coded(codec, original.xyz, stream.stem, stream)["encode_s"]
+            seconds += self.coded(codec, original, stream.stem, stream)["encode_s"]
             progress(done, len(streams))
         return self.work(len(original), len(streams), seconds)

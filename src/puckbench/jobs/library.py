@@ -58,7 +58,7 @@ def compare(
     chosen = list(codecs)
     for codec in chosen:
         codec.check_frame(cloud.frame)
-    cells = [(codec, rate) for codec in map(ready, chosen) for rate in codec.rates]
+    cells = [(codec, rate) for codec in map(ready, chosen) for rate in codec.rates_of(cloud.frame)]
     reference = Reference(cloud)
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
 
@@ -67,7 +67,7 @@ def _row(
     reference: Reference, codec: Codec, rate: str, repeats: int, peak: float | None
 ) -> dict[str, object]:
     cloud = reference.cloud
-    coded = measured(lambda: codec.encode(cloud.xyz, rate), repeats, codec.cost)
+    coded = measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost)
     decoded = measured(lambda: codec.decode(coded.result), repeats, codec.cost)
     return {
         "codec": codec.name,

@@ -64,7 +64,7 @@ class Prepare(Job):
         if len(returns.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
         prepared = prepare(returns.cloud, self.size, self.neighbours)
-        described = {**_kept(about), **prepared.about}
+        described = {**kept_descriptions(about), **prepared.about}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
             write_cloud(truth, returns.truth_in_frame_of(prepared))
@@ -103,7 +103,7 @@ def _returns(path: Path, clean: bool) -> Returns:
     return Returns(measured, clean=true)
 
 
-def _kept(descriptions: tuple[Path, ...]) -> dict[str, Any]:
+def kept_descriptions(descriptions: tuple[Path, ...]) -> dict[str, Any]:
     """Name and group of the scene, from the descriptions given."""
     kept: dict[str, Any] = {}
     for path in descriptions:

@@ -1,4 +1,4 @@
-"""One scene of a scene set, as a labelled mesh or a cloud in metres, z up."""
+"""One scene of a scene set: a labelled mesh or a cloud in metres, z up, or a sensor's returns."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 from pydantic import Field
 
+from puckbench.core.files import write_json
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.io.clouds import write_cloud
+from puckbench.io.clouds import sidecar, write_cloud
 from puckbench.io.meshes import write_mesh
 from puckbench.jobs.registry import JOBS, Job
 
@@ -25,14 +26,20 @@ class WriteScene(Job):
     seed: int = 0
 
     def run(self, scene: Path) -> dict[str, Any]:
-        """Write the PLY file of the scene and its description."""
+        """Write the scene (PLY, or Parquet of returns) and its description."""
         loaded = open_scene_set(self.loader, self.options, self.seed).load(self.name)
         about = description(loaded)
         if loaded.mesh is not None:
             write_mesh(scene, loaded.mesh, about)
             return {**about, "triangles": len(loaded.mesh.triangles)}
+        if loaded.returns is not None:
+            from puckbench.lidar.returns import write_firings
+
+            write_firings(scene, loaded.returns)
+            write_json(sidecar(scene), about)
+            return {**about, "returns": len(loaded.returns)}
         if loaded.cloud is None:
-            raise ValueError(f"scene {loaded.name} has neither a mesh nor a cloud")
+            raise ValueError(f"scene {loaded.name} holds nothing")
         write_cloud(scene, replace(loaded.cloud, about=about))
         return {**about, "points": len(loaded.cloud)}
 

@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.io.columns import metadata_of
 from puckbench.io.csv_columns import write_csv
 from puckbench.io.evd import write_evd
 from puckbench.io.las import write_las
@@ -43,13 +44,7 @@ _OF_RECORDINGS = (
 
 def read_source(path: Path) -> Source:
     """A scan table or a table of returns; InputError when the file is neither."""
-    from pyarrow import ArrowException, parquet
-
-    try:
-        metadata = parquet.read_schema(path).metadata or {}
-    except (OSError, ArrowException):
-        return read_scan(path)
-    is_capture = RecordedReturns.declared.key.encode() in metadata
+    is_capture = RecordedReturns.declared.key.encode() in metadata_of(path)
     return read_returns(path) if is_capture else read_scan(path)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from puckbench import __version__
-from puckbench.codecs.base import Codec, Pace, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.gpcc.container import packed, unpacked
 from puckbench.codecs.gpcc.grid import Frame, Rounding, frame_of, in_frame, quantised
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
@@ -59,10 +59,12 @@ class GridOptions(UnitOptions):
 class GridCodec(Codec):
     """What our coder and the reference software have in common.
 
-    A rate is the `scale` that coordinates are multiplied by before they are rounded.
+    A rate is the `scale` that coordinates are multiplied by before they are rounded or, of clouds
+    in metres, the step that they are rounded to.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
+    metric_rates = lengths()
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"
@@ -81,8 +83,8 @@ class GridCodec(Codec):
         return "gpcc_as_run" if self.options.rounding == "truncate" else "gpcc"
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        scale = float(parameters["scale"])
-        frame = frame_of(points, self.options.step, scale)
+        scale = float(parameters.get("scale", 1.0))
+        frame = frame_of(points, float(parameters.get("step_m", self.options.step)), scale)
         if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):

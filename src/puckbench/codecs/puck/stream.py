@@ -1,6 +1,7 @@
 """The stream: a start, then records, each a kind, a length, a check and a body.
 
-A record is a layout, a turn, what lies between packets (`recording`), or the end.
+A record is a layout, a turn, what lies between packets or in pages (`recording`), the beams of the
+sensor (`codec`), or the end.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _DAMAGED = "the stream is damaged or truncated"
 class Kind(IntEnum):
     """Kinds of records."""
 
-    END, LAYOUT, TURN, GAPS, PAGES = range(5)
+    END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
 
 
 @dataclass(frozen=True)

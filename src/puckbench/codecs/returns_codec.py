@@ -1,0 +1,60 @@
+"""Codecs that code the returns of a spinning sensor, not the points that follow from them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from puckbench.codecs.base import Codec, Parameters
+from puckbench.core.errors import InputError, naming
+from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
+
+
+class ReturnsCodec(Codec):
+    """A codec of returns; the points of a stream are those of the returns in it.
+
+    A subclass names its `metric_rates` and implements `_encode_returns` and `_decode_returns`.
+    """
+
+    takes: ClassVar[Literal["points", "returns"]] = "returns"
+
+    def encode_returns(self, returns: Returns, rate: str) -> bytes:
+        """Code returns at a named rate.
+
+        Raises
+        ------
+        InputError
+            An unknown rate, no return, or returns that the codec cannot hold.
+        """
+        parameters = self.parameters_of(rate)
+        if len(returns) == 0:
+            raise InputError(f"codec {self.name}: there is no return to code")
+        return self._encode_returns(returns, parameters)
+
+    def decode_returns(self, stream: bytes) -> Returns:
+        """The returns of a stream; InputError for a damaged or a foreign one."""
+        with naming(f"codec {self.name}"):
+            return self._decode_returns(stream)
+
+    def decode(self, stream: bytes) -> Floats:
+        """Points (m, 3) in metres in the sensor's frame."""
+        return self.decode_returns(stream).points()
+
+    @abstractmethod
+    def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
+        """Code returns, at least one, with a rate's parameters."""
+
+    @abstractmethod
+    def _decode_returns(self, stream: bytes) -> Returns:
+        """The returns of a stream; InputError for a damaged or a foreign one."""
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        raise InputError(
+            f"codec {self.name}: codes the returns of a spinning sensor, not bare points"
+        )
+
+    def _decode(self, stream: bytes) -> Floats:
+        return self._decode_returns(stream).points()

@@ -1,0 +1,80 @@
+"""What a sensor's returns suffered from a codec, and how it keeps up with the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
+
+
+def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
+    """Errors of ranges, firing by firing, and returns that were lost or made up.
+
+    Parameters
+    ----------
+    original, decoded
+        Returns of the same firings.
+
+    Returns
+    -------
+    dict
+        ``range_rms_mm`` and ``range_max_mm`` over firings with a return in both; ``returns_lost``
+        and ``returns_added``.
+
+    Raises
+    ------
+    InputError
+        The firings are not the same in number.
+    """
+    pairs = list(zip(original.turns, decoded.turns, strict=False))
+    if len(original.turns) != len(decoded.turns) or any(
+        one.ranges.shape != other.ranges.shape for one, other in pairs
+    ):
+        raise InputError("the decoded returns are of other firings")
+    squared, most, both, lost, added = 0.0, 0.0, 0, 0, 0
+    for one, other in pairs:
+        was, is_now = one.ranges > 0, other.ranges > 0
+        lost += int(np.count_nonzero(was & ~is_now))
+        added += int(np.count_nonzero(is_now & ~was))
+        kept = was & is_now
+        error = (
+            other.ranges[kept] * decoded.quantum_m - one.ranges[kept] * original.quantum_m
+        ) * 1000
+        both += len(error)
+        squared += float(error @ error)
+        most = max(most, float(np.abs(error).max(initial=0.0)))
+    rms = {"range_rms_mm": float(np.sqrt(squared / both)), "range_max_mm": most} if both else {}
+    return {**rms, "returns_lost": lost, "returns_added": added}
+
+
+def keeping_up(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
+    """Bits and times of a stream in those of the sensor.
+
+    Parameters
+    ----------
+    about
+        Of the cloud that was coded: ``turns`` and ``seconds``, without which there is nothing.
+    row
+        The result row so far: ``bytes``, ``encode_s``, ``decode_s``.
+
+    Returns
+    -------
+    dict
+        ``mbit_per_s`` at the sensor's rate; ``encode_ms_per_turn`` and ``encode_real_time`` (the
+        turns' time over the codec's), likewise of decoding.
+    """
+    turns, seconds = about.get("turns"), about.get("seconds")
+    if not turns or not seconds:
+        return {}
+    found = {"mbit_per_s": row["bytes"] * 8e-6 / seconds} if "bytes" in row else {}
+    for call in ("encode", "decode"):
+        if taken := row.get(f"{call}_s"):
+            found[f"{call}_ms_per_turn"] = 1000 * taken / turns
+            found[f"{call}_real_time"] = seconds / taken
+    return found
