@@ -33,6 +33,8 @@ rule prepare:
         record=lambda w: clouds.prepare(w.dataset).record,
         code=lambda w: clouds.prepare(w.dataset).code,
         box=lambda w, input: files_of({"box": input.about} if clouds.is_cropped(w.dataset) else {}),
+    wildcard_constraints:
+        dataset=one_of(clouds.prepared(has_returns=False)),
     priority: 1
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
@@ -44,3 +46,32 @@ rule prepare:
     shell:
         "python -m puckbench.jobs prepare {params.record:q} source={input.source:q} cloud={output.cloud:q}"
         " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"
+
+
+# Clouds in metres that carry the returns of a sensor, virtual or real, in its own frame.
+rule prepare_returns:
+    input:
+        source=lambda w: clouds.source(w.dataset, w.cloud),
+        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+    output:
+        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
+        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
+        returns=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.parquet",
+        truth=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.ply",
+        truth_about=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.json",
+    params:
+        record=lambda w: clouds.prepare(w.dataset).record,
+        code=lambda w: clouds.prepare(w.dataset).code,
+    wildcard_constraints:
+        dataset=one_of(clouds.prepared(has_returns=True)),
+    priority: 1
+    resources:
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
+        runtime=10,
+    log:
+        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    shell:
+        "python -m puckbench.jobs prepare_returns {params.record:q} source={input.source:q} cloud={output.cloud:q}"
+        " returns={output.returns:q} truth={output.truth:q} about={input.about:q} > {log:q} 2>&1"

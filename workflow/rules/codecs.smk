@@ -21,6 +21,8 @@ for curve in coding.curves:
             runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
         log:
             f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{curve.log}.log",
+        wildcard_constraints:
+            dataset=one_of(coding.datasets(curve)),
         conda:
             "../../envs/puckbench.yaml"
         shell:
@@ -48,6 +50,8 @@ for curve in [*coding.shown, *coding.not_shown]:
             runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
         log:
             f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{curve.log}.log",
+        wildcard_constraints:
+            dataset=one_of(coding.datasets(curve)),
         conda:
             "../../envs/puckbench.yaml"
         shell:

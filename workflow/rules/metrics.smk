@@ -3,7 +3,7 @@
 # with those that the scene is made of.
 for curve in coding.curves:
     for surfaces in (False, True):
-        if not (measured := coding.measured(curve.codec, surfaces)):
+        if not (measured := coding.measured(curve, surfaces)):
             continue
         recovered = {"recovered": curve.files(f"{RESULTS}/recovery", ".json")} if surfaces else {}
 

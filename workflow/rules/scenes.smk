@@ -8,6 +8,8 @@ rule scene:
     params:
         record=lambda w: clouds.scene(w.scenes, w.scene).record,
         code=lambda w: clouds.scene(w.scenes, w.scene).code,
+    wildcard_constraints:
+        scenes=one_of(set(plan.scenes) - set(clouds.of_returns)),
     priority: 1
     resources:
         mem_mb=2000,
@@ -18,3 +20,12 @@ rule scene:
         "../../envs/puckbench.yaml"
     shell:
         "python -m puckbench.jobs scene {params.record:q} scene={output.scene:q} > {log:q} 2>&1"
+
+
+# Returns of real sensors, in their own frame and numbers.
+use rule scene as scene_of_returns with:
+    output:
+        scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.parquet",
+        about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
+    wildcard_constraints:
+        scenes=one_of(clouds.of_returns),

@@ -267,9 +267,9 @@ class Codec(ABC):
         """Code a spinning sensor's returns at a named rate; InputError as for `encode`."""
         return self.encode(returns.points(), rate)
 
-    def decode_returns(self, stream: bytes) -> Returns | None:
-        """The returns of a stream, where a codec codes them; None for one that codes points."""
-        return None
+    def decode_cloud(self, stream: bytes) -> PointCloud:
+        """The cloud of a stream: its points and, where the codec codes them, returns."""
+        return PointCloud(self.decode(stream))
 
     def encode(self, points: Floats, rate: str) -> bytes:
         """Code points at a named rate.

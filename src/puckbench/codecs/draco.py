@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import struct
 from importlib.metadata import version
-
 from typing import Any
 
 import numpy as np

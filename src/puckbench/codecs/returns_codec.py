@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from puckbench.codecs.base import Codec, Parameters
 from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -38,6 +38,11 @@ class ReturnsCodec(Codec):
         """The returns of a stream; InputError for a damaged or a foreign one."""
         with naming(f"codec {self.name}"):
             return self._decode_returns(stream)
+
+    def decode_cloud(self, stream: bytes) -> PointCloud:
+        """The returns of a stream, and their points."""
+        returns = self.decode_returns(stream)
+        return PointCloud(returns.points(), returns=returns)
 
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in metres in the sensor's frame."""

@@ -12,6 +12,8 @@ from puckbench.geometry.cloud import Floats
 
 GRID = "grid"
 """In place of a size: the cloud's own voxel grid, from its description."""
+METRIC = "metric"
+"""In place of a size: metres in the frame that the cloud came in."""
 _OFF_GRID = 1e-3
 """Tolerance in voxels, far above the rounding of coordinates to metres and back."""
 

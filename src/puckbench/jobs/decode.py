@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from puckbench.codecs.measurement import measured
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import naming
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codecs import TimedJob
 from puckbench.jobs.registry import JOBS
 
-if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
-
 
 class Decoded(NamedTuple):
-    """Decoded points (m, 3), what decoding cost, and the returns where the codec codes them."""
+    """A decoded cloud, and what decoding cost."""
 
-    points: Floats
+    cloud: PointCloud
     record: dict[str, Any]
-    returns: Returns | None = None
 
 
 class Decoding(TimedJob):
@@ -34,26 +31,21 @@ class Decoding(TimedJob):
         name, stream = self.read_stream(path)
         with naming(path):
             codec = self.loaded(name)
-            if codec.takes == "returns":
-                timed = measured(lambda: codec.decode_returns(stream), self.repeats, codec.cost)
-                returns, points = timed.result, timed.result.points()
-            else:
-                timed = measured(lambda: codec.decode(stream), self.repeats, codec.cost)
-                returns, points = None, timed.result
+            timed = measured(lambda: codec.decode_cloud(stream), self.repeats, codec.cost)
         record = {
             "codec": name,
             "bytes": len(stream),
-            "points_out": len(points),
+            "points_out": len(timed.result),
             **timed.costs("decode"),
             **run_environment(self.alone),
         }
-        return Decoded(points, record, returns)
+        return Decoded(timed.result, record)
 
     def write_decoded(self, stream: Path, cloud: Path) -> dict[str, Any]:
         """Write the decoded cloud of a stream file as PLY."""
-        points, record, _ = self.decoded(stream)
+        decoded, record = self.decoded(stream)
         about = {"source": stream.name, "codec": record["codec"]}
-        write_cloud(cloud, PointCloud(points, about=about))
+        write_cloud(cloud, replace(decoded, about=about))
         return record
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from puckbench import __version__
 from puckbench.core.errors import InputError
@@ -14,10 +15,15 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import record_file
 from puckbench.jobs.decode import Decoding
+from puckbench.jobs.prepare_returns import with_returns
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.metrics.further import further_metrics
 from puckbench.metrics.measures import measures, picture_measures
+from puckbench.metrics.returns import keeping_up, range_errors
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
 
 _KEPT = ("name", "group", "scale", "diameter", "elongation")
 """What a result row keeps of the reference's description."""
@@ -48,13 +54,18 @@ class Originals:
         from puckbench.metrics.geometry import Reference
         from puckbench.metrics.truth import Truth
 
-        self.name = cloud.stem
+        self.name, self._cloud = cloud.stem, cloud
         self.reference = Reference(read_cloud(cloud))
         self.truth = None
         if truth or visible or clean:
             surface = None if truth is None else read_truth(truth)
             seen, ideal = (None if path is None else read_cloud(path) for path in (visible, clean))
             self.truth = Truth(self.reference.cloud, surface, seen, ideal)
+
+    @cached_property
+    def returns(self) -> Returns | None:
+        """The returns that the cloud carries, if any."""
+        return with_returns(self.reference.cloud, self._cloud).returns
 
 
 class Evaluating(Decoding):
@@ -76,6 +87,9 @@ class Evaluating(Decoding):
 
         reference = originals.reference.cloud
         points, record = self._decoded(decoded)
+        returns = {}
+        if points.returns is not None and originals.returns is not None:
+            returns = range_errors(originals.returns, points.returns)
         ready = DistinctPoints(points.xyz)
         found = measures(originals.reference, ready, self.peak)
         result = {
@@ -86,6 +100,8 @@ class Evaluating(Decoding):
             **found,
             **picture_measures(reference, points, self.views, found),
             **(originals.truth.measures(ready) if originals.truth else {}),
+            **returns,
+            **keeping_up(reference.about, record),
         }
         result |= further_metrics(self.metrics, reference, points, result)
         result["cloud"] = result.pop("name", originals.name)
@@ -110,9 +126,12 @@ class Evaluating(Decoding):
     def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
         if path.suffix == ".ply":
             return read_cloud(path), {}
-        points, record = self.decoded(path)
+        decoded, record = self.decoded(path)
         beside = record_file(path)
-        return PointCloud(points), {**(read_json(beside) if beside.exists() else {}), **record}
+        return decoded, {
+            **(read_json(beside) if beside.exists() else {}),
+            **record,
+        }
 
 
 @JOBS.register("evaluate")

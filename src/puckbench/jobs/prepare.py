@@ -27,7 +27,7 @@ class Prepare(Job):
 
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
-    coordinates.
+    coordinates. peak: of PSNRs of a cloud in metres, in m.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -35,6 +35,7 @@ class Prepare(Job):
     size: int | Literal["grid"] = 1024
     neighbours: int = Field(30, ge=3)
     clean: bool = False
+    peak: float | None = Field(None, gt=0)
 
     def run(
         self,
@@ -64,7 +65,8 @@ class Prepare(Job):
         if len(returns.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
         prepared = prepare(returns.cloud, self.size, self.neighbours)
-        described = {**kept_descriptions(about), **prepared.about}
+        peak = {} if self.peak is None else {"peak": self.peak}
+        described = {**kept_descriptions(about), **prepared.about, **peak}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
             write_cloud(truth, returns.truth_in_frame_of(prepared))

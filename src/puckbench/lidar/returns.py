@@ -180,7 +180,7 @@ class Returns:
         per_block = self.layout.columns_per_block
         share = (np.arange(per_block)[:, None] + np.asarray(self.beams.delays)) / per_block
         fired = blocks[:, None, None] + rise[:, None, None] * share
-        return np.radians(fired.reshape(-1, self.layout.lasers) / 100)
+        return np.asarray(np.radians(fired.reshape(-1, self.layout.lasers) / 100))
 
     def split(self) -> Iterator[Returns]:
         """Each turn as returns of its own."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.models import parsed
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
+from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Firing, Returns
 from puckbench.lidar.scan_table import ScanTable
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Sweep
@@ -64,7 +64,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
             f"the scan has {sweep.frames_per_second:g} frames a second, and the sensor turns "
             f"{hertz:g} times: returns are taken of frames that are whole turns"
         )
-    firing = "own_moment" if sweep.timing == "firing" else "together"
+    firing: Firing = "own_moment" if sweep.timing == "firing" else "together"
     beams = Beams.of(sensor, firing, is_virtual=True)
     quantum = sensor.range_quantum_mm / 1000 if sensor.range_quantum_mm else USUAL_QUANTUM_M
     quanta = np.rint(table["distance" if clean else "distance_noisy"] / quantum)

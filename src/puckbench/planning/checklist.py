@@ -255,8 +255,10 @@ class Reproduction:
             kinds.append(JobKind("evaluate", count, points, truth=True))
         coding = self.bench.coding
         for curve in coding.curves:
+            if curve.frame != data.frame:
+                continue
             cells = (count, points, curve.codec, len(curve.rates), repeats)
-            surfaces = data.name in coding.measured(curve.codec, surfaces=True)
+            surfaces = data.name in coding.measured(curve, surfaces=True)
             measuring = "evaluate_surfaces" if surfaces else "evaluate_curve"
             kinds += [JobKind("encode_curve", *cells), JobKind(measuring, *cells, data.has_truth)]
         return kinds

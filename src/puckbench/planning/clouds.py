@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from functools import cache
+from functools import cache, cached_property
 
 from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import of_returns
 from puckbench.jobs.prepare import Prepare
+from puckbench.jobs.prepare_returns import PEAK_M, PrepareReturns
 from puckbench.jobs.sample import Sample
 from puckbench.jobs.scene import WriteScene
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -30,10 +32,21 @@ class CloudJobs:
         """The plan of a data set."""
         return self.plan.datasets[name]
 
-    def scene_file(self, dataset: str, cloud: str, suffix: str = "ply") -> str:
+    def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
         """The scene that a cloud is made from."""
         scenes = self.dataset(dataset).scenes
+        suffix = suffix or ("parquet" if scenes in self.of_returns else "ply")
         return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
+
+    @cached_property
+    def of_returns(self) -> list[str]:
+        """The scene sets whose scenes are the returns of real sensors."""
+        return [name for name, chosen in self.plan.scenes.items() if of_returns(chosen.scenes)]
+
+    def prepared(self, has_returns: bool) -> list[str]:
+        """The data sets whose clouds carry returns, or the others."""
+        sets = self.plan.datasets.items()
+        return [name for name, data in sets if data.has_returns == has_returns]
 
     def source(self, dataset: str, cloud: str) -> str:
         """What a cloud is prepared from: a sample, a scan, or the scene's own cloud."""
@@ -46,7 +59,7 @@ class CloudJobs:
     def is_cropped(self, dataset: str) -> bool:
         """Whether the clouds are scans that are cropped to the box of their scene."""
         settings = self.dataset(dataset).settings
-        return settings.is_scan and settings.crop != "none"
+        return settings.is_scan and settings.crop != "none" and not settings.is_metric
 
     def true_points(self, dataset: str, cloud: str) -> str:
         """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
@@ -84,10 +97,15 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def prepare(self, dataset: str) -> PlannedJob:
-        """Crop, estimate normals and scale."""
+        """Crop, estimate normals and scale; or take a sensor's returns as they are."""
         settings = self.dataset(dataset).settings
+        if self.dataset(dataset).has_returns:
+            return planned(PrepareReturns(neighbours=settings.neighbours))
         crop = settings.crop if settings.is_scan else "none"
-        record = Prepare(crop=crop, size=settings.size, neighbours=settings.neighbours)
+        if settings.size == "metric":
+            record = Prepare(crop="none", size=0, neighbours=settings.neighbours, peak=PEAK_M)
+        else:
+            record = Prepare(crop=crop, size=settings.size, neighbours=settings.neighbours)
         return planned(record)
 
     def memory_mb(self, dataset: str) -> int:

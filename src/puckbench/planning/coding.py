@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ from puckbench.codecs.base import Pace
 from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
 from puckbench.core.files import sha256
-from puckbench.geometry.scaling import GRID
+from puckbench.geometry.cloud import Frame
 from puckbench.jobs.decode import DecodeCurve
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
@@ -36,10 +36,12 @@ class Curve:
     codec: str
     rates: tuple[str, ...]
     whole: bool
+    frame: Frame = "scaled"
 
     def name(self, what: str) -> str:
-        """The name of a rule, such as ``encode_draco``."""
-        return f"{what}_{self.codec}" if self.whole else f"{what}_{self.codec}_{self.part}"
+        """The name of a rule, such as ``encode_draco``, ``encode_draco_metric``."""
+        words = [what, self.codec, *(["metric"] if self.frame == "metric" else [])]
+        return "_".join(words if self.whole else [*words, self.part])
 
     @property
     def log(self) -> str:
@@ -78,10 +80,15 @@ class CodingJobs:
     def curves(self) -> tuple[Curve, ...]:
         """The curves of every codec, those that would take too long in parts."""
         return tuple(
-            curve
-            for codec, entry in self.plan.codecs.items()
-            for curve in _curves(codec, tuple(entry["rates"]), self._seconds(codec))
+            replace(curve, frame=frame)
+            for frame in self.plan.frames
+            for codec in self.plan.codecs
+            for curve in _curves(codec, self.plan.rates(codec, frame), self._seconds(codec))
         )
+
+    def datasets(self, curve: Curve) -> list[str]:
+        """The data sets that a curve is of."""
+        return self.plan.in_frame(curve.frame)
 
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
@@ -108,20 +115,22 @@ class CodingJobs:
             return ()
         count = self.plan.config.report.rates
         return tuple(
-            Curve(codec, tuple(rates), whole=True)
-            for codec, entry in self.plan.codecs.items()
-            if (rates := spread_out(list(entry["rates"]), count))
+            Curve(codec, tuple(rates), True, frame)
+            for frame in self.plan.frames
+            for codec in self.plan.codecs
+            if (rates := spread_out(self.plan.rates(codec, frame), count))
         )
 
     @cached_property
     def not_shown(self) -> tuple[Curve, ...]:
         """Each other rate."""
-        shown = {(curve.codec, rate) for curve in self.shown for rate in curve.rates}
+        shown = {(curve.frame, curve.codec, rate) for curve in self.shown for rate in curve.rates}
         return tuple(
-            Curve(codec, (rate,), whole=False)
-            for codec, entry in self.plan.codecs.items()
-            for rate in entry["rates"]
-            if (codec, rate) not in shown
+            Curve(codec, (rate,), False, frame)
+            for frame in self.plan.frames
+            for codec in self.plan.codecs
+            for rate in self.plan.rates(codec, frame)
+            if (frame, codec, rate) not in shown
         )
 
     @cache  # noqa: B019
@@ -145,7 +154,7 @@ class CodingJobs:
             dataset=dataset,
             codec=curve.codec,
             changes=self._entry(curve),
-            peak=None if settings.size == GRID else float(settings.size) - 1,
+            peak=None if isinstance(settings.size, str) else float(settings.size) - 1,
             views=settings.views,
             metrics=self.plan.config.metrics,
             **self._timed,
@@ -158,10 +167,10 @@ class CodingJobs:
         """Measure a scan as if it had been decoded."""
         return planned(Evaluate(dataset=dataset))
 
-    def measured(self, codec: str, surfaces: bool) -> list[str]:
-        """The data sets where a codec's primitives are compared with the scenes', or the others."""
-        compared = self.plan.labelled if codec in self.plan.of_surfaces else ()
-        return [name for name in self.plan.datasets if (name in compared) == surfaces]
+    def measured(self, curve: Curve, surfaces: bool) -> list[str]:
+        """A curve's data sets where primitives are compared with the scenes', or the others."""
+        compared = self.plan.labelled if curve.codec in self.plan.of_surfaces else ()
+        return [name for name in self.datasets(curve) if (name in compared) == surfaces]
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs of a measurement: the true surface and what the sensor saw of it."""
@@ -169,8 +178,10 @@ class CodingJobs:
         if not data.has_truth:
             return {}
         seen = "clean" if data.is_scanned_from_truth else "visible"
-        points = self.clouds.true_points(dataset, cloud)
-        return {"truth": self.clouds.scene_file(dataset, cloud), seen: points}
+        points = {seen: self.clouds.true_points(dataset, cloud)}
+        if not data.has_true_surface:
+            return points
+        return {"truth": self.clouds.scene_file(dataset, cloud), **points}
 
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs where primitives are compared: labelled points and their scene."""
@@ -184,7 +195,8 @@ class CodingJobs:
         return [
             one
             for one in self.curves
-            if one.codec == curve.codec and set(one.rates) & set(curve.rates)
+            if (one.frame, one.codec) == (curve.frame, curve.codec)
+            and set(one.rates) & set(curve.rates)
         ]
 
     def first_rows(self, kind: str, codec: str | None = None) -> list[str]:
@@ -198,7 +210,8 @@ class CodingJobs:
             for dataset, cloud in self.plan.clouds
             for curve in self.curves
             if codec in (None, curve.codec)
-            and (kind == "metrics" or dataset in self.measured(curve.codec, surfaces=True))
+            and dataset in self.datasets(curve)
+            and (kind == "metrics" or dataset in self.measured(curve, surfaces=True))
         ]
 
     def rates(self, codec: str | None = None) -> dict[str, tuple[str, ...]]:
@@ -252,8 +265,13 @@ class CodingJobs:
 
     def _entry(self, curve: Curve) -> dict[str, Any]:
         """The codec's whole entry with the curve's rates alone."""
-        entry = self.plan.codecs[curve.codec]
-        return {**entry, "rates": {rate: entry["rates"][rate] for rate in curve.rates}}
+        entry = {**self.plan.codecs[curve.codec]}
+        table = self.plan.opened[curve.codec].rates_of(curve.frame)
+        chosen = {rate: table[rate] for rate in curve.rates}
+        lengths = entry.pop("metric_rates", {})
+        if chosen.keys() <= lengths.keys():
+            return {**entry, "rates": {}, "metric_rates": chosen}
+        return {**entry, "rates": chosen}
 
     def _module(self, codec: str) -> str:
         return module_of(self.plan.codecs[codec]["class"])
@@ -265,10 +283,12 @@ class CodingJobs:
 
 
 def _curves(codec: str, rates: tuple[str, ...], seconds: float) -> list[Curve]:
-    """A curve, or as many parts of it as keep each within the most seconds.
+    """A curve, or as many parts of it as keep each within the most seconds; none without rates.
 
     seconds: of one rate.
     """
+    if not rates:
+        return []
     parts = min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS))
     size = math.ceil(len(rates) / max(1, parts))
     cut = [rates[first : first + size] for first in range(0, len(rates), size)]

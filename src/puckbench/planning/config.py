@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, StringConstraints, field_validator, 
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model, among, checked_model
+from puckbench.geometry.scaling import METRIC
 
 Options = dict[str, Any]
 
@@ -107,10 +108,11 @@ class DataSetConfig(Model):
         description="Crop a scan to the room's box by its `clean` coordinates, by its `noisy` ones "
         "(as the thesis ran), or not at all.",
     )
-    size: Annotated[int, Field(ge=2)] | Literal["grid"] = Field(
+    size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
         1024,
         description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels are coded as they "
-        "came, on their own grid (`make: cloud`).",
+        "came, on their own grid (`make: cloud`). `metric`: clouds stay in metres, in the frame of "
+        "the sensor where one measured them, and rates are lengths (`10mm`).",
     )
     anywhere: bool = Field(
         False,
@@ -150,6 +152,11 @@ class DataSetConfig(Model):
         return views
 
     @property
+    def is_metric(self) -> bool:
+        """Whether clouds stay in metres, and rates are lengths."""
+        return self.size == METRIC
+
+    @property
     def is_scan(self) -> bool:
         """Whether the virtual sensor makes the clouds."""
         return self.make == "scan"
@@ -184,6 +191,9 @@ class CodecConfig(Model):
         None,
         description="Names of the rates to run, or a table of new ones (name to parameters); all "
         "of the codec's if not given.",
+    )
+    metric_rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
+        None, description="The same of clouds in metres (`size: metric`), as `10mm`."
     )
 
     def changes(self) -> Options:

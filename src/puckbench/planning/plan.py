@@ -18,8 +18,9 @@ from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds
-from puckbench.geometry.scaling import GRID
+from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds, of_returns
+from puckbench.geometry.cloud import Frame
+from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.further import METRICS
 from puckbench.planning.config import (
@@ -55,7 +56,8 @@ class ScenePlan:
 class DataSetPlan:
     """A data set of the configuration and the clouds in it.
 
-    points: how many a cloud is expected to have, for the estimates of resources.
+    points: how many a cloud is expected to have, for the estimates of resources. has_returns:
+    whether its clouds carry the returns of a sensor.
     """
 
     name: str
@@ -64,11 +66,27 @@ class DataSetPlan:
     clouds: tuple[str, ...]
     points: int
     settings: DataSetConfig
+    has_returns: bool = False
+
+    @property
+    def frame(self) -> Frame:
+        """The frame of its clouds."""
+        return "metric" if self.settings.is_metric else "scaled"
 
     @property
     def has_truth(self) -> bool:
         """Whether decoded clouds are measured against the true surface as well."""
         return self.settings.has_truth
+
+    @property
+    def has_true_surface(self) -> bool:
+        """Whether the true surface lies still in the clouds' frame.
+
+        In the frame of a sensor that moves or is tilted the true points alone are known.
+        """
+        if not self.has_truth or not self.has_returns:
+            return self.has_truth
+        return open_sweep(self.settings.sweep).is_level_and_still
 
     @property
     def is_scanned_from_truth(self) -> bool:
@@ -185,6 +203,7 @@ class Plan:
             data.name
             for data in self.datasets.values()
             if data.settings.recovery
+            and not data.settings.is_metric
             and data.settings.make != "cloud"
             and has_primitives(self.scenes[data.scenes].scenes)
         )
@@ -202,9 +221,22 @@ class Plan:
         return tuple(
             (dataset, cloud, codec, rate)
             for dataset, cloud in self.clouds
-            for codec, entry in self.codecs.items()
-            for rate in entry["rates"]
+            for codec in self.codecs
+            for rate in self.rates(codec, self.datasets[dataset].frame)
         )
+
+    @cached_property
+    def frames(self) -> tuple[Frame, ...]:
+        """The frames of the data sets' clouds, in their order."""
+        return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
+
+    def in_frame(self, frame: Frame) -> list[str]:
+        """Names of the data sets whose clouds are in a frame."""
+        return [name for name, data in self.datasets.items() if data.frame == frame]
+
+    def rates(self, codec: str, frame: Frame) -> tuple[str, ...]:
+        """Rates at which a codec codes clouds of a frame; none where it cannot."""
+        return tuple(self.opened[codec].rates_of(frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
@@ -247,13 +279,21 @@ class Plan:
             raise InputError(
                 f"datasets.{name}.make is {value.make!r}, but {scenes.loader} has {what}: {how}"
             )
+        has_returns = value.is_metric and (value.is_scan or of_returns(scenes.scenes))
+        if of_returns(scenes.scenes) and not value.is_metric:
+            raise InputError(
+                f"datasets.{name}.size: {scenes.loader} has a sensor's returns (size: {METRIC})"
+            )
         if value.size == GRID and value.make != "cloud":
             raise InputError(
                 f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
             )
         seed = self.config.seed if value.seed is None else value.seed
         points = _points(f"datasets.{name}", value)
-        return DataSetPlan(name, scenes.name, seed, self._usable(name, scenes), points, value)
+        if of_returns(scenes.scenes):
+            points = _RETURNS
+        clouds = self._usable(name, scenes)
+        return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns)
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
         """The scenes that a data set can use; InputError where none is left, or all must be."""
@@ -291,6 +331,8 @@ def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
 
 _CAPTURED_POINTS = 1_500_000
 """Expected of clouds that others captured: most rooms of S3DIS have fewer."""
+_RETURNS = 60_000
+"""Expected of turns of a recording: an HDL-32E has as many, a VLP-16 a third."""
 
 
 def _points(where: str, settings: DataSetConfig) -> int:

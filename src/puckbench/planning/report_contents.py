@@ -44,14 +44,16 @@ def _examples(plan: Plan, rates: int) -> Iterable[Example]:
     """The configuration's example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
         dataset, cloud = name.split("/")
+        frame = plan.datasets[dataset].frame
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud
         decoded = {
             codec: {
                 rate: str(folder / codec / f"{rate}.ply")
-                for rate in spread_out(list(entry["rates"]), rates)
+                for rate in spread_out(plan.rates(codec, frame), rates)
             }
-            for codec, entry in plan.codecs.items()
+            for codec in plan.codecs
+            if plan.rates(codec, frame)
         }
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded

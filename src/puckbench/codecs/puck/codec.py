@@ -119,7 +119,8 @@ def _body(records: Iterator[Record], kind: Kind) -> bytes:
     """The body of the next record, which is of a kind."""
     record = next(records)
     if record.kind != kind:
-        raise InputError("a compressed recording (decompress it)" if kind == Kind.BEAMS else _DAMAGED)
+        is_recording = kind == Kind.BEAMS
+        raise InputError("a compressed recording: decompress it" if is_recording else _DAMAGED)
     return record.body
 
 
