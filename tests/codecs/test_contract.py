@@ -1,4 +1,4 @@
-"""The contract of the codec interface, over every codec of the registry that can run here."""
+"""The contract of codecs of points, over all of the registry that can run here."""
 
 import subprocess
 import sys
@@ -18,7 +18,8 @@ from puckbench.codecs.learned.codec import LearnedByLambda
 from puckbench.codecs.registry import codec_of, codecs, open_codec
 from puckbench.core.errors import InputError
 
-NAMES = [name for name in codecs() if open_codec(name).available().ok]
+POINTS = [name for name, found in codecs().items() if found.takes == "points" and found.rates]
+NAMES = [name for name in POINTS if open_codec(name).available().ok]
 OWN = [name for name in NAMES if not isinstance(open_codec(name), ExternalCodec)]
 # A network draws surfaces like those that it has seen, and promises no distance of any other.
 FAITHFUL = [name for name in NAMES if not isinstance(open_codec(name), LearnedByLambda)]

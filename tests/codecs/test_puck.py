@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from puckbench.codecs.puck import Layout, Settings, Turn, decode, encode
-from puckbench.codecs.puck.stream import Kind, read_records
-from puckbench.codecs.puck.turns import TurnDecoder, TurnEncoder
+from puckbench.codecs.puck.records import Kind, read_records
+from puckbench.codecs.puck.stream import decode, encode
+from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import packets_of, split_turns, turn_of
+from puckbench.lidar.turns import Layout, Turn
 from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, spin
 
 EFFORTS = ("fast", "normal", "thorough")

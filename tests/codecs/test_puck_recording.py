@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.puck import Settings, decode
 from puckbench.codecs.puck.recording import Account, compress, decompress
+from puckbench.codecs.puck.stream import decode
+from puckbench.codecs.puck.turns import Settings
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
@@ -135,7 +136,7 @@ def test_damaged_files_end_in_one_error_and_leave_nothing(tmp_path: Path) -> Non
 
 
 def test_turns_without_packets_are_no_recording(tmp_path: Path) -> None:
-    from puckbench.codecs.puck import encode
+    from puckbench.codecs.puck.stream import encode
 
     kind, payloads = next(split_turns(spin(packets=9)))
     stream = encode([turn_of(kind, payloads)], kind.layout, Settings(times=False))

@@ -109,7 +109,7 @@ def test_every_codec_says_how_it_is_shown_and_recognised() -> None:
         assert own.colour, name
         assert own.marker, name
         assert own.magic, name
-        assert own.rates, name
+        assert own.rates or own.metric_rates, name
         assert own.rank < Codec.rank, name
 
 

@@ -9,8 +9,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.puck import Settings, decode, encode
 from puckbench.codecs.puck.recording import compress, decompress
+from puckbench.codecs.puck.stream import decode, encode
+from puckbench.codecs.puck.turns import Settings
 from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from puckbench.codecs.common.byte_io import base_128, signed_128
 from puckbench.codecs.gpcc import syntax
-from puckbench.codecs.puck.stream import Kind, Record, start
+from puckbench.codecs.puck.records import Kind, Record, start
 from puckbench.core.seeding import generator
 
 Random = np.random.Generator

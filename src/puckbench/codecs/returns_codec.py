@@ -32,6 +32,8 @@ class ReturnsCodec(Codec):
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")
+        with naming(f"codec {self.name}"):
+            self.check_returns(returns)
         return self._encode_returns(returns, parameters)
 
     def decode_returns(self, stream: bytes) -> Returns:
@@ -47,6 +49,9 @@ class ReturnsCodec(Codec):
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in metres in the sensor's frame."""
         return self.decode_returns(stream).points()
+
+    def check_returns(self, returns: Returns) -> None:
+        """Raise InputError where the codec cannot hold such returns: those of a sensor, say."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:

@@ -3,9 +3,3 @@
 A turn is an image (lasers by firing columns) of ranges on the sensor's quantum, with the azimuths
 of its blocks and, on demand, times and reflectivities. Whole recordings come back bit for bit.
 """
-
-from puckbench.codecs.puck.stream import decode, encode
-from puckbench.codecs.puck.turns import Settings
-from puckbench.lidar.turns import Layout, Turn
-
-__all__ = ["Layout", "Settings", "Turn", "decode", "encode"]

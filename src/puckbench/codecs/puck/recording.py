@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.puck.layout import packed, unpacked
-from puckbench.codecs.puck.stream import Kind, Record, read_records, start
+from puckbench.codecs.puck.records import Kind, Record, read_records, start
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole

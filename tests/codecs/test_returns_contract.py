@@ -1,0 +1,113 @@
+"""The contract of codecs of returns, over all of the registry that can run here."""
+
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.registry import codec_of, codecs, open_codec
+from puckbench.codecs.returns_codec import ReturnsCodec
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.lidar.returns import Returns
+from puckbench.lidar.turns import Turn
+from puckbench.metrics.returns import range_errors
+from tests.support.returns import EXAMPLES, homemade, recorded
+
+NAMES = [
+    name
+    for name, found in codecs().items()
+    if found.takes == "returns" and open_codec(name).available().ok
+]
+
+
+@pytest.fixture(params=NAMES, scope="module")
+def codec(request: pytest.FixtureRequest) -> ReturnsCodec:
+    found = open_codec(request.param)
+    assert isinstance(found, ReturnsCodec)
+    found.load()
+    return found
+
+
+@pytest.fixture(params=EXAMPLES)
+def returns(request: pytest.FixtureRequest, codec: ReturnsCodec) -> Returns:
+    made = EXAMPLES[request.param]()
+    try:
+        codec.check_returns(made)
+    except InputError as why:
+        pytest.skip(str(why))
+    return made
+
+
+def test_there_are_codecs_of_returns() -> None:
+    assert "puck" in NAMES
+
+
+def test_the_finest_rate_is_exact(codec: ReturnsCodec, returns: Returns) -> None:
+    finest = list(codec.metric_rates)[-1]
+    decoded = codec.decode_cloud(codec.encode_returns(returns, finest))
+    assert decoded.returns is not None
+    found = range_errors(returns, decoded.returns)
+    assert found["range_max_mm"] == found["returns_lost"] == found["returns_added"] == 0
+    assert np.abs(decoded.xyz - returns.points()).max() < 1e-9
+    assert decoded.returns.beams == returns.beams
+
+
+def test_errors_keep_within_half_a_step(codec: ReturnsCodec, returns: Returns) -> None:
+    sizes, most = [], []
+    for rate, parameters in codec.metric_rates.items():
+        stream = codec.encode_returns(returns, rate)
+        found = range_errors(returns, codec.decode_returns(stream))
+        step_mm = 1000 * max(parameters["step_m"], returns.quantum_m)
+        assert found["range_max_mm"] <= step_mm / 2 + 1e-6
+        assert found["returns_lost"] == found["returns_added"] == 0
+        sizes.append(len(stream))
+        most.append(found["range_max_mm"])
+    assert sizes == sorted(sizes)
+    assert most == sorted(most, reverse=True)
+
+
+def test_the_same_returns_give_the_same_bytes(codec: ReturnsCodec) -> None:
+    rate = next(iter(codec.metric_rates))
+    first = codec.encode_returns(recorded(), rate)
+    again = open_codec(codec.name)
+    assert again.encode_returns(recorded(), rate) == first
+    assert codec_of(first) == codec.name
+
+
+def test_streams_decode_in_a_fresh_process(codec: ReturnsCodec, tmp_path: Path) -> None:
+    stream, out = tmp_path / "stream.bin", tmp_path / "points.npy"
+    stream.write_bytes(codec.encode_returns(recorded(), next(iter(codec.metric_rates))))
+    program = (
+        "import sys, numpy as np; from pathlib import Path;"
+        "from puckbench.codecs.registry import open_codec;"
+        "np.save(sys.argv[2], open_codec(sys.argv[3]).decode(Path(sys.argv[1]).read_bytes()))"
+    )
+    subprocess.run([sys.executable, "-c", program, stream, out, codec.name], check=True)
+    np.testing.assert_array_equal(np.load(out), codec.decode(stream.read_bytes()))
+
+
+def test_nothing_and_bare_points_are_refused(codec: ReturnsCodec) -> None:
+    rate = next(iter(codec.metric_rates))
+    empty = Turn(np.zeros((1, 4, 5), np.uint16), np.arange(4, dtype=np.uint16))
+    with pytest.raises(InputError, match="no return"):
+        codec.encode_returns(replace(homemade(), turns=(empty,)), rate)
+    with pytest.raises(InputError, match="not bare points"):
+        codec.encode(recorded().points(), rate)
+    with pytest.raises(InputError, match="the cloud has none"):
+        codec.encode_cloud(PointCloud(recorded().points()), rate)
+
+
+def test_damaged_streams_end_in_one_clean_error_or_returns(codec: ReturnsCodec) -> None:
+    stream = codec.encode_returns(recorded(60), next(iter(codec.metric_rates)))
+    random = np.random.default_rng(7)
+    for _ in range(60):
+        damaged = bytearray(stream)
+        for place in random.integers(0, len(stream), random.integers(1, 4)):
+            damaged[place] = random.integers(0, 256)
+        with suppress(InputError):
+            codec.decode(bytes(damaged[: random.integers(1, len(stream) + 1)]))

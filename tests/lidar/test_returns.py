@@ -1,0 +1,158 @@
+"""Returns of recordings and virtual scans as one type, on disk and as points."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.recordings.packets import decode_packets
+from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
+from puckbench.lidar.scan_returns import returns_of_scan, true_points
+from tests.support.returns import EXAMPLES, dual, recorded
+from tests.support.sensor_scenes import box
+from tests.support.spinning import DUAL, HDL32E, spin
+
+ORIGIN = (0.3, -0.2, 1.1)
+
+
+def _scan(errors: str = "vlp16", **sweep: object) -> ScanTable:
+    """A turn in a room of 8 m by 6 m by 3 m."""
+    settings = {"preset": "spin", **sweep}
+    model = open_error_model(errors)
+    mesh = box((-4, -3, 0), (8, 6, 3))
+    sensor = load_sensor("vlp16")
+    return scan(mesh, sensor, open_sweep(settings), model, ORIGIN, generator(1, "test"))
+
+
+@pytest.mark.parametrize("mode", [0x37, DUAL])
+def test_points_of_packets_are_those_of_the_decoder(mode: int) -> None:
+    payloads = spin(mode=mode, packets=60)
+    table, found = decode_packets(payloads), returns_of_packets(payloads)
+    assert len(found) == len(table)
+    own = found.points()
+    theirs = table.xyz if mode == 0x37 else table.xyz[_order(table)]
+    # The decoder of packets knows no azimuth beyond the packet, and goes on as before in the last
+    # block: the azimuth is off by some hundredths of a degree there.
+    assert np.abs(own - theirs).max() < np.radians(0.03) * 8
+    assert np.median(np.abs(own - theirs)) < 1e-9
+
+
+def _order(table: object) -> np.ndarray:
+    """Rows of a decoded table with the strongest (or only) return of a beam before the last."""
+    kind = table["return_kind"]  # type: ignore[index]
+    group = np.concatenate([[0], np.cumsum(np.diff(table["timestamp"]) > 1e-7)])  # type: ignore[index]
+    return np.lexsort([kind == 1, group])
+
+
+def test_points_of_a_scan_are_where_it_measured_them() -> None:
+    table = _scan()
+    found = returns_of_scan(table)
+    assert len(found.returns) == len(found.rows) == len(table)
+    measured = table.xyz_noisy[found.rows] - ORIGIN
+    off = np.linalg.norm(found.returns.points() - measured, axis=1)
+    assert off.max() <= 0.001 + 1e-9  # half of the quantum of 2 mm; steps of 0.1 degrees are exact
+
+
+def test_a_scan_with_firing_times_keeps_each_lasers_azimuth() -> None:
+    table = _scan("none", timing="firing")
+    found = returns_of_scan(table)
+    measured = table.xyz_noisy[found.rows] - ORIGIN
+    away = np.linalg.norm(measured, axis=1)
+    off = np.linalg.norm(found.returns.points() - measured, axis=1)
+    # Columns are reported in hundredths of a degree, every one of them and the next.
+    assert (off <= 0.001 + np.radians(0.011) * away).all()
+    assert np.abs(np.diff(found.returns.beams.delays) - 2.304 / 55.296).max() < 1e-9
+
+
+def test_true_points_lie_on_the_walls() -> None:
+    table = _scan()
+    found = returns_of_scan(table)
+    assert np.abs(true_points(table, found) - (table.xyz[found.rows] - ORIGIN)).max() < 1e-9
+    assert found.still_at is not None
+    np.testing.assert_allclose(found.still_at, ORIGIN)
+
+
+def test_a_moving_sensor_has_its_own_frame() -> None:
+    rows = [[0, 0, 0, 0, 0, 0, 0], [0.2, 1, 0, 0, 90, 0, 0]]
+    table = _scan("none", trajectory=rows)
+    found = returns_of_scan(table)
+    assert found.still_at is None
+    ranges = np.linalg.norm(true_points(table, found), axis=1)
+    np.testing.assert_allclose(ranges, table["distance"][found.rows], rtol=1e-12)
+
+
+def test_clean_ranges_can_be_taken() -> None:
+    table = _scan()
+    clean = returns_of_scan(table, clean=True)
+    off = np.linalg.norm(clean.returns.points() - true_points(table, clean), axis=1)
+    assert off.max() <= 0.001 + 1e-9
+
+
+def test_frames_that_are_no_turns_are_refused() -> None:
+    with pytest.raises(InputError, match="whole turns"):
+        returns_of_scan(_scan(frames_per_second=10.0))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_file_brings_everything_back(name: str, tmp_path: Path) -> None:
+    returns = EXAMPLES[name]()
+    write_firings(tmp_path / "returns.parquet", returns)
+    again = read_firings(tmp_path / "returns.parquet")
+    assert (again.beams, again.layout, again.quantum_m, again.sensor) == (
+        returns.beams, returns.layout, returns.quantum_m, returns.sensor
+    )  # fmt: skip
+    for one, other in zip(returns.turns, again.turns, strict=True):
+        for field in ("ranges", "azimuths", "times", "reflectivities"):
+            np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+
+
+def test_another_table_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet"
+    with pytest.raises(InputError, match="no such file"):
+        read_firings(path)
+    path.write_bytes(b"PAR1 nothing")
+    with pytest.raises(InputError, match="not a readable Parquet file"):
+        read_firings(path)
+
+
+def test_a_repeated_second_return_counts_once() -> None:
+    returns = dual()
+    every = sum(int(np.count_nonzero(turn.ranges)) for turn in returns.turns)
+    same = sum(
+        int(np.count_nonzero((turn.ranges[0] == turn.ranges[1]) & (turn.ranges[0] > 0)))
+        for turn in returns.turns
+    )
+    assert same > 0
+    assert len(returns) == len(returns.points()) == every - same
+
+
+def test_heights_and_delays_are_the_sensors() -> None:
+    beams = Beams.of(load_sensor("vlp16"))
+    assert beams.heights_mm[0] == 11.2
+    assert beams.delays[1] == pytest.approx(2.304 / 55.296)
+    virtual = Beams.of(load_sensor("vlp16"), "together", is_virtual=True)
+    assert set(virtual.heights_mm) == set(virtual.delays) == {0.0}
+    assert not virtual.clockwise
+
+
+def test_seconds_are_those_of_the_packets() -> None:
+    returns = recorded(150)
+    assert returns.seconds == pytest.approx(150 * 1327.5e-6, rel=1e-3)
+    bare = replace(returns.turns[0], times=None)
+    assert replace(returns, turns=(bare,)).seconds is None
+
+
+def test_turns_can_be_had_alone() -> None:
+    returns = recorded()
+    assert sum(len(turn) for turn in returns.split()) == len(returns)
+
+
+def test_beams_must_be_as_many_as_lasers() -> None:
+    returns = returns_of_packets(spin(HDL32E, packets=40))
+    with pytest.raises(InputError, match="16 beams for 32 lasers"):
+        Returns(Beams.of(load_sensor("vlp16")), returns.layout, returns.turns)

@@ -1,0 +1,54 @@
+"""Errors of ranges, and how a codec keeps up with a sensor, against numbers by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.metrics.returns import keeping_up, range_errors
+from tests.support.returns import homemade
+
+
+def test_ranges_are_compared_firing_by_firing() -> None:
+    original = homemade()
+    turn = original.turns[0]
+    ranges = turn.ranges.copy()
+    places = np.argwhere(ranges > 0)
+    empty = np.argwhere(ranges == 0)
+    ranges[tuple(places[0])] += 3  # 12 mm
+    ranges[tuple(places[1])] -= 4  # 16 mm
+    ranges[tuple(places[2])] = 0
+    ranges[tuple(empty[0])] = 700
+    ranges[tuple(empty[1])] = 701
+    decoded = replace(original, turns=(replace(turn, ranges=ranges), original.turns[1]))
+    found = range_errors(original, decoded)
+    both = 2 * len(places) - 1
+    assert found == {
+        "range_rms_mm": pytest.approx(np.sqrt((144 + 256) / both)),
+        "range_max_mm": pytest.approx(16),
+        "returns_lost": 1,
+        "returns_added": 2,
+    }
+
+
+def test_other_firings_are_refused() -> None:
+    original = homemade()
+    with pytest.raises(InputError, match="other firings"):
+        range_errors(original, replace(original, turns=original.turns[:1]))
+    with pytest.raises(InputError, match="other firings"):
+        range_errors(original, homemade(columns=80))
+
+
+def test_a_codec_keeps_up_with_the_sensor() -> None:
+    row = {"bytes": 25_000, "encode_s": 0.05, "decode_s": 0.4}
+    found = keeping_up({"turns": 2, "seconds": 0.2}, row)
+    assert found == {
+        "mbit_per_s": pytest.approx(1.0),
+        "encode_ms_per_turn": pytest.approx(25),
+        "encode_real_time": pytest.approx(4),
+        "decode_ms_per_turn": pytest.approx(200),
+        "decode_real_time": pytest.approx(0.5),
+    }
+    assert keeping_up({"turns": 2}, row) == {}
+    assert keeping_up({"turns": 1, "seconds": 0.1}, {}) == {}
