@@ -24,7 +24,7 @@ def test_names_are_unique_even_where_case_does_not_count() -> None:
 
 
 def test_a_scene_has_a_mesh_or_a_cloud() -> None:
-    with pytest.raises(ValueError, match="needs a mesh or a cloud"):
+    with pytest.raises(ValueError, match="needs one of a mesh, a cloud and returns"):
         Scene("a", "b")
     assert Scene("a", "b", cloud=PointCloud(np.zeros((1, 3)))).mesh is None
 
