@@ -6,6 +6,7 @@ the same on every machine. An azimuth of 2^azimuth_log2 is a whole turn.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -143,3 +144,54 @@ def _bit_length(value: int) -> int:
     while value >> length:
         length += 1
     return length
+
+
+@kernel
+def spherical(around: Sphere, x: int, y: int, z: int) -> Three:
+    """Radius, azimuth and laser of a point given from the sensor, from which `cartesian` comes
+    closest to it: the best of two steps either way. No radius is negative.
+    """
+    distance = _rounded(math.hypot(x, y))
+    laser = _nearest_laser(around, distance, z)
+    turn = math.atan2(y, x) / (2.0 * math.pi) * (1 << around.azimuth_log2)
+    radius = (distance + ((1 << around.radius_log2) >> 1)) >> around.radius_log2
+    azimuth = _rounded(turn)
+    least = _off(around, radius, azimuth, laser, x, y, z)
+    best = 0, 0
+    for turned in range(-2, 3):
+        if least == 0:
+            break
+        for farther in range(-2, 3):
+            if radius + farther < 0:
+                continue
+            off = _off(around, radius + farther, azimuth + turned, laser, x, y, z)
+            if off < least:
+                least, best = off, (farther, turned)
+    return radius + best[0], azimuth + best[1], laser
+
+
+@kernel
+def _nearest_laser(around: Sphere, distance: int, z: int) -> int:
+    laser, least = 0, (1 << 31) - 1
+    for k in range(len(around.theta)):
+        height = halved_away((around.theta[k] * distance) << 2, _THETA_LOG2 - _Z_LOG2)
+        off = abs(halved_away(height - around.z[k], _Z_LOG2) - z)
+        if off < least:
+            laser, least = k, off
+    return laser
+
+
+@kernel
+def _off(around: Sphere, radius: int, azimuth: int, laser: int, x: int, y: int, z: int) -> int:
+    """Distance along the axes between a point and where its spherical coordinates are."""
+    a, b, c = cartesian(around, radius, azimuth, laser)
+    return abs(a - x) + abs(b - y) + abs(c - z)
+
+
+@inlined
+def _rounded(value: float) -> int:
+    """Halves go away from zero."""
+    whole = math.floor(abs(value))
+    if abs(value) - whole >= 0.5:
+        whole += 1
+    return -integer(whole) if value < 0 else integer(whole)

@@ -1,0 +1,264 @@
+"""Nearest positions among a growing set: a forest of k-d trees whose sizes are powers of two.
+
+A position that is added makes a tree with all trees that are smaller than the first size that is
+free (Bentley's logarithmic method). Of equally near positions those count that are met first, and
+so the trees are built, and searched, in the order of the library that the reference software uses.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.geometry.morton import Ints
+
+Int32s = NDArray[np.int32]
+
+NEIGHBOURS = 3
+_LEAF = 10
+_LEAF_LOG2 = 3
+"""Trees of 2^3 positions are single leaves, and those of 2^4 are not."""
+_DEEPEST = 1024
+_FAR = (1 << 62) - 1
+
+
+class Search(NamedTuple):
+    """The forest.
+
+    positions: (n, 3) as they were added. owners: (n,) number that each was added with. rows: of the
+    positions of all trees; that of 2^k begins at 2^k. nodes: (2 n, 5) of all trees; that of 2^k
+    begins at 2^(k + 1): axis, or -1 for a leaf; highest of the lower, lowest of the upper half, or
+    first and last row of a leaf; two children. boxes: (trees, 2, 3) around each tree's positions.
+    counters: positions so far. stack: nodes to build or to search, with what they need.
+    nearest, distances: (3,) rows and squared distances of what a search has found.
+    """
+
+    positions: Int32s
+    owners: Int32s
+    rows: Int32s
+    nodes: Int32s
+    boxes: Ints
+    counters: Ints
+    stack: Ints
+    nearest: Ints
+    distances: Ints
+
+
+def empty_search(most: int) -> Search:
+    """A forest without positions, with room for `most`."""
+    trees = max(most, 1).bit_length()
+    return Search(
+        np.empty((most, 3), dtype=np.int32),
+        np.empty(most, dtype=np.int32),
+        np.empty(2 << trees, dtype=np.int32),
+        np.empty((4 << trees, 5), dtype=np.int32),
+        np.empty((trees, 2, 3), dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+        np.empty((_DEEPEST, 9), dtype=np.int64),
+        np.empty(NEIGHBOURS, dtype=np.int64),
+        np.empty(NEIGHBOURS, dtype=np.int64),
+    )
+
+
+@kernel
+def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
+    """Add a position with the number of its owner."""
+    row = search.counters[0]
+    search.positions[row, 0] = x
+    search.positions[row, 1] = y
+    search.positions[row, 2] = z
+    search.owners[row] = owner
+    tree = 0
+    while row >> tree & 1:
+        tree += 1
+    place = 1 << tree
+    for smaller in range(tree):
+        start = 1 << smaller
+        for k in range(start, 2 * start):
+            search.rows[place] = search.rows[k]
+            place += 1
+    search.rows[place] = row
+    search.counters[0] += 1
+    _build(search, tree)
+
+
+@kernel
+def _build(search: Search, tree: int) -> None:
+    """Build a tree of the rows that are at its place."""
+    start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
+    for axis in range(3):
+        box[0, axis], box[1, axis] = _range_of(search, start, start + size, axis)
+    root = 2 * start
+    if tree <= _LEAF_LOG2:
+        _make_leaf(search, root, start, start + size)
+        return
+    used, depth = root + 1, 1
+    _push(search.stack, 0, root, start, start + size)
+    for axis in range(3):
+        search.stack[0, 3 + axis] = box[0, axis]
+        search.stack[0, 6 + axis] = box[1, axis]
+    while depth:
+        depth -= 1
+        node, first, end = search.stack[depth, 0], search.stack[depth, 1], search.stack[depth, 2]
+        if end - first <= _LEAF:
+            _make_leaf(search, node, first, end)
+            continue
+        axis, cut, middle = _split(search, first, end, search.stack[depth])
+        search.nodes[node, 0] = axis
+        search.nodes[node, 1] = _range_of(search, first, middle, axis)[1]
+        search.nodes[node, 2] = _range_of(search, middle, end, axis)[0]
+        search.nodes[node, 3] = used
+        search.nodes[node, 4] = used + 1
+        for k in range(3, 9):
+            search.stack[depth + 1, k] = search.stack[depth, k]
+        _push(search.stack, depth, used, first, middle)
+        _push(search.stack, depth + 1, used + 1, middle, end)
+        search.stack[depth, 6 + axis] = cut
+        search.stack[depth + 1, 3 + axis] = cut
+        used += 2
+        depth += 2
+
+
+@kernel
+def _push(stack: Ints, depth: int, node: int, first: int, end: int) -> None:
+    stack[depth, 0] = node
+    stack[depth, 1] = first
+    stack[depth, 2] = end
+
+
+@kernel
+def _make_leaf(search: Search, node: int, first: int, end: int) -> None:
+    search.nodes[node, 0] = -1
+    search.nodes[node, 1] = first
+    search.nodes[node, 2] = end
+
+
+@kernel
+def _range_of(search: Search, first: int, end: int, axis: int) -> tuple[int, int]:
+    """Least and greatest coordinate of some rows."""
+    low = high = integer(search.positions[search.rows[first], axis])
+    for k in range(first + 1, end):
+        value = integer(search.positions[search.rows[k], axis])
+        low, high = min(low, value), max(high, value)
+    return low, high
+
+
+@kernel
+def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
+    """Axis, place of the cut, and the first row above it; rows are put on their side.
+
+    frame: its entries from 3 on are the box. The cut halves the box's longest side.
+    """
+    longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
+    axis, spread, low, high = 0, -1, 0, 0
+    for k in range(3):
+        if frame[6 + k] - frame[3 + k] >= longest:
+            a, b = _range_of(search, first, end, k)
+            if b - a > spread:
+                axis, spread, low, high = k, b - a, a, b
+    total = frame[3 + axis] + frame[6 + axis]
+    cut = total >> 1 if total >= 0 else -((-total) >> 1)
+    cut = min(max(cut, low), high)
+    below = _parted(search, first, first, end, axis, cut)
+    up_to = _parted(search, below, first, end, axis, cut + 1)
+    middle = (end - first) // 2
+    if below - first > middle:
+        return axis, cut, below
+    if up_to - first < middle:
+        return axis, cut, up_to
+    return axis, cut, first + middle
+
+
+@kernel
+def _parted(search: Search, left: int, first: int, end: int, axis: int, cut: int) -> int:
+    """Put rows from `left` on that are less than `cut` before the others; the first of these."""
+    rows, positions, right = search.rows, search.positions, end - 1
+    while True:
+        while left <= right and positions[rows[left], axis] < cut:
+            left += 1
+        while right != first and left <= right and positions[rows[right], axis] >= cut:
+            right -= 1
+        if left > right or right == first:
+            return left
+        rows[left], rows[right] = rows[right], rows[left]
+        left += 1
+        right -= 1
+
+
+@kernel
+def nearest(search: Search, x: int, y: int, z: int) -> int:
+    """Find the nearest positions; how many there are in `search.nearest`, 3 at most."""
+    found, count = 0, search.counters[0]
+    search.distances[NEIGHBOURS - 1] = _FAR
+    tree = 0
+    while count >> tree:
+        if count >> tree & 1:
+            found = _search_tree(search, tree, found, x, y, z)
+        tree += 1
+    return found
+
+
+@kernel
+def _search_tree(search: Search, tree: int, found: int, x: int, y: int, z: int) -> int:
+    """Search one tree, the nearer half of every node first; how many are found now."""
+    stack, box, at = search.stack, search.boxes[tree], (x, y, z)
+    stack[0, 0] = 2 << tree
+    stack[0, 1] = 0
+    for axis in range(3):
+        off = max(box[0, axis] - at[axis], at[axis] - box[1, axis], 0)
+        stack[0, 2 + axis] = off * off
+        stack[0, 1] += off * off
+    depth = 1
+    while depth:
+        depth -= 1
+        node, least = stack[depth, 0], stack[depth, 1]
+        if least > search.distances[NEIGHBOURS - 1] and found == NEIGHBOURS:
+            continue
+        a, b, c = stack[depth, 2], stack[depth, 3], stack[depth, 4]
+        while search.nodes[node, 0] >= 0:
+            axis = integer(search.nodes[node, 0])
+            low, high = integer(search.nodes[node, 1]), integer(search.nodes[node, 2])
+            value = at[axis]
+            nearer, farther, border = 4, 3, low
+            if 2 * value - low - high < 0:
+                nearer, farther, border = 3, 4, high
+            off = (value - border) * (value - border)
+            stack[depth, 0] = search.nodes[node, farther]
+            stack[depth, 2] = a
+            stack[depth, 3] = b
+            stack[depth, 4] = c
+            stack[depth, 1] = least + off - stack[depth, 2 + axis]
+            stack[depth, 2 + axis] = off
+            depth += 1
+            node = integer(search.nodes[node, nearer])
+        found = _search_leaf(search, node, found, at)
+    return found
+
+
+@kernel
+def _search_leaf(search: Search, node: int, found: int, at: tuple[int, int, int]) -> int:
+    for k in range(search.nodes[node, 1], search.nodes[node, 2]):
+        row = integer(search.rows[k])
+        dx = at[0] - search.positions[row, 0]
+        dy = at[1] - search.positions[row, 1]
+        dz = at[2] - search.positions[row, 2]
+        found = _keep(search, found, row, dx * dx + dy * dy + dz * dz)
+    return found
+
+
+@kernel
+def _keep(search: Search, found: int, row: int, distance: int) -> int:
+    """Put a row among the nearest, after those that are as near."""
+    if distance >= search.distances[NEIGHBOURS - 1] and found == NEIGHBOURS:
+        return found
+    place = min(found, NEIGHBOURS - 1)
+    while place > 0 and search.distances[place - 1] > distance:
+        search.distances[place] = search.distances[place - 1]
+        search.nearest[place] = search.nearest[place - 1]
+        place -= 1
+    search.distances[place] = distance
+    search.nearest[place] = row
+    return min(found + 1, NEIGHBOURS)
