@@ -43,6 +43,7 @@ MAX_LEVELS = 1 << 14
 """Octree levels of all slices of a stream, at most: each begins anew, however few points it has."""
 _LEVELS_OF_TREES = 2
 """What a slice of prediction trees counts for among them."""
+MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
 MAX_PARAMETER_BYTES = 1 << 16
 """Bytes of a stream's parameter sets and tile inventories, at most: they are read bit by bit."""
 
@@ -120,7 +121,7 @@ def encode_geometry(
     if (high - low >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
-    sps = _sequence_parameter_set(corner, Fraction(scale).limit_denominator(_MAX_DENOMINATOR))
+    sps = sequence_parameter_set(corner, scale)
     gps = _geometry_parameter_set(options)
     if sensor is not None:
         gps = replace(gps, **sensor.syntax_elements(corner))
@@ -149,21 +150,23 @@ def warm_up(options: GpccOptions) -> None:
     decode_geometry(encode_geometry(np.array([[0, 0, 0], [5, 3, 1]]), options))
 
 
-def _sequence_parameter_set(
-    origin: tuple[int, ...], scale: Fraction
+def sequence_parameter_set(
+    origin: tuple[int, ...], scale: Fraction | float
 ) -> syntax.SequenceParameterSet:
+    """Origin and scale of a stream; InputError where it cannot hold them."""
+    scale = Fraction(scale).limit_denominator(_MAX_DENOMINATOR)
     if max(map(abs, origin)) >= _MAX_ORIGIN or not 0 < scale.numerator < _MAX_ORIGIN:
         raise InputError("G-PCC: the origin or the scale is too large for a stream")
     x, y, z = origin
     return syntax.SequenceParameterSet(
-        seq_origin_bits=_bits(max(map(abs, origin))),
+        seq_origin_bits=bits_of(max(map(abs, origin))),
         seq_origin_xyz=(x, y, z),
         seq_unit_numerator_minus1=scale.numerator - 1,
         seq_unit_denominator_minus1=scale.denominator - 1,
     )
 
 
-def _bits(value: int) -> int:
+def bits_of(value: int) -> int:
     """Bits of a number; one for 0."""
     return max(value.bit_length(), 1)
 
@@ -206,12 +209,12 @@ def _partition(
         return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
-    middle = _split_position(points[order, axis])
+    middle = split_position(points[order, axis])
     yield from _partition(points[order[:middle]], start, options, angular)
     yield from _partition(points[order[middle:]], start, options, angular)
 
 
-def _split_position(sorted_values: Ints) -> int:
+def split_position(sorted_values: Ints) -> int:
     """About the middle of sorted values, not between equal ones, so that these stay together."""
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
@@ -262,7 +265,7 @@ def _data_unit(
 ) -> bytes:
     header = syntax.GeometryHeader(
         slice_id=number,
-        slice_geom_origin_bits_minus1=_bits(max(slice_points.corner)) - 1,
+        slice_geom_origin_bits_minus1=bits_of(max(slice_points.corner)) - 1,
         slice_geom_origin_xyz=slice_points.corner,
         tree_depth_minus1=len(slice_points.axes) - 1,
         tree_lvl_coded_axis_list=slice_points.axes,

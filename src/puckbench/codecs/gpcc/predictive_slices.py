@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.codecs.gpcc import predictive
-from puckbench.codecs.gpcc.arithmetic import consumed
+from puckbench.codecs.gpcc import predictive, predictive_encoder
+from puckbench.codecs.gpcc.arithmetic import consumed, encoder, enlarged, finish
+from puckbench.codecs.gpcc.prediction_tree import Int32s, PredictionTree
 from puckbench.codecs.gpcc.predictive import Nodes, Probabilities, Tools
+from puckbench.codecs.gpcc.predictive_encoder import NODE_BYTES, Given
 from puckbench.codecs.gpcc.slices import CodedSlice, slice_decoder
 from puckbench.codecs.gpcc.spherical import sphere
 from puckbench.codecs.gpcc.syntax import (
@@ -108,3 +110,26 @@ def empty_nodes(points: int, *, angular: bool) -> Nodes:
         np.empty(points, dtype=np.int32),
         np.empty(points, dtype=np.int32),
     )
+
+
+def encode_trees(
+    tree: PredictionTree,
+    points: Int32s,
+    positions: Int32s,
+    tools: Tools,
+    contexts: Probabilities,
+) -> bytes | None:
+    """The arithmetic-coded part of a data unit; None where a residual does not fit into its bits.
+
+    points: (n, 3) from the slice's origin. positions: (n, 3) what is predicted, `points` or their
+    spherical coordinates. Both become what a decoder will have.
+    """
+    stack = np.empty(len(points) + 2, dtype=np.int32)
+    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64))
+    coder = encoder(NODE_BYTES + 4 * len(points))
+    while True:
+        ended = predictive_encoder.encode_trees(coder, contexts, tools, given)
+        if ended != predictive_encoder.FULL:
+            break
+        coder = enlarged(coder, NODE_BYTES + len(coder.data))
+    return finish(coder) if ended == predictive_encoder.DONE else None

@@ -1,0 +1,263 @@
+"""Encoding with G-PCC's predictive geometry; `coder.decode_geometry` decodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.gpcc.coder import (
+    MAX_POINTS,
+    MAX_TREE_SLICES,
+    bits_of,
+    sequence_parameter_set,
+    split_position,
+)
+from puckbench.codecs.gpcc.prediction_tree import Order, angular_tree, nearest_tree, ordered
+from puckbench.codecs.gpcc.predictive import MOST_QP, Tools, initial_probabilities
+from puckbench.codecs.gpcc.predictive_encoder import quantised
+from puckbench.codecs.gpcc.predictive_slices import encode_trees, tools_of
+from puckbench.codecs.gpcc.sensor import SensorDescription
+from puckbench.codecs.gpcc.tree import bounds
+from puckbench.core.errors import InputError
+from puckbench.core.models import Model
+from puckbench.geometry.morton import MOST_BITS, Ints
+
+_AXES = (0, 1, 2)
+_WIDEST = (5, 5, 5)
+_Three = tuple[int, int, int]
+
+
+class PredictiveOptions(Model):
+    """Coding tools of predictive geometry; angular coding is used where there is a sensor."""
+
+    order: Order = Field(
+        "azimuth", description="of the points, in which trees are built: as they come, or sorted"
+    )
+    azimuth_sort_precision: float = Field(
+        1024.0, ge=0, description="steps of the azimuth in a radian, within which radii order"
+    )
+    azimuth_scale_log2: int = Field(
+        12, ge=0, le=18, description="a turn has 2^(12 + this) steps of the azimuth"
+    )
+    azimuth_speed: int | None = Field(
+        None, ge=1, description="of them between two shots; by default the sensor's"
+    )
+    radius_inv_scale_log2: int = Field(
+        0, ge=0, le=20, description="a step of the radius has 2^this coding units"
+    )
+    azimuth_scaling: bool = Field(
+        True, description="residuals of the azimuth are lengths of arcs instead of angles"
+    )
+    base_qp: int | None = Field(
+        None, ge=0, le=MOST_QP, description="residuals in x, y, z are quantised by this QP"
+    )
+    qp_multiplier_log2: int = Field(0, ge=0, le=3, description="QPs are multiplied by 2^this")
+    qp_interval_log2: int = Field(
+        8, ge=0, le=30, description="QP offsets are signalled for every 2^this nodes"
+    )
+    slice_qp_interval_log2: int | None = Field(
+        None, ge=0, le=30, description="the same in a slice; by default that of the stream"
+    )
+    merge_duplicates: bool = Field(default=False, description="keep one of equal points, else all")
+    slice_max_points: int = Field(
+        default=1_100_000, ge=1, le=1 << 24, description="points in a slice, at most"
+    )
+
+
+def encode_predictive(
+    points: NDArray[Any],
+    options: PredictiveOptions,
+    sensor: SensorDescription | None = None,
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | Ints = (0, 0, 0),
+) -> bytes:
+    """Code points as a stream of prediction trees that TMC13 decodes.
+
+    Parameters
+    ----------
+    points
+        (n, 3) integers, n > 0.
+    options
+        Coding tools.
+    sensor
+        Of the points, in their units and coordinates; with it angular coding is used.
+    scale, origin
+        (points + origin) / scale are the positions that a decoder gives.
+
+    Raises
+    ------
+    InputError
+        For an empty cloud, points more than 21 bits apart, or a sensor too far away.
+    """
+    points = np.ascontiguousarray(points, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InputError("G-PCC: no points to code")
+    low, high = bounds(points)
+    if (high - low >= 1 << MOST_BITS).any():
+        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    if options.merge_duplicates:
+        points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+    if len(points) > MAX_POINTS:
+        raise InputError(f"G-PCC: more than {MAX_POINTS} points")
+    corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
+    sps = sequence_parameter_set(corner, scale)
+    gps = _geometry_parameter_set(options, sensor, tuple(low.tolist()))
+    stream = [
+        syntax.encapsulate(
+            syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
+        ),
+        syntax.encapsulate(
+            syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
+        ),
+    ]
+    centre = _centre(sensor, low)
+    parts = list(_partition((points - low).astype(np.int32), options.slice_max_points))
+    if len(parts) > MAX_TREE_SLICES:
+        raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
+    for number, part in enumerate(parts):
+        unit = _data_unit(part, number, options, sps, gps, centre)
+        stream.append(syntax.encapsulate(syntax.GEOMETRY_DATA_UNIT, unit))
+    return b"".join(stream)
+
+
+def _centre(sensor: SensorDescription | None, low: Ints) -> _Three:
+    """What azimuth and radius are around, from the sequence's origin."""
+    x, y, z = sensor.position if sensor else (0, 0, 0)
+    centre = (x - int(low[0]), y - int(low[1]), z - int(low[2]))
+    if sensor and max(map(abs, centre)) >= 1 << (MOST_BITS + 1):
+        raise InputError(f"G-PCC: the sensor is more than {MOST_BITS} bits away from its points")
+    return centre
+
+
+def _geometry_parameter_set(
+    options: PredictiveOptions, sensor: SensorDescription | None, low: tuple[int, ...]
+) -> syntax.GeometryParameterSet:
+    angular: dict[str, Any] = {}
+    if sensor is not None:
+        turn = 1 << (12 + options.azimuth_scale_log2)
+        speed = options.azimuth_speed or max(round(turn / sensor.steps_per_turn), 1)
+        if speed > turn:
+            raise InputError(f"G-PCC: the azimuth's speed {speed} is more than a turn")
+        angular = {
+            **sensor.syntax_elements(low),
+            "geom_angular_azimuth_scale_log2_minus11": options.azimuth_scale_log2,
+            "geom_angular_azimuth_speed_minus1": speed - 1,
+            "geom_angular_radius_inv_scale_log2": options.radius_inv_scale_log2,
+            "azimuth_scaling_enabled_flag": int(options.azimuth_scaling),
+        }
+    return syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(options.merge_duplicates),
+        geom_tree_type=syntax.PREDICTIVE,
+        **angular,
+        geom_scaling_enabled_flag=int(options.base_qp is not None),
+        geom_base_qp=options.base_qp or 0,
+        geom_qp_multiplier_log2=options.qp_multiplier_log2 if options.base_qp is not None else 0,
+        geom_qp_offset_intvl_log2=options.qp_interval_log2,
+        gps_extension_flag=1,  # the reference does so while a stream names no profile
+    )
+
+
+def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
+    """Parts of the cloud of at most `most` points, halved along their longest side."""
+    if len(points) <= most:
+        yield points
+        return
+    values = points[:, int(np.argmax(np.ptp(points, axis=0)))]
+    middle = values[np.argsort(values, kind="stable")]
+    below = values < middle[split_position(middle)]
+    if not below.any():  # they are all equal
+        below = np.arange(len(points)) < len(points) // 2
+    yield from _partition(points[below], most)
+    yield from _partition(points[~below], most)
+
+
+def _data_unit(
+    points: NDArray[np.int32],
+    number: int,
+    options: PredictiveOptions,
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+    centre: _Three,
+) -> bytes:
+    """A slice of points given from the sequence's origin."""
+    x, y, z = points.min(axis=0).tolist()
+    rows = ordered(points, options.order, centre, options.azimuth_sort_precision)
+    points = points[rows] - np.array((x, y, z), dtype=np.int32)
+    interval = options.slice_qp_interval_log2
+    delta = 0 if interval is None else (interval - options.qp_interval_log2) % (1 << 32)
+    header = syntax.GeometryHeader(
+        slice_id=number,
+        slice_geom_origin_bits_minus1=bits_of(max(x, y, z)) - 1,
+        slice_geom_origin_xyz=(x, y, z),
+        geom_qp_offset_intvl_log2_delta=delta,
+    )
+    data = _coded(points, header, gps)
+    footer = syntax.GeometryFooter(geom_num_points_minus1=len(points) - 1)
+    head = syntax.written(syntax.geometry_header, header, sps, gps)
+    return head + data + syntax.footer_bytes(footer)
+
+
+def _coded(
+    points: NDArray[np.int32], header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet
+) -> bytes:
+    """Entropy-coded trees; the header is told the bits of residuals, and the least radius."""
+    tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
+    positions = np.empty_like(points) if tools.angular else points
+    if tools.angular:
+        tree = angular_tree(points, tools.sphere, positions)
+        header.pgeom_min_radius = int(positions[:, 0].min())
+    else:
+        tree = nearest_tree(points)
+    given = points.copy(), positions.copy()
+    header.pgeom_resid_abs_log2_bits = _residual_bits(points, tools)
+    for _ in range(2):
+        tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
+        data = encode_trees(tree, points, positions, tools, initial_probabilities())
+        if data is not None:
+            return data
+        header.pgeom_resid_abs_log2_bits = _WIDEST
+        points, positions = given
+    raise InputError("G-PCC: residuals are too large for a stream")
+
+
+def _residual_bits(points: NDArray[np.int32], tools: Tools) -> _Three:
+    """Bits of the number of bits of residuals, as the reference software gives them."""
+    sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
+    if tools.angular:
+        return _angular_residual_bits(sides, tools)
+    widths = [quantised((1 << side) - 1, tools.slice_qp) for side in sides]
+    x, y, z = (bits_of(_ceil_log2(max(1, width))) for width in widths)
+    return x, y, z
+
+
+def _angular_residual_bits(sides: list[int], tools: Tools) -> _Three:
+    around = tools.sphere
+    far = [
+        max(abs(around.origin[k]), abs((1 << sides[k]) - 1 - around.origin[k])) for k in range(2)
+    ]
+    radius = math.floor(math.hypot(*far) + 0.5)
+    steps = _divided(radius, around.radius_log2)
+    turned = tools.azimuth_speed >> 1
+    if tools.azimuth_scaling:
+        arc = (turned + 1) * _divided(radius << 3, around.radius_log2)
+        turned = _divided(arc, around.azimuth_log2)
+    most = (steps, turned, len(around.theta) - 1)
+    x, y, z = (_ceil_log2(value).bit_length() for value in most)
+    return x, y, z
+
+
+def _divided(value: int, shift: int) -> int:
+    """A number divided by 2^shift, rounded."""
+    return (value + ((1 << shift) >> 1)) >> shift
+
+
+def _ceil_log2(value: int) -> int:
+    """Bits that numbers below `value` have; 32 for 0, as in the reference software."""
+    return (value - 1).bit_length() if value else 32
