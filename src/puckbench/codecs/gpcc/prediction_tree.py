@@ -7,15 +7,15 @@ reference software builds.
 
 from __future__ import annotations
 
-import math
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import entry, integer
+from puckbench.codecs.gpcc.azimuth_order import azimuth_order
+from puckbench.codecs.gpcc.compiled import entry, integer, kernel
 from puckbench.codecs.gpcc.prediction_search import Search, add_position, empty_search, nearest
-from puckbench.codecs.gpcc.spherical import Sphere, spherical, wrapped
+from puckbench.codecs.gpcc.spherical import Sphere, spherical
 from puckbench.geometry.morton import Ints, codes
 
 Int32s = NDArray[np.int32]
@@ -40,7 +40,7 @@ class PredictionTree(NamedTuple):
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
-    """Rows (n,) of points (n, 3) in the order in which a tree is built.
+    """Rows (n,) of points (n, 3) in the order in which one tree is built.
 
     centre: around which azimuth and radius are. precision: steps of the azimuth in a radian, within
     which the radius orders; 0 for none.
@@ -53,28 +53,7 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
     around = points.astype(np.int64) - centre
     if order == "radius":
         return np.argsort(around[:, 0] ** 2 + around[:, 1] ** 2, kind="stable")
-    azimuth, radius, slope = np.empty((3, len(points)))
-    _polar(around, precision, azimuth, radius, slope)
-    return np.lexsort((slope, radius, azimuth))
-
-
-@entry
-def _polar(
-    around: Ints,
-    precision: float,
-    azimuth: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    slope: NDArray[np.float64],
-) -> None:
-    for i in range(len(around)):
-        x, y, z = around[i]
-        angle = math.atan2(y, x)
-        if precision:
-            steps = math.floor(abs(angle * precision) + 0.5)
-            angle = -steps if angle < 0 else steps
-        azimuth[i] = angle
-        radius[i] = math.hypot(x, y)
-        slope[i] = z / radius[i]
+    return azimuth_order(around, precision)
 
 
 def empty_tree(points: int) -> PredictionTree:
@@ -87,31 +66,38 @@ def empty_tree(points: int) -> PredictionTree:
     )
 
 
-def angular_tree(points: Int32s, around: Sphere, positions: Int32s) -> PredictionTree:
-    """The tree of a sensor's points (n, 3); `positions` (n, 3) become their spherical coordinates.
+def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
+    """Trees of a sensor's points (n, 3) from the slice's origin, of at most `most` points each.
 
-    points: from the slice's origin.
+    `positions` (n, 3) become the points' spherical coordinates.
     """
     tree = empty_tree(len(points))
-    lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)
-    _chain(points, around, positions, tree, lasers)
+    for start in range(0, len(points), most):
+        lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)
+        _chain(points, around, positions, tree, lasers, start, min(start + most, len(points)))
     return tree
 
 
 @entry
 def _chain(
-    points: Int32s, around: Sphere, positions: Int32s, tree: PredictionTree, lasers: Int32s
+    points: Int32s,
+    around: Sphere,
+    positions: Int32s,
+    tree: PredictionTree,
+    lasers: Int32s,
+    node: int,
+    end: int,
 ) -> None:
-    """lasers: (2, n) first and last node of each laser so far."""
-    node, ox, oy, oz = 0, around.origin[0], around.origin[1], around.origin[2]
-    while node < len(points):
+    """lasers: (2, n) first and last node of each laser so far. node, end: of the tree."""
+    ox, oy, oz = around.origin
+    while node < end:
         found = spherical(
             around,
             integer(points[node, 0]) - ox,
             integer(points[node, 1]) - oy,
             integer(points[node, 2]) - oz,
         )
-        _find_copies(points, tree, node)
+        _find_copies(points, tree, node, end)
         for k in range(node, node + 1 + tree.copies[node]):
             for axis in range(3):
                 positions[k, axis] = found[axis]
@@ -131,61 +117,62 @@ def _chain(
             before = first
 
 
-def nearest_tree(points: Int32s) -> PredictionTree:
-    """The tree of points (n, 3) without a sensor."""
+def nearest_tree(points: Int32s, most: int) -> PredictionTree:
+    """Trees of points (n, 3) without a sensor, of at most `most` points each."""
     tree = empty_tree(len(points))
-    _grow(points, tree, empty_search(3 * len(points)))
+    for start in range(0, len(points), most):
+        end = min(start + most, len(points))
+        _grow(points, tree, empty_search(3 * (end - start)), start, end)
     return tree
 
 
 @entry
-def _grow(points: Int32s, tree: PredictionTree, search: Search) -> None:
-    node = 0
-    while node < len(points):
-        _find_copies(points, tree, node)
+def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: int) -> None:
+    """Find the parents of points from row `node` to `end`."""
+    while node < end:
+        _find_copies(points, tree, node, end)
         x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
         for k in range(nearest(search, x, y, z)):
             parent = integer(search.owners[search.nearest[k]])
             if tree.num_children[parent] < MOST_CHILDREN:
                 _hang(tree, node, parent)
                 break
-        parent = integer(tree.parents[node])
-        add_position(search, node, x, y, z)
-        if parent >= 0:
-            a, b, c = (
-                integer(points[parent, 0]),
-                integer(points[parent, 1]),
-                integer(points[parent, 2]),
-            )
-            add_position(search, node, 2 * x - a, 2 * y - b, 2 * z - c)
-            before = integer(tree.parents[parent])
-            if before >= 0:
-                add_position(
-                    search,
-                    node,
-                    wrapped(x + a - points[before, 0]),
-                    wrapped(y + b - points[before, 1]),
-                    wrapped(z + c - points[before, 2]),
-                )
+        _add_predictions(points, tree, search, node)
         node += 1 + tree.copies[node]
 
 
-@entry
-def _find_copies(points: Int32s, tree: PredictionTree, node: int) -> None:
-    """Count the points after a node's that coincide with it, and mark them."""
-    end = node + 1
+@kernel
+def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
+    """Add where children of a node are predicted: there, on a line, on a parallelogram."""
+    x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
+    add_position(search, node, x, y, z)
+    parent = integer(tree.parents[node])
+    if parent < 0:
+        return
+    a, b, c = integer(points[parent, 0]), integer(points[parent, 1]), integer(points[parent, 2])
+    add_position(search, node, 2 * x - a, 2 * y - b, 2 * z - c)
+    before = integer(tree.parents[parent])
+    if before >= 0:
+        x, y, z = x + a - points[before, 0], y + b - points[before, 1], z + c - points[before, 2]
+        add_position(search, node, x, y, z)
+
+
+@kernel
+def _find_copies(points: Int32s, tree: PredictionTree, node: int, end: int) -> None:
+    """Count the points after a node's, and before `end`, that coincide with it, and mark them."""
+    k = node + 1
     while (
-        end < len(points)
-        and points[end, 0] == points[node, 0]
-        and points[end, 1] == points[node, 1]
-        and points[end, 2] == points[node, 2]
+        k < end
+        and points[k, 0] == points[node, 0]
+        and points[k, 1] == points[node, 1]
+        and points[k, 2] == points[node, 2]
     ):
-        tree.parents[end] = DUPLICATE
-        end += 1
-    tree.copies[node] = end - node - 1
+        tree.parents[k] = DUPLICATE
+        k += 1
+    tree.copies[node] = k - node - 1
 
 
-@entry
+@kernel
 def _hang(tree: PredictionTree, node: int, parent: int) -> None:
     """Make a node the next child of another, which has fewer than MOST_CHILDREN."""
     tree.parents[node] = parent

@@ -65,6 +65,7 @@ class PredictiveOptions(Model):
     slice_qp_interval_log2: int | None = Field(
         None, ge=0, le=30, description="the same in a slice; by default that of the stream"
     )
+    tree_max_points: int = Field(default=1_100_000, ge=1, description="points in a tree, at most")
     merge_duplicates: bool = Field(default=False, description="keep one of equal points, else all")
     slice_max_points: int = Field(
         default=1_100_000, ge=1, le=1 << 24, description="points in a slice, at most"
@@ -188,8 +189,7 @@ def _data_unit(
 ) -> bytes:
     """A slice of points given from the sequence's origin."""
     x, y, z = points.min(axis=0).tolist()
-    rows = ordered(points, options.order, centre, options.azimuth_sort_precision)
-    points = points[rows] - np.array((x, y, z), dtype=np.int32)
+    points = _sorted(points, options, centre) - np.array((x, y, z), dtype=np.int32)
     interval = options.slice_qp_interval_log2
     delta = 0 if interval is None else (interval - options.qp_interval_log2) % (1 << 32)
     header = syntax.GeometryHeader(
@@ -198,23 +198,36 @@ def _data_unit(
         slice_geom_origin_xyz=(x, y, z),
         geom_qp_offset_intvl_log2_delta=delta,
     )
-    data = _coded(points, header, gps)
+    data = _coded(points, header, gps, options.tree_max_points)
     footer = syntax.GeometryFooter(geom_num_points_minus1=len(points) - 1)
     head = syntax.written(syntax.geometry_header, header, sps, gps)
     return head + data + syntax.footer_bytes(footer)
 
 
+def _sorted(
+    points: NDArray[np.int32], options: PredictiveOptions, centre: _Three
+) -> NDArray[np.int32]:
+    """The points of each tree in their order."""
+    most = options.tree_max_points
+    parts = [points[start : start + most] for start in range(0, len(points), most)]
+    order, precision = options.order, options.azimuth_sort_precision
+    return np.concatenate([part[ordered(part, order, centre, precision)] for part in parts])
+
+
 def _coded(
-    points: NDArray[np.int32], header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet
+    points: NDArray[np.int32],
+    header: syntax.GeometryHeader,
+    gps: syntax.GeometryParameterSet,
+    most: int,
 ) -> bytes:
     """Entropy-coded trees; the header is told the bits of residuals, and the least radius."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:
-        tree = angular_tree(points, tools.sphere, positions)
-        header.pgeom_min_radius = int(positions[:, 0].min())
+        tree = angular_tree(points, tools.sphere, positions, most)
+        header.pgeom_min_radius = int(positions[:, 0].min()) if len(points) <= most else 0
     else:
-        tree = nearest_tree(points)
+        tree = nearest_tree(points, most)
     given = points.copy(), positions.copy()
     header.pgeom_resid_abs_log2_bits = _residual_bits(points, tools)
     for _ in range(2):

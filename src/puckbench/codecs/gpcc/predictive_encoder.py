@@ -116,24 +116,34 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
         if not tools.unique_points:
             code_num_dup_points(coder, contexts, integer(tree.copies[node]))
         code_num_children(coder, contexts, integer(tree.num_children[node]))
-        fits, choice = _decided(contexts, tools, given, node)
-        if not fits:
+        if not _encode_position(coder, contexts, tools, given, node):
             return UNREPRESENTABLE
-        code_pred_mode(coder, contexts, choice.mode)
-        if tools.angular:
-            code_phi_multiplier(coder, contexts, choice.steps)
-        code_residual(coder, contexts, tools, choice.mode, choice.residual)
-        if tools.angular:
-            _encode_place(coder, contexts, tools, given, node, choice)
-        else:
-            for axis in range(3):
-                exact = choice.prediction[axis] + scaled(choice.residual[axis], tools.slice_qp)
-                given.points[node, axis] = max(0, exact)
         progress[3] += 1
         for k in range(tree.num_children[node]):
             given.stack[progress[1]] = tree.children[node, k]
             progress[1] += 1
     return DONE
+
+
+@kernel
+def _encode_position(
+    coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
+) -> bool:
+    """Code mode and residuals of a node; False where no residual can be coded."""
+    fits, choice = _decided(contexts, tools, given, node)
+    if not fits:
+        return False
+    code_pred_mode(coder, contexts, choice.mode)
+    if tools.angular:
+        code_phi_multiplier(coder, contexts, choice.steps)
+    code_residual(coder, contexts, tools, choice.mode, choice.residual)
+    if tools.angular:
+        _encode_place(coder, contexts, tools, given, node, choice)
+        return True
+    for axis in range(3):
+        exact = choice.prediction[axis] + scaled(choice.residual[axis], tools.slice_qp)
+        given.points[node, axis] = max(0, exact)
+    return True
 
 
 @kernel
