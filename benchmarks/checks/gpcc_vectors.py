@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.clouds import grown, sampled_object, scanned_room
+from tests.support.small_turn import SENSOR, STEPS, small_turn
 
 from puckbench.codecs.external.program import write_points
 from puckbench.codecs.external.tmc13 import PROFILES
@@ -30,6 +31,28 @@ IN_LOOP = ("--positionQuantisationEnabled=1", "--positionBaseQp=8")
 LASER = ("--lasersTheta=0", "--lasersZ=0", "--lasersNumPhiPerTurn=800")
 KEPT = "--mergeDuplicatedPoints=0"
 SLICED = ("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500")
+
+TREES = "--geomTreeType=1"
+BY_AZIMUTH = (TREES, KEPT, "--predGeomSort=2", "--predGeomAzimuthSortPrecision=1024")
+CONTINUED = (*SLICED, "--entropyContinuationEnabled=1")
+SPINNING = (
+    *("--angularEnabled=1", "--numLasers=8"),
+    f"--lasersTheta={','.join(map(repr, SENSOR.tan_elevation))}",
+    f"--lasersZ={','.join(repr(-height) for height in SENSOR.height)}",
+    f"--lasersNumPhiPerTurn={','.join([str(STEPS)] * 8)}",
+)
+
+
+def spherical(radius_log2: int, azimuth_log2: int) -> tuple[str, ...]:
+    """Options of a sensor's trees, with the residuals in x, y, z quantised where the radius is."""
+    speed = round(2 ** (12 + azimuth_log2) / STEPS)
+    steps = (f"--positionAzimuthScaleLog2={azimuth_log2}", f"--positionAzimuthSpeed={speed}")
+    lossy = ("--positionQuantisationEnabled=1", "--positionBaseQp=58") if radius_log2 else ()
+    return (
+        *(*BY_AZIMUTH, *SPINNING, *steps, *lossy),
+        f"--positionRadiusInvScaleLog2={radius_log2}",
+    )
+
 
 # name: cloud, profile, scale, further options
 VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
@@ -87,6 +110,36 @@ VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
     "trisoup": ("few", "defaults", 1, ("--trisoupNodeSizeLog2=3",)),
     "quantised_in_loop": ("few", "defaults", 1, (*IN_LOOP, "--positionQuantisationMethod=0")),
     "angular": ("few", "defaults", 1, ("--angularEnabled=1", "--numLasers=1", *LASER)),
+    "trees_given": ("turn", "defaults", 1, (TREES, KEPT, "--predGeomSort=0")),
+    "trees_morton": ("turn", "defaults", 1, (TREES, KEPT, "--predGeomSort=1")),
+    "trees_azimuth": ("turn", "defaults", 1, (TREES, "--predGeomSort=2")),
+    "trees_radius": ("turn", "defaults", 1, (TREES, KEPT, "--predGeomSort=3")),
+    "trees_short": ("turn", "defaults", 1, (*BY_AZIMUTH, "--predGeomTreePtsMax=300")),
+    "trees_dense": ("object", "defaults", 0.25, (TREES, "--predGeomSort=1")),
+    "trees_qp": ("turn", "defaults", 1, (*BY_AZIMUTH, *IN_LOOP, "--positionBaseQp=29")),
+    "trees_qps": (
+        *("turn", "defaults", 1),
+        (*BY_AZIMUTH, *IN_LOOP, "--positionQpMultiplierLog2=2", "--positionSliceQpOffset=-3"),
+    ),
+    "trees_one": ("one", "defaults", 1, (TREES,)),
+    "trees_two": ("two", "defaults", 1, (TREES,)),
+    "trees_same": ("same", "defaults", 1, (TREES, KEPT)),
+    "trees_sliced": ("turn", "defaults", 1, (*BY_AZIMUTH, *SLICED)),
+    "trees_bypass": ("turn", "defaults", 1, (*BY_AZIMUTH, "--cabac_bypass_stream_enabled_flag=1")),
+    "turn_0": ("turn", "defaults", 1, spherical(0, 12)),
+    "turn_1": ("turn", "defaults", 1, spherical(1, 12)),
+    "turn_4": ("turn", "defaults", 1, spherical(4, 9)),
+    "turn_8": ("turn", "defaults", 1, spherical(8, 7)),
+    "turn_angles": ("turn", "defaults", 1, (*spherical(0, 12), "--predGeomAzimuthQuantization=0")),
+    "turn_short": ("turn", "defaults", 1, (*spherical(0, 12), "--predGeomTreePtsMax=300")),
+    "turn_continued": ("turn", "defaults", 1, (*spherical(2, 11), *CONTINUED)),
+    "turn_zyx": ("turn", "defaults", 1, (*spherical(0, 12), "--geometry_axis_order=0")),
+    "turn_one_laser": (
+        "few",
+        "defaults",
+        1,
+        (TREES, *LASER, "--angularEnabled=1", "--numLasers=1"),
+    ),
 }
 
 
@@ -95,6 +148,7 @@ def cloud(name: str) -> Floats:
     """The cloud of a name in the table; the same in every run."""
     line = np.arange(40.0)[:, None]
     shapes = {
+        "turn": small_turn,
         "flat": lambda: np.floor(sampled_object(3000)) * [1, 1, 0] + [0, 0, 7],
         "line": lambda: line * [7, 0, 0] + [3, 5, 9],
         "few": lambda: np.floor(sampled_object(300)),

@@ -55,11 +55,15 @@ CHOICES: dict[str, dict[str, Any]] = {
 SENSORS = {"angular": SensorDescription((0.0,), (0.0,), 800)}
 DECODER_ONLY = {
     *("zyx_ctc", "bypass_defaults", "streams_defaults"),
-    *("sliced_minimal", "sliced_ctc", "tiled_defaults", "predictive"),
+    *("sliced_minimal", "sliced_ctc", "tiled_defaults"),
 }
+PREDICTIVE = {name for name, about in MANIFEST.items() if "--geomTreeType=1" in about["options"]}
+"""See test_gpcc_predictive.py."""
 
 
-@pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys() - DECODER_ONLY))
+@pytest.mark.parametrize(
+    "name", sorted(MANIFEST.keys() - LEFT_OUT.keys() - DECODER_ONLY - PREDICTIVE)
+)
 def test_encoding_the_decoded_points_gives_the_bytes_of_tmc13(name: str) -> None:
     stream = (FOLDER / f"{name}.bin").read_bytes()
     about, decoded = MANIFEST[name], decode_geometry(stream)

@@ -88,7 +88,8 @@ def encode_predictive(
     options
         Coding tools.
     sensor
-        Of the points, in their units and coordinates; with it angular coding is used.
+        That measured the points, in the coordinates of points + origin; with it, points are coded
+        in its spherical coordinates.
     scale, origin
         (points + origin) / scale are the positions that a decoder gives.
 
@@ -109,7 +110,7 @@ def encode_predictive(
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
-    gps = _geometry_parameter_set(options, sensor, tuple(low.tolist()))
+    gps = _geometry_parameter_set(options, sensor, corner)
     stream = [
         syntax.encapsulate(
             syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
@@ -118,7 +119,7 @@ def encode_predictive(
             syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
         ),
     ]
-    centre = _centre(sensor, low)
+    centre = _centre(sensor, corner)
     parts = list(_partition((points - low).astype(np.int32), options.slice_max_points))
     if len(parts) > MAX_TREE_SLICES:
         raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
@@ -128,17 +129,16 @@ def encode_predictive(
     return b"".join(stream)
 
 
-def _centre(sensor: SensorDescription | None, low: Ints) -> _Three:
+def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> _Three:
     """What azimuth and radius are around, from the sequence's origin."""
-    x, y, z = sensor.position if sensor else (0, 0, 0)
-    centre = (x - int(low[0]), y - int(low[1]), z - int(low[2]))
-    if sensor and max(map(abs, centre)) >= 1 << (MOST_BITS + 1):
+    x, y, z = (a - b for a, b in zip(sensor.position if sensor else (0, 0, 0), corner, strict=True))
+    if sensor and max(map(abs, (x, y, z))) >= 1 << (MOST_BITS + 1):
         raise InputError(f"G-PCC: the sensor is more than {MOST_BITS} bits away from its points")
-    return centre
+    return x, y, z
 
 
 def _geometry_parameter_set(
-    options: PredictiveOptions, sensor: SensorDescription | None, low: tuple[int, ...]
+    options: PredictiveOptions, sensor: SensorDescription | None, corner: tuple[int, ...]
 ) -> syntax.GeometryParameterSet:
     angular: dict[str, Any] = {}
     if sensor is not None:
@@ -147,7 +147,7 @@ def _geometry_parameter_set(
         if speed > turn:
             raise InputError(f"G-PCC: the azimuth's speed {speed} is more than a turn")
         angular = {
-            **sensor.syntax_elements(low),
+            **sensor.syntax_elements(corner),
             "geom_angular_azimuth_scale_log2_minus11": options.azimuth_scale_log2,
             "geom_angular_azimuth_speed_minus1": speed - 1,
             "geom_angular_radius_inv_scale_log2": options.radius_inv_scale_log2,
