@@ -75,11 +75,11 @@ def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
 
 @kernel
 def _is_before(keys: Keys, a: int, b: int) -> bool:
-    if keys[a, 0] != keys[b, 0]:
-        return keys[a, 0] < keys[b, 0]
-    if keys[a, 1] != keys[b, 1]:
-        return keys[a, 1] < keys[b, 1]
-    return keys[a, 2] < keys[b, 2]
+    column = 0
+    while column < 2 and keys[a, column] == keys[b, column]:
+        column += 1
+    before: bool = keys[a, column] < keys[b, column]
+    return before
 
 
 @kernel

@@ -214,7 +214,7 @@ def _partition(
     yield from _partition(points[order[middle:]], start, options, angular)
 
 
-def split_position(sorted_values: Ints) -> int:
+def split_position(sorted_values: NDArray[Any]) -> int:
     """About the middle of sorted values, not between equal ones, so that these stay together."""
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")

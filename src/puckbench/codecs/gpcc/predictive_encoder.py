@@ -181,7 +181,7 @@ def _encode_place(
 @entry
 def quantised(value: int, qp: int) -> int:
     """A residual in steps of a QP, to the nearest."""
-    return (value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20
+    return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 
 @kernel
