@@ -11,6 +11,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import Frame
 from puckbench.io.clouds import read_cloud
 
 if TYPE_CHECKING:
@@ -49,7 +50,9 @@ def draw_files(
         raise InputError(f"figure {name}: needs the input {missing[0]!r}")
     for path in outputs:
         _metadata(path)
-    values = {name: read_input(kind, inputs[name]) for name, kind in entry.kinds.items()}
+    values = {
+        name: read_input(kind, inputs[name], entry.frame) for name, kind in entry.kinds.items()
+    }
     with style.context():
         figure = entry.draw(**values, style=style)
         lay_out(figure)
@@ -57,8 +60,8 @@ def draw_files(
             save_figure(figure, path)
 
 
-def read_input(kind: str, path: Path) -> Any:
-    """Read an input of a figure from its file.
+def read_input(kind: str, path: Path, frame: Frame = "scaled") -> Any:
+    """Read an input of a figure from its file: a cloud with its returns, or a table's rows.
 
     Parameters
     ----------
@@ -66,10 +69,16 @@ def read_input(kind: str, path: Path) -> Any:
         ``DataFrame`` or ``PointCloud``.
     path
         CSV or Parquet for a table, PLY for a cloud.
+    frame
+        Of the clouds whose rows are kept.
     """
     from puckbench.io.tables import read_table
+    from puckbench.lidar.returns import with_returns
+    from puckbench.metrics.frames import in_frame
 
-    return read_table(path) if kind == "DataFrame" else read_cloud(path)
+    if kind == "DataFrame":
+        return in_frame(read_table(path), frame)
+    return with_returns(read_cloud(path), path)
 
 
 def lay_out(figure: Figure) -> None:

@@ -20,9 +20,16 @@ from typing import Any
 
 from puckbench.core.registry import Registry
 from puckbench.core.signatures import annotated, caption_of
+from puckbench.geometry.cloud import Frame
 
 BOTH_GPCC = "gpcc"
 """Needed of a configuration: G-PCC with coordinates rounded and with coordinates truncated."""
+
+
+SPINS = "spins"
+"""Needed of a configuration: spins of the virtual sensor, level and still, with their truth."""
+SEVERAL_NOISES = "noises"
+"""Needed of a configuration: spins in the same scenes under several error models."""
 
 
 def at(distance_m: float) -> str:
@@ -45,8 +52,10 @@ class FigureEntry:
     thesis
         Number of the thesis's figure, which orders the report; empty for others.
     needs
-        What a configuration must have beside the inputs: the sensor study, `BOTH_GPCC`, scans
-        `at` a distance, or the name of an error model of its sensor study.
+        What a configuration must have beside the inputs: the sensor study, `BOTH_GPCC`, `SPINS`,
+        `SEVERAL_NOISES`, scans `at` a distance, or the name of an error model of its sensor study.
+    frame
+        Of the clouds whose results it draws; rows of others are left out.
     """
 
     name: str
@@ -55,6 +64,7 @@ class FigureEntry:
     category: str = "Further figures"
     thesis: str = ""
     needs: tuple[str, ...] = ()
+    frame: Frame = "scaled"
 
     @property
     def kinds(self) -> Mapping[str, str]:

@@ -16,8 +16,8 @@ from puckbench.geometry.cloud import Frame, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import TimedJob, ready, record_file
 from puckbench.jobs.prepare import Prepare
-from puckbench.jobs.prepare_returns import with_returns
 from puckbench.jobs.registry import JOBS
+from puckbench.lidar.returns import with_returns
 
 
 def to_code(

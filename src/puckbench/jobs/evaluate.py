@@ -15,9 +15,10 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import record_file
 from puckbench.jobs.decode import Decoding
-from puckbench.jobs.prepare_returns import with_returns
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
+from puckbench.lidar.returns import with_returns
+from puckbench.metrics.frames import FRAME
 from puckbench.metrics.further import further_metrics
 from puckbench.metrics.measures import measures, picture_measures
 from puckbench.metrics.returns import keeping_up, range_errors
@@ -94,6 +95,7 @@ class Evaluating(Decoding):
         found = measures(originals.reference, ready, self.peak)
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
+            **({FRAME: reference.frame} if reference.frame == "metric" else {}),
             **{key: reference.about[key] for key in _KEPT if key in reference.about},
             **record,
             "puckbench_version": __version__,

@@ -19,26 +19,16 @@ PEAK_M = 30.0
 """Of PSNRs of clouds in metres: 30,000 steps of 1 mm, MPEG's for such data."""
 
 
-def returns_file(cloud: Path) -> Path:
-    """Where the returns of a cloud lie."""
-    return cloud.with_suffix(".parquet")
-
-
-def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """A cloud that was read from a file, with the returns beside it, where there are any."""
-    beside = returns_file(path)
-    return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
-
-
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
     """Take a scan's or a recording's returns as a cloud in the sensor's frame, with normals.
 
-    clean: take a scan's true ranges.
+    clean: take a scan's true ranges. error_model: name of the scan's, for tables.
     """
 
     neighbours: int = Field(30, ge=3)
     clean: bool = False
+    error_model: str = ""
 
     def run(
         self,
@@ -65,7 +55,9 @@ class PrepareReturns(Job):
         points = found.points()
         if len(points) == 0:
             raise InputError(f"{source}: there is no return")
-        described = {**kept_descriptions(about), **described, **_timing(found), "peak": PEAK_M}
+        named = {"error_model": self.error_model} if self.error_model else {}
+        described = {**kept_descriptions(about), **described, **named, **_timing(found)}
+        described["peak"] = PEAK_M
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]
@@ -82,6 +74,7 @@ def _read(path: Path, clean: bool) -> tuple[Returns, PointCloud | None, dict[str
     from puckbench.io.columns import metadata_of
     from puckbench.lidar.scan_returns import returns_of_scan, true_points
     from puckbench.lidar.scan_table import ScanTable, read_scan
+    from puckbench.metrics.returns import entropy_bits
 
     if ScanTable.declared.key.encode() not in metadata_of(path):
         returns = read_firings(path)
@@ -89,6 +82,10 @@ def _read(path: Path, clean: bool) -> tuple[Returns, PointCloud | None, dict[str
     table = read_scan(path)
     found = returns_of_scan(table, clean)
     known = {"source": path.name, "sensor": found.returns.sensor, "errors": table.about["errors"]}
+    rows = table.select(found.rows)
+    noise = rows["distance_noisy"] - rows["distance"]
+    lasers = rows["frame"] * found.returns.beams.lasers + rows["laser_id"]
+    known["noise_bits"] = 0.0 if clean else entropy_bits(noise, lasers, found.returns.quantum_m)
     true = PointCloud(true_points(table, found))
     if found.still_at is not None:  # of a moving sensor the world's normals turn with each step
         known["origin"] = found.still_at.tolist()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from puckbench.metrics.frames import FRAME
 from puckbench.metrics.registry import TABLES
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ _FIRST = (
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
+_OF_SPINS = ("turns", "seconds", "firings", "noise_bits", "error_model")
 _COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
 _SUMMARY = (
     "bpp",
@@ -83,9 +85,9 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
     Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
-    (``scale`` converts them to metres). Columns that start with ``truth_`` are measured against the
-    true surface, those with ``clean_`` against the clean scan of the same rays; both are empty
-    where there is none.
+    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). Columns that
+    start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
+    clean scan of the same rays; both are empty where there is none.
     """
     return [read_json(file) for file in files]
 
@@ -98,12 +100,15 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
     distance to the nearest point (m), points per square metre (median, 5 and 95 %) and share of
-    outliers.
+    outliers. Of clouds in metres with a sensor's returns also the number of turns, their time in
+    seconds, and the entropy of the noise in steps of the sensor's ranges (bits).
     """
     about = read_json(file)
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
+    if about["size"] == 0:
+        kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 
@@ -123,7 +128,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     ``truth_...`` is the distance to the true surface, ``clean_...`` that to the clean scan of the
     same rays, in squared units of the scaled cloud and in metres (``..._m``).
     """
-    kept = (*CLOUD_KEYS, "group", "scale")
+    kept = (*CLOUD_KEYS, "group", "scale", FRAME)
     return [
         {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
         for row in metric_rows(files)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.columns import Columns, Declared, Table, read_table, write_table
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
@@ -268,6 +268,17 @@ def read_firings(path: Path) -> Returns:
             return Returns(beams, layout, turns, about["quantum_m"], about["sensor"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError("not a whole table of firings") from error
+
+
+def returns_file(cloud: Path) -> Path:
+    """Where the returns of a cloud lie."""
+    return cloud.with_suffix(".parquet")
+
+
+def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
+    """A cloud that was read from a file, with the returns beside it, where there are any."""
+    beside = returns_file(path)
+    return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 
 
 def _tuples(value: Any) -> Any:

@@ -29,6 +29,8 @@ STUDY = "sensor_study"
 """Needed of a configuration: the sensor study."""
 SEVERAL_CODECS = "codecs"
 """Needed of a configuration: a codec beside the anchor of Bjontegaard deltas."""
+SPINS_OR_RECORDINGS = "metric"
+"""Needed of a configuration: clouds in metres that carry the returns of a sensor."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,8 @@ class TableEntry:
     thesis
         Number of the thesis's table; empty for others.
     needs
-        What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`, or the table's
-        own name where only a plan can tell.
+        What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
+        `SPINS_OR_RECORDINGS`, or the table's own name where only a plan can tell.
     rule
         The rule of the workflow that makes the table, where it has one of its own.
     """

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -51,6 +53,33 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
         most = max(most, float(np.abs(error).max(initial=0.0)))
     rms = {"range_rms_mm": float(np.sqrt(squared / both)), "range_max_mm": most} if both else {}
     return {**rms, "returns_lost": lost, "returns_added": added}
+
+
+def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
+    """Entropy of noise in whole steps: the bits that coding it takes at least.
+
+    Parameters
+    ----------
+    noise
+        (n,) in the unit of `step`.
+    groups
+        (n,) at least 0; the mean of each group (of a laser in a turn) can be learnt, and is taken
+        off.
+    step
+        What it is rounded to.
+
+    References
+    ----------
+    G. A. Miller, "Note on the bias of information estimates", 1955: half a nat for each value but
+    one over the number of samples is added.
+    """
+    means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
+    counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
+    if len(counts) < 2:
+        return 0.0
+    shares = counts / counts.sum()
+    nats = -float(shares @ np.log(shares)) + (len(counts) - 1) / (2 * len(noise))
+    return nats / float(np.log(2))
 
 
 def keeping_up(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:

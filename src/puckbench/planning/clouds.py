@@ -100,7 +100,8 @@ class CloudJobs:
         """Crop, estimate normals and scale; or take a sensor's returns as they are."""
         settings = self.dataset(dataset).settings
         if self.dataset(dataset).has_returns:
-            return planned(PrepareReturns(neighbours=settings.neighbours))
+            model = settings.errors if settings.is_scan else ""
+            return planned(PrepareReturns(neighbours=settings.neighbours, error_model=model))
         crop = settings.crop if settings.is_scan else "none"
         if settings.size == "metric":
             record = Prepare(crop="none", size=0, neighbours=settings.neighbours, peak=PEAK_M)

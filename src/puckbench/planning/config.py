@@ -339,6 +339,9 @@ class ExamplesConfig(Model):
     raw: CloudName | None = Field(None, description="A room.")
     clean: CloudName | None = Field(None, description="The room scanned without noise.")
     noisy: CloudName | None = Field(None, description="The room scanned with noise.")
+    spin: CloudName | None = Field(
+        None, description="A turn of a sensor, virtual or real (`size: metric`)."
+    )
 
     def given(self) -> dict[str, str]:
         """Kind -> cloud, of those that are named."""
@@ -361,7 +364,7 @@ class FiguresConfig(Model):
     examples: ExamplesConfig = Field(
         ExamplesConfig(),
         description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
-        "`clean`, `noisy`; a figure is drawn when all that it shows are named.",
+        "`clean`, `noisy`, `spin`; a figure is drawn when all that it shows are named.",
     )
     stand_in: Options = Field(
         {}, description="Keys of `figures` that are others with `stand_in: true`."

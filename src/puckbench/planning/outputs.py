@@ -13,6 +13,8 @@ from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import (
     BOTH_GPCC,
     FIGURES,
+    SEVERAL_NOISES,
+    SPINS,
     FigureEntry,
     at,
     figure_entries,
@@ -27,6 +29,7 @@ from puckbench.jobs.table import Table
 from puckbench.metrics.registry import (
     SENSOR,
     SEVERAL_CODECS,
+    SPINS_OR_RECORDINGS,
     STUDY,
     TABLES,
     TableEntry,
@@ -44,6 +47,8 @@ from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Drawn as soon as the first codec is through."""
+_OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
+"""Inputs of figures that have rows of clouds in any frame."""
 Inputs = dict[str, str]
 """Name of an input -> its file."""
 
@@ -156,7 +161,9 @@ class OutputJobs:
         return {
             name: {needed: known[needed] for needed in entry.inputs}
             for name, entry in figure_entries().items()
-            if known.keys() >= set(entry.inputs) and self._there >= set(entry.needs)
+            if known.keys() >= set(entry.inputs)
+            and self._there >= set(entry.needs)
+            and (entry.frame in self.plan.frames or not _OF_CLOUDS & set(entry.inputs))
         }
 
     @cache  # noqa: B019
@@ -301,6 +308,7 @@ class OutputJobs:
         there |= set(self._verdicts)
         if plan.datasets and len(plan.codecs) > 1:
             there.add(SEVERAL_CODECS)
+        there |= _of_spins(plan)
         if plan.study is None:
             return there
         return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
@@ -311,3 +319,14 @@ class OutputJobs:
         if dataset not in datasets or cloud not in datasets[dataset].clouds:
             raise InputError(f"figures.examples: no cloud '{name}' in this configuration")
         return f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"
+
+
+def _of_spins(plan: Plan) -> set[str]:
+    """What the configuration has of a sensor's own data."""
+    spins = [data for data in plan.datasets.values() if data.has_returns]
+    there = {SPINS_OR_RECORDINGS} if spins else set()
+    true = [data for data in spins if data.has_true_surface]
+    models = {(data.scenes, data.settings.errors) for data in true}
+    if len(models) > len({data.scenes for data in true}):
+        there.add(SEVERAL_NOISES)
+    return there | ({SPINS} if true else set())

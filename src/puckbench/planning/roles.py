@@ -17,14 +17,19 @@ def dataset_roles(plan: Plan) -> dict[str, str]:
 
     A scan is clean where its error model is ``none``. Clouds that were captured are rooms, and so
     are samples of scenes that come from where those come from that another data set scans; other
-    samples are objects.
+    samples are objects. Clouds in metres are none of the thesis's.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
-    scans = [name for name, data in plan.datasets.items() if data.settings.is_scan]
+    scans = [
+        name
+        for name, data in plan.datasets.items()
+        if data.settings.is_scan and not data.settings.is_metric
+    ]
     scanned = [sources[name] for name in scans]
     return {
         name: _dataset_role(data.settings, sources[name] in scanned)
         for name, data in plan.datasets.items()
+        if not data.settings.is_metric
     }
 
 
@@ -74,7 +79,9 @@ def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
     if datasets and scales:
         chosen = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
         options["gpcc_scales"] = {"codecs": chosen, "scales": scales}
-    if datasets and any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
+    if not datasets:
+        return {}
+    if any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
         options["thesis_medians"] = played
     return options
 

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@TABLES.register("claims", title="The thesis's claims, one by one", category="Claims")
+@TABLES.register(
+    "claims",
+    title="The thesis's claims, one by one",
+    category="Claims",
+    needs=("claims",),
+)
 def claims(
     metrics: pd.DataFrame | None = None,
     clouds: pd.DataFrame | None = None,
