@@ -196,10 +196,14 @@ class Codec(ABC):
         return None
 
     def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
-        """The rates of a cloud of a frame: lengths for one in metres, where the codec has them."""
-        has_unit = getattr(self.options, "unit", None) is not None
-        is_metric = frame == "metric" and self.metric_rates and not has_unit
-        return self.metric_rates if is_metric else self.rates
+        """The rates of a cloud of a frame; none where the codec cannot code such a cloud.
+
+        Of one in metres they are lengths; where a codec has none, its other rates, unless these are
+        steps of a scaled cloud's grid.
+        """
+        if frame != "metric" or getattr(self.options, "unit", None) is not None:
+            return self.rates
+        return self.metric_rates or ({} if self.needs_scaled else self.rates)
 
     def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
         """Refuse a cloud whose frame is not that of the rates; None: it is not known.
@@ -217,7 +221,7 @@ class Codec(ABC):
             Rates are steps of a scaled cloud's grid, and this is none; or they are lengths, and
             this is not in metres.
         """
-        wanted = self.rates_of(frame) if rate is None else (rate,)
+        wanted = (self.rates_of(frame) or self.rates) if rate is None else (rate,)
         if any(name in self.metric_rates for name in wanted):
             if frame == "metric":
                 return

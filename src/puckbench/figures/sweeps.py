@@ -55,7 +55,7 @@ def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     A spin is one or more turns of a sensor, virtual or real, in its own frame. A stream without
     loss stands on the lower edge.
     """
-    return _draw(_in_millimetres(metrics), ERROR, style)
+    return _draw(_in_millimetres(metrics), ERROR, style, own={})
 
 
 @FIGURES.register(
@@ -87,7 +87,7 @@ def _draw(
     metrics: pd.DataFrame,
     quantity: Quantity,
     style: FigureStyle,
-    own: dict[str, float] | None = None,
+    own: dict[str, float],
 ) -> Figure:
     """A panel for each data set; own: distances of the scans themselves, drawn as lines."""
     from matplotlib.lines import Line2D
@@ -155,6 +155,8 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
 def noise_bits_table(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     """Bits per return at the finest rate of each cloud and codec, with the entropy of the noise.
 
+    Scenes that were not scanned under every error model are left out.
+
     Parameters
     ----------
     metrics, clouds
@@ -171,11 +173,13 @@ def noise_bits_table(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFram
         No cloud tells the entropy of its noise.
     """
     needed = ("dataset", "cloud", "error_model", "noise_bits")
-    require_rows(clouds, needed, "clouds")
+    require_rows(clouds, (*needed, "sensor"), "clouds")
     require_numbers(metrics, ("bpp",), "metrics")
-    known = clouds.dropna(subset=["noise_bits"])[list(needed)]
+    known = clouds.dropna(subset=["noise_bits"])
     if known.empty:
         raise InputError("clouds table: no cloud tells the entropy of its noise")
+    models = known.groupby(["cloud", "sensor"])["error_model"].transform("nunique")
+    known = known.loc[models == models.max(), list(needed)]
     finest = metrics.loc[metrics.groupby(["dataset", "cloud", "codec"])["bpp"].idxmax()]
     keys = ["dataset", "cloud"]
     return finest[[*keys, "codec", "rate", "bpp"]].merge(known, on=keys)

@@ -44,7 +44,7 @@ _FIRST = (
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
-_OF_SPINS = ("turns", "seconds", "firings", "noise_bits", "error_model")
+_OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
 _COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
 _SUMMARY = (
     "bpp",

@@ -255,7 +255,7 @@ class Reproduction:
             kinds.append(JobKind("evaluate", count, points, truth=True))
         coding = self.bench.coding
         for curve in coding.curves:
-            if curve.frame != data.frame:
+            if data.name not in coding.datasets(curve):
                 continue
             cells = (count, points, curve.codec, len(curve.rates), repeats)
             surfaces = data.name in coding.measured(curve, surfaces=True)

@@ -82,13 +82,20 @@ class CodingJobs:
         return tuple(
             replace(curve, frame=frame)
             for frame in self.plan.frames
-            for codec in self.plan.codecs
+            for codec in self._coding(frame)
             for curve in _curves(codec, self.plan.rates(codec, frame), self._seconds(codec))
         )
 
+    def _coding(self, frame: Frame) -> list[str]:
+        """The codecs that code any data set in a frame."""
+        sets = self.plan.in_frame(frame)
+        codes = self.plan.codes
+        return [codec for codec in self.plan.codecs if any(codes(codec, name) for name in sets)]
+
     def datasets(self, curve: Curve) -> list[str]:
         """The data sets that a curve is of."""
-        return self.plan.in_frame(curve.frame)
+        sets = self.plan.in_frame(curve.frame)
+        return [name for name in sets if self.plan.codes(curve.codec, name)]
 
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
@@ -117,7 +124,7 @@ class CodingJobs:
         return tuple(
             Curve(codec, tuple(rates), True, frame)
             for frame in self.plan.frames
-            for codec in self.plan.codecs
+            for codec in self._coding(frame)
             if (rates := spread_out(self.plan.rates(codec, frame), count))
         )
 
@@ -128,7 +135,7 @@ class CodingJobs:
         return tuple(
             Curve(codec, (rate,), False, frame)
             for frame in self.plan.frames
-            for codec in self.plan.codecs
+            for codec in self._coding(frame)
             for rate in self.plan.rates(codec, frame)
             if (frame, codec, rate) not in shown
         )

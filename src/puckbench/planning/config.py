@@ -103,6 +103,11 @@ class DataSetConfig(Model):
         description="Where the sensor stands, `[x, y, z]` in m, or a table of scenes and places; "
         "where none is named, at the scene's own place, else at a free one near the middle.",
     )
+    codecs: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
+        Field(
+            None, description="Names of the codecs to run on it; all that can code it if not given."
+        )
+    )
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
         description="Crop a scan to the room's box by its `clean` coordinates, by its `noisy` ones "

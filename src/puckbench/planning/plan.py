@@ -222,8 +222,17 @@ class Plan:
             (dataset, cloud, codec, rate)
             for dataset, cloud in self.clouds
             for codec in self.codecs
+            if self.codes(codec, dataset)
             for rate in self.rates(codec, self.datasets[dataset].frame)
         )
+
+    def codes(self, codec: str, dataset: str) -> bool:
+        """Whether a codec is to code a data set, and can."""
+        data = self.datasets[dataset]
+        wanted = data.settings.codecs
+        is_wanted = wanted is None or codec in wanted
+        can = self.opened[codec].takes == "points" or data.has_returns
+        return is_wanted and can and bool(self.rates(codec, data.frame))
 
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
@@ -283,6 +292,11 @@ class Plan:
         if of_returns(scenes.scenes) and not value.is_metric:
             raise InputError(
                 f"datasets.{name}.size: {scenes.loader} has a sensor's returns (size: {METRIC})"
+            )
+        if unknown := [codec for codec in value.codecs or () if codec not in self.config.codecs]:
+            raise InputError(
+                f"datasets.{name}.codecs: no codec '{unknown[0]}'"
+                f"{among(unknown[0], self.config.codecs)}"
             )
         if value.size == GRID and value.make != "cloud":
             raise InputError(

@@ -53,7 +53,7 @@ def _examples(plan: Plan, rates: int) -> Iterable[Example]:
                 for rate in spread_out(plan.rates(codec, frame), rates)
             }
             for codec in plan.codecs
-            if plan.rates(codec, frame)
+            if plan.codes(codec, dataset)
         }
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal
 
 from puckbench.codecs.base import Parameters
@@ -28,6 +29,7 @@ class GpccArena(Gpcc):
     marker = "X"
     line = "--"
     rank = 70
+    metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     Options = ArenaOptions
     options: ArenaOptions
 
@@ -42,6 +44,7 @@ class GpccDyadic(Gpcc):
     marker = "p"
     line = "-."
     rank = 80
+    metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     rates: Mapping[str, Parameters] = {f"r{n}": {"scale": 2.0 ** (n - 7)} for n in range(1, 8)}
 
 
