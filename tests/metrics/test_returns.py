@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.returns import keeping_up, range_errors
+from puckbench.metrics.returns import entropy_bits, keeping_up, range_errors
 from tests.support.returns import homemade
 
 
@@ -52,3 +52,15 @@ def test_a_codec_keeps_up_with_the_sensor() -> None:
     }
     assert keeping_up({"turns": 2}, row) == {}
     assert keeping_up({"turns": 1, "seconds": 0.1}, {}) == {}
+
+
+def test_entropy_of_noise_is_that_of_its_distribution() -> None:
+    random = np.random.default_rng(5)
+    groups = np.repeat(np.arange(4), 50_000)
+    noise = random.normal(0, 0.01, len(groups)) + np.array([0.3, -0.2, 0.0, 0.1])[groups]
+    # Of a Gaussian of five steps: log2(5 sqrt(2 pi e)).
+    gaussian = np.log2(5 * np.sqrt(2 * np.pi * np.e))
+    assert entropy_bits(noise, groups, 0.002) == pytest.approx(gaussian, abs=0.005)
+    steps = random.integers(0, 8, len(groups)) * 0.002
+    assert entropy_bits(steps, np.zeros(len(groups), int), 0.002) == pytest.approx(3, abs=0.001)
+    assert entropy_bits(np.zeros(50), np.zeros(50, int), 0.002) == 0

@@ -104,9 +104,7 @@ class DataSetConfig(Model):
         "where none is named, at the scene's own place, else at a free one near the middle.",
     )
     codecs: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(
-            None, description="Names of the codecs to run on it; all that can code it if not given."
-        )
+        Field(None, description="Names of the codecs that code it; all that can if not given.")
     )
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",

@@ -1,0 +1,66 @@
+"""The table of what to store a sensor's data in, on rows made by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.metrics.frames import in_frame
+from puckbench.metrics.storage import storage
+
+
+def _rows() -> pd.DataFrame:
+    """Two clouds of a spin with two codecs, and a scaled cloud."""
+    scaled = {"dataset": "objects", "cloud": "a", "codec": "draco", "rate": "r1", "bpp": 3.0}
+    rows = [{**scaled, "d1_rms_m": 0.004}]
+    # The error halves from rate to rate, each of which takes one bit more.
+    table = (("10mm", 1, 8.0), ("5mm", 2, 4.0), ("2mm", 3, 0.0))
+    for cloud, more in (("x", 1.0), ("y", 3.0)):
+        for codec, factor in (("draco", 4.0), ("puck", 1.0)):
+            rows += [
+                {
+                    "dataset": "spins",
+                    "frame": "metric",
+                    "cloud": cloud,
+                    "codec": codec,
+                    "rate": rate,
+                    "bpp": factor * bits * more,
+                    "d1_rms_m": error_mm / 1000,
+                    "mbit_per_s": factor * bits * more / 10,
+                    "encode_real_time": 10 / bits,
+                    "decode_real_time": 20 / bits,
+                }
+                for rate, bits, error_mm in table
+            ]
+    return pd.DataFrame(rows)
+
+
+def test_finest_rates_and_a_common_error() -> None:
+    found = storage(_rows())
+    assert list(found["codec"]) == ["puck", "draco"]  # fewest bits first
+    assert set(found["dataset"]) == {"spins"}
+    puck = found.iloc[0]
+    assert puck["rate"] == "2mm"
+    assert puck["bits_per_return"] == pytest.approx((3 + 9) / 2)
+    assert puck["rms_mm"] == 0
+    assert puck["encode_real_time"] == pytest.approx(10 / 3)
+    assert puck["clouds"] == 2
+    # Between 8 mm for 1 bit and 4 mm for 2, in logarithms.
+    share = (np.log(8) - np.log(5)) / np.log(2)
+    assert puck["bits_at_5_mm"] == pytest.approx(2**share * (1 + 3) / 2)
+
+
+def test_an_error_that_no_rate_has_is_left_empty() -> None:
+    rows = _rows()
+    rows["d1_rms_m"] /= 10
+    assert storage(rows)["bits_at_5_mm"].isna().all()
+
+
+def test_scaled_clouds_have_no_part_in_it() -> None:
+    rows = _rows()
+    assert len(in_frame(rows, "scaled")) == 1
+    assert len(in_frame(rows, "metric")) == 12
+    scaled = rows[rows["dataset"] == "objects"].drop(columns="frame")
+    assert len(in_frame(scaled, "scaled")) == 1
+    with pytest.raises(InputError, match="no results of clouds in metres"):
+        storage(scaled)
