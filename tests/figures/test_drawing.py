@@ -18,8 +18,10 @@ from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.io.tables import read_table
+from puckbench.lidar.returns import returns_file, write_firings
 from puckbench.thesis.figures.example_clouds import round_length
 from tests.support.figures_lookalike import (
     CD_MEDIANS,
@@ -29,11 +31,19 @@ from tests.support.figures_lookalike import (
     recovery_table,
     room_cloud,
     scan_errors_table,
+    sweeps_clouds_table,
+    sweeps_scan_errors_table,
+    sweeps_table,
     thesis_medians_table,
 )
 from tests.support.residuals_lookalike import residual_table, scan_table
+from tests.support.returns import recorded
 
-FROM_METRICS = [name for name, entry in figure_entries().items() if entry.inputs == ("metrics",)]
+FROM_METRICS = [
+    name
+    for name, entry in figure_entries().items()
+    if entry.inputs == ("metrics",) and entry.frame == "scaled"
+]
 
 
 def draw(name: str, style: FigureStyle | None = None, **inputs: Any) -> Figure:
@@ -52,12 +62,13 @@ def lines(axes: Axes) -> dict[str, np.ndarray]:
 def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("inputs")
     files = {"metrics": folder / "metrics.csv", "clouds": folder / "clouds.parquet"}
-    metrics_table(3).to_csv(files["metrics"], index=False)
-    clouds_table(3).to_parquet(files["clouds"])
+    mixed = pd.concat([metrics_table(3), sweeps_table(3)])
+    mixed.to_csv(files["metrics"], index=False)
+    pd.concat([clouds_table(3), sweeps_clouds_table(3)]).to_parquet(files["clouds"])
     residuals = residual_table(50)
     distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
     tables = {
-        "scan_errors": scan_errors_table(),
+        "scan_errors": pd.concat([scan_errors_table(), sweeps_scan_errors_table()]),
         "recovery": recovery_table(),
         "thesis_medians": thesis_medians_table(),
         "gpcc_scales": gpcc_scales_table(),
@@ -74,6 +85,9 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for version, noise_m in {"object": 0.0, "raw": 0.0, "clean": 0.0, "noisy": 0.03}.items():
         files[f"example_{version}"] = folder / f"{version}.ply"
         write_cloud(files[f"example_{version}"], room_cloud(20_000, noise_m))
+    files["example_spin"] = folder / "spin.ply"
+    write_cloud(files["example_spin"], PointCloud(recorded().points(), about={"size": 0}))
+    write_firings(returns_file(files["example_spin"]), recorded())
     return files
 
 

@@ -84,6 +84,61 @@ def scan_errors_table() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def sweeps_table(clouds: int = 4) -> pd.DataFrame:
+    """Results of spins under two error models with two codecs, each a bit more for half the error.
+
+    Puck's last rate is without loss; spins of a recording have no truth.
+    """
+    rng = generator(7, "sweeps")
+    rows = []
+    for dataset, far_m in (("rooms", 0.0), ("rooms_vlp16", 0.01), ("recording", np.nan)):
+        for cloud in range(clouds):
+            spread = float(np.exp(0.1 * rng.normal()))
+            for codec, most in (("gpcc", 4.0), ("puck", 1.0)):
+                for number, length in enumerate((100, 50, 20, 10)):
+                    lossless = codec == "puck" and length == 10
+                    error = 0.0 if lossless else length / 3000 * spread
+                    rows.append(
+                        {
+                            "dataset": dataset,
+                            "frame": "metric",
+                            "cloud": f"cloud_{cloud}",
+                            "codec": codec,
+                            "rate": f"{length}mm",
+                            "bpp": most * (number + 1) * spread,
+                            "d1_rms_m": error,
+                            "truth_d2_rms_m": np.hypot(error, far_m),
+                        }
+                    )
+    return pd.DataFrame(rows)
+
+
+def sweeps_scan_errors_table() -> pd.DataFrame:
+    """The spins themselves: without errors, and with some of 10 mm."""
+    rows = [("rooms", 0.0005), ("rooms_vlp16", 0.01)]
+    return pd.DataFrame(
+        {"dataset": name, "frame": "metric", "cloud": "cloud_0", "truth_d2_rms_m": far}
+        for name, far in rows
+    )
+
+
+def sweeps_clouds_table(clouds: int = 4) -> pd.DataFrame:
+    """The spins' clouds, with the entropy of their noise; a recording's is not known."""
+    rows = [("rooms", "none", 0.0), ("rooms_vlp16", "vlp16", 4.4), ("recording", None, np.nan)]
+    return pd.DataFrame(
+        {
+            "dataset": dataset,
+            "frame": "metric",
+            "cloud": f"cloud_{cloud}",
+            "sensor": "VLP-16",
+            "error_model": model,
+            "noise_bits": bits,
+        }
+        for dataset, model, bits in rows
+        for cloud in range(clouds)
+    )
+
+
 def recovery_table() -> pd.DataFrame:
     """Recovery of one codec's primitives at three rates, and a rate without primitives."""
     rows = [

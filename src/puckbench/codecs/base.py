@@ -196,14 +196,12 @@ class Codec(ABC):
         return None
 
     def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
-        """The rates of a cloud of a frame; none where the codec cannot code such a cloud.
+        """The rates of a cloud of a frame, none where the codec has none: lengths of one in metres.
 
-        Of one in metres they are lengths; where a codec has none, its other rates, unless these are
-        steps of a scaled cloud's grid.
+        With an option `unit` all rates are of clouds in metres.
         """
-        if frame != "metric" or getattr(self.options, "unit", None) is not None:
-            return self.rates
-        return self.metric_rates or ({} if self.needs_scaled else self.rates)
+        has_unit = getattr(self.options, "unit", None) is not None
+        return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
         """Refuse a cloud whose frame is not that of the rates; None: it is not known.

@@ -58,7 +58,11 @@ def compare(
     chosen = list(codecs)
     for codec in chosen:
         codec.check_frame(cloud.frame)
-    cells = [(codec, rate) for codec in map(ready, chosen) for rate in codec.rates_of(cloud.frame)]
+    cells = [
+        (codec, rate)
+        for codec in map(ready, chosen)
+        for rate in codec.rates_of(cloud.frame) or codec.rates
+    ]
     reference = Reference(cloud)
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
 

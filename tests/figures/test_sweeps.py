@@ -1,0 +1,74 @@
+"""Figures of clouds in metres: what is drawn where."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from puckbench.core.errors import InputError
+from puckbench.figures.plot_styles import codec_style
+from puckbench.figures.registry import figure_entry
+from puckbench.figures.style import FigureStyle
+from puckbench.figures.sweeps import noise_bits_table
+from puckbench.geometry.cloud import PointCloud
+from tests.support.figures_lookalike import (
+    sweeps_clouds_table,
+    sweeps_scan_errors_table,
+    sweeps_table,
+)
+from tests.support.returns import recorded
+
+
+def draw(name: str, **inputs: Any) -> Figure:
+    style = FigureStyle()
+    with style.context():
+        figure: Figure = figure_entry(name).draw(**inputs, style=style)
+    return figure
+
+
+def test_errors_are_in_millimetres_over_bits() -> None:
+    figure = draw("sweeps_rd", metrics=sweeps_table(clouds=1))
+    assert len(figure.axes) == 3
+    for axes in figure.axes:
+        drawn = {line.get_color(): line.get_xydata() for line in axes.get_lines()}
+        gpcc = drawn[codec_style("gpcc").colour]
+        rows = sweeps_table(clouds=1).query("codec == 'gpcc' and dataset == 'rooms'")
+        if axes is figure.axes[0]:
+            np.testing.assert_allclose(gpcc[:, 1], 1000 * rows["d1_rms_m"])
+            np.testing.assert_allclose(gpcc[:, 0], rows["bpp"])
+        (left, right), low = axes.get_xlim(), axes.get_ylim()[0]
+        assert ((left <= gpcc[:, 0]) & (gpcc[:, 0] <= right)).all()
+        # A stream without loss stands on the lower edge.
+        assert drawn[codec_style("puck").colour][-1, 1] == pytest.approx(low)
+
+
+def test_a_recording_has_no_panel_of_the_truth_and_the_scan_a_line() -> None:
+    figure = draw("sweeps_truth", metrics=sweeps_table(), scan_errors=sweeps_scan_errors_table())
+    assert len(figure.axes) == 2
+    level = [line for line in figure.axes[1].get_lines() if len(set(line.get_ydata())) == 1]
+    assert 10.0 in [line.get_ydata()[0] for line in level]
+
+
+def test_noise_is_compared_in_the_same_scenes() -> None:
+    clouds = sweeps_clouds_table(3)
+    once = clouds[(clouds["error_model"] != "vlp16") | (clouds["cloud"] != "cloud_2")]
+    found = noise_bits_table(sweeps_table(3), once)
+    assert set(found["cloud"]) == {"cloud_0", "cloud_1"}
+    assert set(found["dataset"]) == {"rooms", "rooms_vlp16"}
+    assert set(found["rate"]) == {"10mm"}
+    figure = draw("noise_cost", metrics=sweeps_table(3), clouds=once)
+    (axes,) = figure.axes
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["none", "vlp16"]
+    assert axes.get_lines()[-1].get_ydata() == pytest.approx([0.0, 4.4])
+
+
+def test_nothing_to_draw_is_an_input_error() -> None:
+    with pytest.raises(InputError, match="no rows, nothing to draw"):
+        draw("sweeps_rd", metrics=sweeps_table(1).iloc[:0])
+    recordings = sweeps_clouds_table(2).query("dataset == 'recording'")
+    with pytest.raises(InputError, match="no cloud tells the entropy"):
+        noise_bits_table(sweeps_table(2), pd.DataFrame(recordings))
+    with pytest.raises(InputError, match="carries no returns"):
+        draw("spin_images", example_spin=PointCloud(recorded().points()))
