@@ -64,7 +64,7 @@ class GridCodec(Codec):
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
-    metric_rates = lengths()
+    metric_rates: Mapping[str, Parameters] = lengths()
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"
