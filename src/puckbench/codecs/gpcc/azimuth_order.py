@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.gpcc.compiled import entry, integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, integer
+from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import Ints
 
 Keys = NDArray[np.float64]
@@ -73,7 +74,7 @@ def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
     return True
 
 
-@kernel
+@inlined
 def _is_before(keys: Keys, a: int, b: int) -> bool:
     column = 0
     while column < 2 and keys[a, column] == keys[b, column]:
@@ -82,7 +83,7 @@ def _is_before(keys: Keys, a: int, b: int) -> bool:
     return before
 
 
-@kernel
+@inlined
 def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
     """Put rows before those that are after the median of three; the first of the latter."""
     chosen = _median(rows, keys, first + 1, first + (end - first) // 2, end - 1)
@@ -101,7 +102,7 @@ def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
         low += 1
 
 
-@kernel
+@inlined
 def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
     """Which of three places holds the middle row."""
     if _is_before(keys, rows[a], rows[b]):
@@ -113,7 +114,7 @@ def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
     return c if _is_before(keys, rows[b], rows[c]) else b
 
 
-@kernel
+@inlined
 def _insert(rows: Ints, keys: Keys, place: int) -> None:
     """Move a row to its place among those before it."""
     row = integer(rows[place])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import Ints
 
 Int32s = NDArray[np.int32]
@@ -122,21 +123,21 @@ def _build(search: Search, tree: int) -> None:
         depth += 2
 
 
-@kernel
+@inlined
 def _push(stack: Ints, depth: int, node: int, first: int, end: int) -> None:
     stack[depth, 0] = node
     stack[depth, 1] = first
     stack[depth, 2] = end
 
 
-@kernel
+@inlined
 def _make_leaf(search: Search, node: int, first: int, end: int) -> None:
     search.nodes[node, 0] = -1
     search.nodes[node, 1] = first
     search.nodes[node, 2] = end
 
 
-@kernel
+@inlined
 def _range_of(search: Search, first: int, end: int, axis: int) -> tuple[int, int]:
     """Least and greatest coordinate of some rows."""
     low = high = integer(search.positions[search.rows[first], axis])
@@ -146,7 +147,7 @@ def _range_of(search: Search, first: int, end: int, axis: int) -> tuple[int, int
     return low, high
 
 
-@kernel
+@inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
     """Axis, place of the cut, and the first row above it; rows are put on their side.
 
@@ -172,7 +173,7 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
     return axis, cut, first + middle
 
 
-@kernel
+@inlined
 def _parted(search: Search, left: int, first: int, end: int, axis: int, cut: int) -> int:
     """Put rows from `left` on that are less than `cut` before the others; the first of these."""
     rows, positions, right = search.rows, search.positions, end - 1
@@ -201,7 +202,7 @@ def nearest(search: Search, x: int, y: int, z: int) -> int:
     return found
 
 
-@kernel
+@inlined
 def _search_tree(search: Search, tree: int, found: int, x: int, y: int, z: int) -> int:
     """Search one tree, the nearer half of every node first; how many are found now."""
     stack, box, at = search.stack, search.boxes[tree], (x, y, z)
@@ -238,7 +239,7 @@ def _search_tree(search: Search, tree: int, found: int, x: int, y: int, z: int) 
     return found
 
 
-@kernel
+@inlined
 def _search_leaf(search: Search, node: int, found: int, at: tuple[int, int, int]) -> int:
     for k in range(search.nodes[node, 1], search.nodes[node, 2]):
         row = integer(search.rows[k])
@@ -249,7 +250,7 @@ def _search_leaf(search: Search, node: int, found: int, at: tuple[int, int, int]
     return found
 
 
-@kernel
+@inlined
 def _keep(search: Search, found: int, row: int, distance: int) -> int:
     """Put a row among the nearest, after those that are as near."""
     if distance >= search.distances[NEIGHBOURS - 1] and found == NEIGHBOURS:

@@ -108,7 +108,7 @@ def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
     return 1 + code_exp_golomb(coder, contexts, CTX_NUM_DUP_POINTS, count - 1)
 
 
-@kernel
+@inlined
 def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
     """Code a number of children, 0 to 3; one is the shortest, then none, then three."""
     value = count ^ 1
@@ -119,7 +119,7 @@ def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
     return 3 - code_bit(coder, contexts, CTX_NUM_CHILDREN + 2, integer(value > 2))
 
 
-@kernel
+@inlined
 def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
     """Code which prediction is used."""
     high = code_bit(coder, contexts, CTX_PRED_MODE, mode >> 1)
@@ -164,7 +164,7 @@ def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
     return -size if code_bit(coder, contexts, CTX_QP_OFFSET_SIGN, integer(offset < 0)) else size
 
 
-@kernel
+@inlined
 def code_residual(
     coder: Any, contexts: Probabilities, tools: Tools, mode: int, residual: Three
 ) -> Three:
@@ -178,7 +178,7 @@ def code_residual(
     return first, second, third
 
 
-@kernel
+@inlined
 def _code_component(
     coder: Any,
     contexts: Probabilities,
@@ -203,7 +203,7 @@ def _code_component(
     return (-size if negative else size), bits
 
 
-@kernel
+@inlined
 def code_num_bits(
     coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
 ) -> int:
@@ -218,7 +218,7 @@ def code_num_bits(
     return node ^ 1 << width
 
 
-@kernel
+@inlined
 def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
     """Code the residual in x, y, z of a point predicted in spherical coordinates."""
     return (
@@ -228,7 +228,7 @@ def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Thre
     )
 
 
-@kernel
+@inlined
 def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
     if not code_bit(coder, contexts, CTX_RESIDUAL2_GT + axis, integer(value != 0)):
         return 0
@@ -259,7 +259,7 @@ def scaled(value: int, qp: int) -> int:
     return wrapped((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 
-@kernel
+@inlined
 def ancestors(parents: NDArray[np.int32], node: int) -> Three:
     """Parent, grandparent and great-grandparent of a node; -1 where there is none."""
     first = integer(parents[node])
@@ -268,7 +268,7 @@ def ancestors(parents: NDArray[np.int32], node: int) -> Three:
     return first, second, third
 
 
-@kernel
+@inlined
 def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
     """A prediction from ancestors, which have to be there for the mode."""
     a, b, c = before
@@ -308,7 +308,7 @@ def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
             return done
 
 
-@kernel
+@inlined
 def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, done: int) -> int:
     """Decode a tree that begins with point number `done`; the number of points after it."""
     count, pending = len(nodes.parents), 1
@@ -344,7 +344,7 @@ def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
     return done
 
 
-@kernel
+@inlined
 def _decode_position(
     coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, node: int, qp: int
 ) -> bool:

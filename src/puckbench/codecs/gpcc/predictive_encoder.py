@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit
-from puckbench.codecs.gpcc.compiled import entry, integer, kernel
+from puckbench.codecs.gpcc.compiled import entry, integer
 from puckbench.codecs.gpcc.prediction_tree import ROOT, PredictionTree
 from puckbench.codecs.gpcc.predictive import (
     CTX_END_OF_TREES,
@@ -99,7 +99,7 @@ def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given
         progress[2] = 0
 
 
-@kernel
+@inlined
 def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
     """Code the nodes that are on the stack, and what hangs on them."""
     tree, progress = given.tree, given.progress
@@ -125,7 +125,7 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
     return DONE
 
 
-@kernel
+@inlined
 def _encode_position(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
 ) -> bool:
@@ -146,7 +146,7 @@ def _encode_position(
     return True
 
 
-@kernel
+@inlined
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
@@ -184,7 +184,7 @@ def quantised(value: int, qp: int) -> int:
     return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 
-@kernel
+@inlined
 def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
     """The prediction of a node that is estimated to cost least, and whether it can be coded."""
     before = ancestors(given.tree.parents, node)
@@ -202,7 +202,7 @@ def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> 
     return fits, best
 
 
-@kernel
+@inlined
 def _predict(tools: Tools, given: Given, node: int, before: Three, mode: int) -> Choice:
     positions = given.positions
     a, b, c = predicted(positions, before, mode, tools)
@@ -231,7 +231,7 @@ def _predict(tools: Tools, given: Given, node: int, before: Three, mode: int) ->
     return Choice(mode, steps, (a, b, c), (first - a, arc, third - c))
 
 
-@kernel
+@inlined
 def _is_representable(tools: Tools, residual: Three) -> bool:
     for axis in range(3):
         bits = (1 << tools.resid_abs_log2_bits[axis]) - 1
@@ -247,7 +247,7 @@ def _bit_cost(contexts: Probabilities, context: int, bit: int) -> Any:
     return _COSTS[128 - zero if bit else zero]
 
 
-@kernel
+@inlined
 def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
     """Bits that a choice takes, nearly."""
     mode, residual = choice.mode, choice.residual
@@ -279,7 +279,7 @@ def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
     return bits
 
 
-@kernel
+@inlined
 def _with_steps(contexts: Probabilities, steps: int, bits: Any) -> Any:
     """`bits`, and those that steps of the azimuth take."""
     bits += _bit_cost(contexts, CTX_PHI_GT, integer(steps != 0))

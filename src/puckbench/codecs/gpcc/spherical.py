@@ -104,7 +104,7 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
     return integer(_SINES[index] + ((rise + ((1 << shift) >> 1)) >> shift))
 
 
-@kernel
+@inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
     """Coordinates x, y, z from the sensor."""
     r = wrapped(radius << around.radius_log2)
