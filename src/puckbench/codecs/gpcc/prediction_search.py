@@ -88,14 +88,13 @@ def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def _build(search: Search, tree: int) -> None:
-    """Build a tree of the rows that are at its place."""
+    """Build a tree of the rows that are at its place; small ones are searched without."""
+    if tree <= _LEAF_LOG2:
+        return
     start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
     for axis in range(3):
         box[0, axis], box[1, axis] = _range_of(search, start, start + size, axis)
     root = 2 * start
-    if tree <= _LEAF_LOG2:
-        _make_leaf(search, root, start, start + size)
-        return
     used, depth = root + 1, 1
     _push(search.stack, 0, root, start, start + size)
     for axis in range(3):
@@ -196,16 +195,18 @@ def nearest(search: Search, x: int, y: int, z: int) -> int:
     search.distances[NEIGHBOURS - 1] = _FAR
     tree = 0
     while count >> tree:
-        if count >> tree & 1:
-            found = _search_tree(search, tree, found, x, y, z)
+        if count >> tree & 1 and tree <= _LEAF_LOG2:
+            found = _search_leaf(search, 1 << tree, 2 << tree, found, (x, y, z))
+        elif count >> tree & 1:
+            found = _search_tree(search, tree, found, (x, y, z))
         tree += 1
     return found
 
 
 @inlined
-def _search_tree(search: Search, tree: int, found: int, x: int, y: int, z: int) -> int:
+def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]) -> int:
     """Search one tree, the nearer half of every node first; how many are found now."""
-    stack, box, at = search.stack, search.boxes[tree], (x, y, z)
+    stack, box = search.stack, search.boxes[tree]
     stack[0, 0] = 2 << tree
     stack[0, 1] = 0
     for axis in range(3):
@@ -235,13 +236,15 @@ def _search_tree(search: Search, tree: int, found: int, x: int, y: int, z: int) 
             stack[depth, 2 + axis] = off
             depth += 1
             node = integer(search.nodes[node, nearer])
-        found = _search_leaf(search, node, found, at)
+        first, end = integer(search.nodes[node, 1]), integer(search.nodes[node, 2])
+        found = _search_leaf(search, first, end, found, at)
     return found
 
 
 @inlined
-def _search_leaf(search: Search, node: int, found: int, at: tuple[int, int, int]) -> int:
-    for k in range(search.nodes[node, 1], search.nodes[node, 2]):
+def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
+    """Search the rows of a leaf, or of a small tree; how many are found now."""
+    for k in range(first, end):
         row = integer(search.rows[k])
         dx = at[0] - search.positions[row, 0]
         dy = at[1] - search.positions[row, 1]
