@@ -123,6 +123,8 @@ class Codec(ABC):
     """Of clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
     takes: ClassVar[Literal["points", "returns"]] = "points"
     """What is coded of a cloud: its points, or the returns of the sensor that measured it."""
+    uses_sensor: bool = False
+    """Whether a codec of points codes them better where it is given the returns with them."""
     Options: type[Model] = Model
     """The model of its options; by default it has none."""
     options: Any

@@ -23,7 +23,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: Frame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud for a codec, with its returns where the codec takes those.
+    """Read a cloud for a codec, with its returns where the codec takes or uses those.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ def to_code(
     cloud = read_cloud(path)
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
-    return with_returns(cloud, path) if codec.takes == "returns" else cloud
+    wanted = codec.takes == "returns" or codec.uses_sensor
+    return with_returns(cloud, path) if wanted else cloud
 
 
 class Encoding(TimedJob):
