@@ -6,7 +6,7 @@
 All decoders share the seconds; with --streams each gets that many streams instead. Every other one
 is structured: fields at their limits, written by the codecs' own writers
 (tests/support/structured_streams.py). The others are small clouds coded at several rates, for
-`gpcc` the conformance vectors, damaged by tests/support/stream_damage.py, half of them with check
+G-PCC the conformance vectors, damaged by tests/support/stream_damage.py, half of them with check
 sums that fit again. Number N is the same in every run. Each decoder has a process of its own, whose
 compiled loops check every index; that is slow, so that limits of time are CHECKED_FACTOR as long.
 With --unchecked it runs as users run it, with the real limits.
@@ -57,6 +57,10 @@ ADDRESS_SPACE = 2**32
 """Bytes that a decoder may ask for beyond what it had: what is refused must end cleanly, too."""
 AWAKE = 20
 """Wall clock to processor time, at most, before a decoder counts as hanging."""
+
+
+VECTORS = {"gpcc": "*.bin", "gpcc_predictive": "t[ru]*_*.bin"}
+"""Conformance vectors of a decoder."""
 
 
 class Line(NamedTuple):
@@ -145,9 +149,9 @@ def streams(decoder: str, codec: Any) -> list[bytes]:
     if decoder in OTHERS:
         whole: list[bytes] = codec.streams()
         return whole
-    if decoder == "gpcc":
-        files = sorted((ROOT / "tests" / "data" / "gpcc").glob("*.bin"))
-        return [file.read_bytes() for file in files]
+    if decoder in VECTORS:
+        folder = ROOT / "tests" / "data" / "gpcc"
+        return [file.read_bytes() for file in sorted(folder.glob(VECTORS[decoder]))]
     rates = list(codec.rates)[:: max(1, len(codec.rates) // 3)]
     coded = [(cloud, rate) for cloud in clouds() for rate in rates]
     found = [codec.encode(cloud, rate) for cloud, rate in coded]

@@ -147,6 +147,53 @@ def gpcc(streams: Sequence[bytes], random: Random) -> bytes:
     return b"".join(parts) + syntax.encapsulate(2, unit) * int(random.choice([1, 1, 2, 1000]))
 
 
+def gpcc_predictive(streams: Sequence[bytes], random: Random) -> bytes:
+    """Prediction trees with the fields of sensors, QPs and residuals at their limits."""
+    signs = [int(random.choice([-1, 1])) for _ in range(3)]
+    angular, scaled = int(random.random() < 0.7), int(random.random() < 0.5)
+    each_slice, wide = int(random.integers(2)), random.random() < 0.2
+    count = min(max(limit(random, 11), 1), syntax.MAX_LASERS) if random.random() < 0.3 else 16
+    theta = [limit(random, 29 if wide else 19) * int(random.choice([-1, 1])) for _ in range(count)]
+    origin = {"bits_minus1": 30, "xyz": tuple(sign * limit(random, 31) for sign in signs)}
+    gps = syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(random.integers(2)), geom_tree_type=syntax.PREDICTIVE,
+        geom_angular_mode_enabled_flag=angular, geom_slice_angular_origin_present_flag=each_slice,
+        geom_angular_azimuth_scale_log2_minus11=min(limit(random, 5), 19),
+        geom_angular_azimuth_speed_minus1=limit(random, 32),
+        geom_angular_radius_inv_scale_log2=min(limit(random, 5), 31),
+        lasers=[syntax.Laser(tan, signs[k % 3] * limit(random, 29)) for k, tan in enumerate(theta)],
+        geom_scaling_enabled_flag=scaled, geom_base_qp=limit(random, 8),
+        geom_qp_multiplier_log2=limit(random, 2), geom_qp_offset_intvl_log2=limit(random, 6),
+        gps_extension_flag=1, azimuth_scaling_enabled_flag=int(random.integers(2)),
+        **{f"gps_angular_origin_{key}": value for key, value in origin.items()},
+    )  # fmt: skip
+    widths = [int(random.choice([0, 3, 4, 5, 5, 6, 7])) for _ in range(3)]
+    header = syntax.GeometryHeader(
+        slice_geom_origin_bits_minus1=40, slice_geom_origin_xyz=(limit(random, 31), 0, 1),
+        geom_slice_qp_offset=signs[0] * limit(random, 8) * int(random.random() < 0.3),
+        geom_qp_offset_intvl_log2_delta=limit(random, 32) * int(random.random() < 0.3),
+        pgeom_resid_abs_log2_bits=(widths[0], widths[1], widths[2]),
+        pgeom_min_radius=limit(random, 32),
+        **{f"gdu_angular_origin_{key}": value for key, value in origin.items()},
+    )  # fmt: skip
+    sps = syntax.SequenceParameterSet(
+        seq_origin_bits=1, geom_axis_order=int(random.integers(8)),
+        bypass_stream_enabled_flag=int(random.random() < 0.1),
+    )  # fmt: skip
+    coded = data(random)
+    if random.random() < 0.6:  # what decodes to trees
+        coded = streams[random.integers(len(streams))][150 : limit(random, 12) + 150]
+    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    unit = syntax.written(syntax.geometry_header, header, sps, gps) + coded
+    parts = [
+        syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
+        syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
+        syntax.encapsulate(2, unit + syntax.footer_bytes(footer))
+        * int(random.choice([1, 1, 1, 1000])),
+    ]
+    return b"".join(parts)
+
+
 def _change(record: Any, random: Random, share: float) -> None:
     """Give some of a record's numbers, flags as a rule, other values."""
     for field in fields(record):
@@ -255,6 +302,7 @@ _NETS = "puckbench.codecs.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,
+    "gpcc_predictive": gpcc_predictive,
     "puck": puck,
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
     "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),

@@ -58,7 +58,6 @@ class GpccPredictive(GridCodec):
     pace = Pace(0.05, 4.0)
     uses_sensor = True
     metric_rates: Mapping[str, Parameters] = {
-        **_coarse(8, 7),
         **_coarse(7, 7),
         **_coarse(5, 8),
         **_coarse(4, 9),
