@@ -92,8 +92,7 @@ def _build(search: Search, tree: int) -> None:
     if tree <= _LEAF_LOG2:
         return
     start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
-    for axis in range(3):
-        box[0, axis], box[1, axis] = _range_of(search, start, start + size, axis)
+    _find_box(search, start, start + size, box)
     root = 2 * start
     used, depth = root + 1, 1
     _push(search.stack, 0, root, start, start + size)
@@ -108,8 +107,8 @@ def _build(search: Search, tree: int) -> None:
             continue
         axis, cut, middle = _split(search, first, end, search.stack[depth])
         search.nodes[node, 0] = axis
-        search.nodes[node, 1] = _range_of(search, first, middle, axis)[1]
-        search.nodes[node, 2] = _range_of(search, middle, end, axis)[0]
+        search.nodes[node, 1] = _greatest(search, first, middle, axis)
+        search.nodes[node, 2] = _least(search, middle, end, axis)
         search.nodes[node, 3] = used
         search.nodes[node, 4] = used + 1
         for k in range(3, 9):
@@ -137,13 +136,41 @@ def _make_leaf(search: Search, node: int, first: int, end: int) -> None:
 
 
 @inlined
-def _range_of(search: Search, first: int, end: int, axis: int) -> tuple[int, int]:
-    """Least and greatest coordinate of some rows."""
-    low = high = integer(search.positions[search.rows[first], axis])
+def _find_box(search: Search, first: int, end: int, box: Ints) -> None:
+    """Least and greatest coordinates of some rows."""
+    row = search.rows[first]
+    ax, ay, az = _position(search, row)
+    bx, by, bz = ax, ay, az
     for k in range(first + 1, end):
-        value = integer(search.positions[search.rows[k], axis])
-        low, high = min(low, value), max(high, value)
-    return low, high
+        x, y, z = _position(search, search.rows[k])
+        ax, ay, az = min(ax, x), min(ay, y), min(az, z)
+        bx, by, bz = max(bx, x), max(by, y), max(bz, z)
+    box[0, 0], box[0, 1], box[0, 2] = ax, ay, az
+    box[1, 0], box[1, 1], box[1, 2] = bx, by, bz
+
+
+@inlined
+def _position(search: Search, row: int) -> tuple[int, int, int]:
+    positions = search.positions
+    return integer(positions[row, 0]), integer(positions[row, 1]), integer(positions[row, 2])
+
+
+@inlined
+def _greatest(search: Search, first: int, end: int, axis: int) -> int:
+    """Greatest coordinate of some rows."""
+    most = search.positions[search.rows[first], axis]
+    for k in range(first + 1, end):
+        most = max(most, search.positions[search.rows[k], axis])
+    return integer(most)
+
+
+@inlined
+def _least(search: Search, first: int, end: int, axis: int) -> int:
+    """Least coordinate of some rows."""
+    least = search.positions[search.rows[first], axis]
+    for k in range(first + 1, end):
+        least = min(least, search.positions[search.rows[k], axis])
+    return integer(least)
 
 
 @inlined
@@ -156,7 +183,7 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
     axis, spread, low, high = 0, -1, 0, 0
     for k in range(3):
         if frame[6 + k] - frame[3 + k] >= longest:
-            a, b = _range_of(search, first, end, k)
+            a, b = _least(search, first, end, k), _greatest(search, first, end, k)
             if b - a > spread:
                 axis, spread, low, high = k, b - a, a, b
     total = frame[3 + axis] + frame[6 + axis]

@@ -1,0 +1,78 @@
+"""Turns of spinning sensors that several benchmarks of G-PCC code, on a grid of millimetres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.codecs.gpcc.sensor import SensorDescription, described
+from puckbench.core.seeding import generator
+from puckbench.geometry.morton import Ints
+from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
+from puckbench.lidar.recordings import read_recording
+from puckbench.scenes.rooms import make_room
+
+UNIT_M = 0.001
+SENSORS = ("vlp16", "puck_hires", "hdl32e", "hdl64e_s2")
+
+
+class Turn(NamedTuple):
+    """Points (n, 3) in the order of the returns, mm, and the sensor that measured them."""
+
+    name: str
+    points: Ints
+    sensor: SensorDescription
+
+
+def virtual_turn(
+    name: str, errors: str = "vlp16", turns: int = 1, step_deg: float | None = None
+) -> Turn:
+    """A level sensor of the given name in the middle of a generated office, in its coordinates."""
+    mesh, sensor = make_room("office_1", seed=1), load_sensor(name)
+    hertz = sensor.rotation_hz
+    level = {"pitch_start_deg": 0.0, "pitch_end_deg": 0.0, "azimuth_step_deg": step_deg}
+    sweep = open_sweep({"frames_per_second": hertz, "duration_s": turns / hertz, **level})
+    origin, random = free_origin(mesh), generator(1, "gpcc benchmark", name)
+    table = scan(mesh, sensor, sweep, open_error_model(errors, None), origin, random)
+    position = np.rint(np.asarray(origin) / UNIT_M).astype(np.int64)
+    points = np.rint(table.xyz_noisy / UNIT_M).astype(np.int64)
+    x, y, z = position.tolist()
+    steps = round(360 / (step_deg or sensor.azimuth_step_deg))
+    return Turn(f"virtual {name}", points, described(sensor, UNIT_M, (x, y, z), steps))
+
+
+def recorded_turns(path: Path) -> Iterator[Turn]:
+    """The whole turns of a VLP-16's recording, the strongest return of each laser."""
+    table = read_recording(path)
+    points = np.stack([table[axis] for axis in "xyz"], axis=1)
+    hertz = 1 / np.median(np.diff([table["timestamp"][table["turn"] == t][0] for t in (1, 2, 3)]))
+    sensor = described(load_sensor("vlp16"), UNIT_M, steps_per_turn=round(1e6 / 55.296 / hertz))
+    for number in range(1, int(table["turn"].max())):
+        chosen = (table["turn"] == number) & (table["return_kind"] % 2 == 0)
+        grid = np.rint(points[chosen] / UNIT_M).astype(np.int64)
+        yield Turn(f"{path.name[:16]} turn {number}", grid, sensor)
+
+
+def odd_turns() -> Iterator[Turn]:
+    """Clouds that no sensor measures, with a sensor nevertheless."""
+    random = np.random.default_rng(0)
+    sensor = described(load_sensor("hdl32e"), UNIT_M)
+    one = SensorDescription((0.1,), (30.0,), 900, (40, -30, 10))
+    two = SensorDescription((0.2, -0.1), (0.0, 5.0), 360)
+    cube = random.integers(-3000, 3000, (3000, 3))
+    yield Turn("one point", cube[:1], sensor)
+    yield Turn("the sensor itself", np.zeros((1, 3), np.int64), sensor)
+    yield Turn("two points", cube[:2], sensor)
+    yield Turn("cube, one laser", cube, one)
+    yield Turn("cube, two lasers", cube, two)
+    yield Turn("cube beside the sensor", cube, replace(sensor, position=(1 << 20, -(1 << 21), 7)))
+    yield Turn("dense", random.integers(0, 40, (20_000, 3)), sensor)
+    yield Turn("above the sensor", random.integers(-2, 3, (500, 3)) * [1, 1, 3000], sensor)
+    yield Turn("plane", cube * [1, 1, 0], sensor)
+    yield Turn("line", cube[:600] * [1, 0, 0], sensor)
+    yield Turn("few, many times", np.repeat(cube[:60], 12, axis=0), sensor)
+    yield Turn("pairs", np.repeat(cube, 2, axis=0) + random.integers(0, 3, (6000, 3)), sensor)
