@@ -15,12 +15,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("cloud", type=Path, help="cloud to code (.ply)")
     parser.add_argument("out", type=Path, help="stream to write; what it cost goes beside it")
-    parser.add_argument("--rate", required=True, help="r1 is the smallest bitrate")
+    parser.add_argument(
+        "--rate",
+        required=True,
+        help="r1 is the smallest bitrate; of clouds in metres a length, 10mm",
+    )
     parser.add_argument(
         "--raw", action="store_true", help="G-PCC: a bare stream, as the reference software's"
     )
     parser.add_argument(
-        "--frame", choices=["scaled"], help="of a cloud without a description beside it"
+        "--frame", choices=["scaled", "metric"], help="of a cloud without a description beside it"
     )
     parser.add_argument(
         "--prepare", type=Path, metavar="PLY", help="prepare the cloud, write it here and code it"

@@ -10,10 +10,14 @@ from puckbench.cli.types import whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
+from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
+from puckbench.lidar.returns import returns_file
 
-_TOLD = (
+_SHOWN = (
     *(
         "name",
+        "sensor",
+        "turns",
         "points",
         "size",
         "size_m",
@@ -29,7 +33,9 @@ _TOLD = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("cloud", type=Path, help="cloud (.ply) or scan table (.parquet)")
+    parser.add_argument(
+        "cloud", type=Path, help="cloud (.ply), scan table (.parquet), or recording (.pcap, ...)"
+    )
     parser.add_argument("out", type=Path, help="PLY file to write; its description goes beside it")
     parser.add_argument(
         "--crop",
@@ -51,6 +57,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
+    parser.add_argument(
+        "--turns",
+        metavar="FIRST-LAST",
+        help="turns of a scan or a recording, as the sensor reports them: in metres, in its frame, "
+        "with the returns beside the cloud; of a recording the first whole turn if not given",
+    )
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
         "--about", type=Path, action="append", default=[], help="JSON whose name and group to keep"
@@ -59,6 +71,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
+    if options.turns or is_recording(options.cloud):
+        return _told(_returns(options), options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
     job = Prepare.given(
@@ -69,8 +83,26 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         clean=options.clean,
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
-    # How the scan was made stands in the file; told is what preparing it found.
-    return found if options.json else {name: found[name] for name in _TOLD if name in found}
+    return _told(found, options)
+
+
+def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """What preparing a cloud found; how a scan was made stands in the file."""
+    return found if options.json else {name: found[name] for name in _SHOWN if name in found}
+
+
+def _returns(options: argparse.Namespace) -> dict[str, Any]:
+    turns = None if options.turns is None else _turns(options.turns)
+    job = PrepareReturns.given(neighbours=options.neighbours, clean=options.clean, turns=turns)
+    out = options.out
+    return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
+
+
+def _turns(text: str) -> tuple[int, int]:
+    first, _, last = text.partition("-")
+    if not first.isdecimal() or not (last or first).isdecimal():
+        raise InputError(f"--turns: a number, or two with a hyphen between, not '{text}'")
+    return int(first), int(last or first)
 
 
 def _size(text: str) -> int | str:

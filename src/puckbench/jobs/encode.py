@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.measurement import measured
@@ -84,7 +84,7 @@ class Encode(Encoding):
     """
 
     rate: str
-    frame: Literal["scaled"] | None = None
+    frame: Frame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
         """Write the stream and its record.

@@ -8,12 +8,14 @@ from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
+from puckbench.io.columns import metadata_of
 from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
+from puckbench.lidar.scan_table import ScanTable
 
 PEAK_M = 30.0
 """Of PSNRs of clouds in metres: 30,000 steps of 1 mm, MPEG's for such data."""
@@ -23,11 +25,13 @@ PEAK_M = 30.0
 class PrepareReturns(Job):
     """Take a scan's or a recording's returns as a cloud in the sensor's frame, with normals.
 
-    clean: take a scan's true ranges. error_model: name of the scan's, for tables.
+    clean: take a scan's true ranges. turns: the first and the last to take, from 0; all by default,
+    of a recording the first whole one. error_model: name of the scan's, for tables.
     """
 
     neighbours: int = Field(30, ge=3)
     clean: bool = False
+    turns: tuple[int, int] | None = None
     error_model: str = ""
 
     def run(
@@ -43,7 +47,8 @@ class PrepareReturns(Job):
         Parameters
         ----------
         source
-            A scan table of whole turns, or a table of firings (both .parquet).
+            A scan table of whole turns or a table of firings (both .parquet), or a recording
+            (packet capture or ROS bag).
         truth
             Of a scan its true points in the sensor's frame; of a recording the points themselves.
         about
@@ -51,7 +56,7 @@ class PrepareReturns(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        found, true, described = _read(source, self.clean)
+        found, true, described = self._read(source)
         points = found.points()
         if len(points) == 0:
             raise InputError(f"{source}: there is no return")
@@ -68,30 +73,66 @@ class PrepareReturns(Job):
             write_cloud(truth, replace(true or prepared, about=kept))
         return {**prepared.about, "points": len(prepared)}
 
+    def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
+        """The returns of a file, the true points of a scan, and what is known of them."""
+        with naming(path):
+            if ScanTable.declared.key.encode() in metadata_of(path):
+                return self._read_scan(path)
+            returns, whole = _read_returns(path)
+            chosen = self._chosen(returns, whole)
+        return chosen, None, {"source": path.name, "sensor": returns.sensor}
 
-def _read(path: Path, clean: bool) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
-    """The returns of a file, the true points of a scan, and what is known of them."""
-    from puckbench.io.columns import metadata_of
-    from puckbench.lidar.scan_returns import returns_of_scan, true_points
-    from puckbench.lidar.scan_table import ScanTable, read_scan
-    from puckbench.metrics.returns import entropy_bits
+    def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
+        first, last = self.turns or whole
+        if not 0 <= first <= last < len(returns.turns):
+            most = len(returns.turns) - 1
+            raise InputError(f"no turns {first} to {last} (it has 0 to {most})")
+        return replace(returns, turns=returns.turns[first : last + 1])
 
-    if ScanTable.declared.key.encode() not in metadata_of(path):
+    def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
+        """As `_read`, of a scan table."""
+        from puckbench.lidar.scan_returns import returns_of_scan, true_points
+        from puckbench.lidar.scan_table import read_scan
+        from puckbench.metrics.returns import entropy_bits
+
+        table = read_scan(path)
+        if self.turns:
+            frames = table["frame"]
+            table = table.select((frames >= self.turns[0]) & (frames <= self.turns[1]))
+        found = returns_of_scan(table, self.clean)
+        chosen = self._chosen(found.returns, (0, len(found.returns.turns) - 1))
+        rows = table.select(found.rows)
+        noise = rows["distance_noisy"] - rows["distance"]
+        lasers = rows["frame"] * chosen.beams.lasers + rows["laser_id"]
+        known = {
+            "source": path.name,
+            "sensor": chosen.sensor,
+            "errors": table.about["errors"],
+            "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, chosen.quantum_m),
+        }
+        true = PointCloud(true_points(table, found))
+        if found.still_at is not None:  # of a moving sensor the world's normals turn with each step
+            known["origin"] = found.still_at.tolist()
+            true = replace(true, normals=rows.normals, labels=rows.primitive_id)
+        return chosen, true, known
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file or folder is no table and no cloud, and so a recording, if anything."""
+    return path.suffix.lower() not in (".parquet", ".ply")
+
+
+def _read_returns(path: Path) -> tuple[Returns, tuple[int, int]]:
+    """Returns of a table of firings or a recording; first and last of the turns to take of it."""
+    from puckbench.lidar.recordings.packet_turns import returns_of_packets
+    from puckbench.lidar.recordings.reading import read_packets
+
+    if not is_recording(path):
         returns = read_firings(path)
-        return returns, None, {"source": path.name, "sensor": returns.sensor}
-    table = read_scan(path)
-    found = returns_of_scan(table, clean)
-    known = {"source": path.name, "sensor": found.returns.sensor, "errors": table.about["errors"]}
-    rows = table.select(found.rows)
-    noise = rows["distance_noisy"] - rows["distance"]
-    lasers = rows["frame"] * found.returns.beams.lasers + rows["laser_id"]
-    known["noise_bits"] = 0.0 if clean else entropy_bits(noise, lasers, found.returns.quantum_m)
-    true = PointCloud(true_points(table, found))
-    if found.still_at is not None:  # of a moving sensor the world's normals turn with each step
-        known["origin"] = found.still_at.tolist()
-        labels = table.primitive_id[found.rows]
-        true = replace(true, normals=table.normals[found.rows], labels=labels)
-    return found.returns, true, known
+        return returns, (0, len(returns.turns) - 1)
+    returns = returns_of_packets(read_packets(path).payloads)
+    first = min(1, len(returns.turns) - 1)  # the turn before began with the recording
+    return returns, (first, first)
 
 
 def _timing(returns: Returns) -> dict[str, Any]:

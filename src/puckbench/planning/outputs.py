@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, get_args
 
 from puckbench.codecs.registry import CODECS, codec_class
 from puckbench.core.errors import InputError, naming
@@ -21,6 +21,7 @@ from puckbench.figures.registry import (
     figure_entry,
 )
 from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import Frame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable
@@ -163,8 +164,16 @@ class OutputJobs:
             for name, entry in figure_entries().items()
             if known.keys() >= set(entry.inputs)
             and self._there >= set(entry.needs)
-            and (entry.frame in self.plan.frames or not _OF_CLOUDS & set(entry.inputs))
+            and all(entry.frame in self._frames_of(needed) for needed in entry.inputs)
         }
+
+    def _frames_of(self, table: str) -> tuple[Frame, ...]:
+        """The frames of the clouds that an input of a figure has rows of; all where it has none."""
+        if table not in _OF_CLOUDS:
+            return get_args(Frame)
+        datasets = self.plan.datasets
+        clouds = self.plan.scanned if table == "scan_errors" else self.plan.clouds
+        return tuple({datasets[name].frame for name, _ in clouds})
 
     @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:

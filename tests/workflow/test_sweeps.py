@@ -1,0 +1,103 @@
+"""A run of spins and recordings: clouds in metres with returns, beside scaled ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from tests.support.bench import Bench
+
+SPIN = {"preset": "spin", "azimuth_step_deg": 1.0}
+CHANGES: dict[str, Any] = {
+    "datasets": {
+        "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
+        "spin": {"scenes": "rooms", "make": "scan", "sweep": SPIN, "size": "metric"},
+        "spin_noisy": {
+            "scenes": "rooms",
+            "make": "scan",
+            "sweep": SPIN,
+            "errors": "vlp16",
+            "size": "metric",
+        },
+        "real": {"scenes": "tape", "make": "cloud", "size": "metric", "codecs": ["puck"]},
+    },
+    "codecs": {"draco": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "2mm"]}, "puck": {}},
+    "sensor_study": False,
+    "figures": {"style": {"dpi": 60}, "examples": {"spin": "spin_noisy/copy_room_1"}},
+}
+
+
+def _changes(recording: str) -> dict[str, Any]:
+    tape = {"loader": "recordings", "options": {"path": recording}}
+    return {**CHANGES, "scenes.tape": tape}
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    bench = Bench(tmp_path_factory.mktemp("sweeps"))
+    recording = bench.capture()
+    bench.configure(
+        {**CHANGES, "scenes.tape": {"loader": "recordings", "options": {"path": recording}}}
+    )
+    bench.made()
+    return bench
+
+
+def test_every_cloud_is_coded_in_its_frame(bench: Bench) -> None:
+    rows = pd.read_parquet(bench.results / "tables" / "metrics.parquet")
+    found = {
+        (dataset, codec): list(part["rate"])
+        for (dataset, codec), part in rows.groupby(["dataset", "codec"], sort=False)
+    }
+    lengths = ["100mm", "50mm", "20mm", "10mm", "4mm", "2mm"]
+    assert found == {
+        ("raw", "draco"): ["r1", "r8"],
+        ("spin", "draco"): ["50mm", "2mm"],
+        ("spin", "puck"): lengths,
+        ("spin_noisy", "draco"): ["50mm", "2mm"],
+        ("spin_noisy", "puck"): lengths,
+        ("real", "puck"): lengths,
+    }
+    exact = rows[(rows["codec"] == "puck") & (rows["rate"] == "2mm")]
+    assert (exact["d1_mse"] == 0).all()
+    assert (exact[["range_max_mm", "returns_lost", "returns_added"]] == 0).all(axis=None)
+    assert (exact["mbit_per_s"] > 0).all()
+
+
+def test_noise_is_in_the_distance_to_the_truth_and_in_the_bits(bench: Bench) -> None:
+    rows = pd.read_parquet(bench.results / "tables" / "metrics.parquet")
+    finest = rows[(rows["codec"] == "puck") & (rows["rate"] == "2mm")].set_index("dataset")
+    assert finest.loc["spin", "truth_d2_rms_m"] < 0.001  # half of a quantum
+    assert 0.005 < finest.loc["spin_noisy", "truth_d2_rms_m"] < 0.05
+    assert pd.isna(finest.loc["real", "truth_d2_rms_m"])
+    clouds = pd.read_parquet(bench.results / "tables" / "clouds.parquet").set_index("dataset")
+    assert clouds.loc["spin_noisy", "noise_bits"] > 4 > clouds.loc["spin", "noise_bits"] == 0
+    assert finest.loc["spin_noisy", "bpp"] > finest.loc["spin", "bpp"] + 2
+
+
+def test_figures_and_tables_of_spins_are_made(bench: Bench) -> None:
+    drawn = {path.stem for path in (bench.results / "figures").glob("*.png")}
+    assert {"sweeps_rd", "sweeps_truth", "noise_cost", "spin_images", "fig_6_6"} <= drawn
+    table = pd.read_csv(bench.results / "tables" / "storage.csv")
+    assert set(table["dataset"]) == {"spin", "spin_noisy", "real"}
+    assert bench.planned() == {}
+
+
+def test_a_changed_length_re_runs_its_codecs_curves_of_spins_alone(bench: Bench) -> None:
+    bench.configure(_changes("box.pcap") | {"codecs.draco.metric_rates": ["100mm", "2mm"]})
+    planned = bench.planned("tables")
+    assert planned["encode_draco_metric"] == planned["evaluate_draco_metric"] == 2
+    assert not {"encode_draco", "encode_puck_metric", "scan", "prepare_returns"} & planned.keys()
+
+
+def test_a_recording_must_be_there(bench: Bench, tmp_path: Path) -> None:
+    other = Bench(tmp_path)
+    other.configure(
+        {**CHANGES, "scenes.tape": {"loader": "recordings", "options": {"path": "no.pcap"}}}
+    )
+    done = other.snakemake("--dry-run")
+    assert done.returncode == 2
+    assert "no.pcap: no such file or folder" in done.stderr
