@@ -34,13 +34,14 @@ def _entry(name: str) -> dict[str, Any]:
         "version": codec.version,
         "weights": weights,
         "rates": codec.rates,
+        "metric_rates": codec.metric_rates,
     }
 
 
 def _row(entry: dict[str, Any]) -> dict[str, str]:
-    rates = list(entry["rates"])
+    tables = [list(entry[key]) for key in ("rates", "metric_rates") if entry[key]]
     state = "" if entry["available"] else f" (not here: {entry['why']})"
     return {
-        "rates": " to ".join(dict.fromkeys([rates[0], rates[-1]])),
+        "rates": "; ".join(" to ".join(dict.fromkeys([one[0], one[-1]])) for one in tables),
         "take it for": entry["use"] + state,
     }
