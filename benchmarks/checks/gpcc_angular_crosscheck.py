@@ -80,6 +80,10 @@ DECODER_MODES = {
 """Options of TMC3 that our encoder does not have."""
 
 
+SECONDS = 20
+"""What TMC3 may take: it slices a plane for ever."""
+
+
 class Checked(NamedTuple):
     """One case: bytes of both (0: none), and what is wrong."""
 
@@ -141,7 +145,8 @@ class Reference:
 
     def _run(self, *options: str) -> None:
         stream = f"--compressedStreamPath={self._folder / 'stream.bin'}"
-        subprocess.run([self._program, stream, *options], check=True, capture_output=True)
+        command = [self._program, stream, *options]
+        subprocess.run(command, check=True, capture_output=True, timeout=SECONDS)
 
 
 def equal(a: Floats, b: Floats) -> bool:
@@ -213,9 +218,9 @@ def main() -> None:
                         found = checked(reference, turn, MODES[mode])
                     else:
                         found = decoded(reference, turn, DECODER_MODES[mode])
-                except subprocess.CalledProcessError as error:
+                except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
                     refused += 1
-                    print(f"{turn.name}, {mode}: TMC3 ended with {error.returncode}", flush=True)
+                    print(f"{turn.name}, {mode}: TMC3 failed ({type(error).__name__})", flush=True)
                     continue
                 cases, failed = cases + 1, failed + bool(found.fault)
                 coded, identical = coded + (found.ours > 0), identical + found.same
