@@ -41,6 +41,7 @@ from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
 
 from puckbench.codecs.base import Codec
+from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.codecs.registry import codecs, has_weights, open_codec
 from puckbench.core.errors import InputError
 
@@ -150,8 +151,7 @@ def streams(decoder: str, codec: Any) -> list[bytes]:
         whole: list[bytes] = codec.streams()
         return whole
     if decoder in VECTORS:
-        folder = ROOT / "tests" / "data" / "gpcc"
-        return [file.read_bytes() for file in sorted(folder.glob(VECTORS[decoder]))]
+        return [file.read_bytes() for file in sorted(FOLDER.glob(VECTORS[decoder]))]
     rates = list(codec.rates)[:: max(1, len(codec.rates) // 3)]
     coded = [(cloud, rate) for cloud in clouds() for rate in rates]
     found = [codec.encode(cloud, rate) for cloud, rate in coded]

@@ -1,6 +1,6 @@
 """Conformance vectors for G-PCC: streams that the reference software made of generated scenes.
 
-    python -m benchmarks.checks.gpcc_vectors TMC3 [tests/data/gpcc]
+    python -m benchmarks.checks.gpcc_vectors TMC3 [FOLDER]
 
 TMC3 is the reference encoder, release-v14.0. For each row of the table below, writes NAME.bin, and
 into manifest.json the options, the point counts and the SHA-256 of what TMC3 decodes from it: the
@@ -23,6 +23,7 @@ from tests.support.small_turn import SENSOR, STEPS, small_turn
 
 from puckbench.codecs.external.program import write_points
 from puckbench.codecs.external.tmc13 import PROFILES
+from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.core.files import write_json
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
@@ -52,6 +53,13 @@ def spherical(radius_log2: int, azimuth_log2: int) -> tuple[str, ...]:
         *(*BY_AZIMUTH, *SPINNING, *steps, *lossy),
         f"--positionRadiusInvScaleLog2={radius_log2}",
     )
+
+
+SPARSE = (
+    *(KEPT, "--inferredDirectCodingMode=3", "--maxNumQtBtBeforeOt=6", "--planarModeIdcmUse=32"),
+    *(*SPINNING, "--planarBufferDisabled=1"),
+)
+"""The octree's options for a spinning sensor in the common test conditions, beside `ctc`."""
 
 
 # name: cloud, profile, scale, further options
@@ -110,6 +118,26 @@ VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
     "trisoup": ("few", "defaults", 1, ("--trisoupNodeSizeLog2=3",)),
     "quantised_in_loop": ("few", "defaults", 1, (*IN_LOOP, "--positionQuantisationMethod=0")),
     "angular": ("few", "defaults", 1, ("--angularEnabled=1", "--numLasers=1", *LASER)),
+    "spin": ("turn", "ctc", 1, SPARSE),
+    "spin_merged": ("turn", "ctc", 1, (*SPARSE, "--mergeDuplicatedPoints=1")),
+    "spin_buffer": ("turn", "ctc", 1, (*SPARSE, "--planarBufferDisabled=0")),
+    "spin_no_planes": ("turn", "ctc", 1, (*SPARSE, "--planarEnabled=0")),
+    "spin_no_direct": ("turn", "ctc", 1, (*SPARSE, "--inferredDirectCodingMode=0")),
+    "spin_direct_1": ("turn", "ctc", 1, (*SPARSE, "--inferredDirectCodingMode=1")),
+    "spin_direct_2": ("turn", "ctc", 1, (*SPARSE, "--inferredDirectCodingMode=2")),
+    "spin_one_by_one": ("turn", "ctc", 1, (*SPARSE, "--jointTwoPointIdcm=0")),
+    "spin_cube": ("turn", "ctc", 1, (*SPARSE, "--qtbtEnabled=0")),
+    "spin_siblings": ("turn", "ctc", 1, (*SPARSE, "--neighbourAvailBoundaryLog2=0")),
+    "spin_away": ("turn", "ctc", 1, (*SPARSE, "--lidarHeadPosition=-900,40000,12")),
+    "spin_coarse": ("turn", "ctc", 0.125, SPARSE),
+    "spin_pairs": ("pairs", "ctc", 1, SPARSE),
+    "spin_one": ("one", "ctc", 1, SPARSE),
+    "spin_sliced": ("turn", "ctc", 1, (*SPARSE, *SLICED)),
+    "spin_continued": ("turn", "ctc", 1, (*SPARSE, *CONTINUED)),
+    "spin_streams": ("turn", "ctc", 1, (*SPARSE, "--numOctreeEntropyStreams=5")),
+    "spin_bypass": ("turn", "ctc", 1, (*SPARSE, "--cabac_bypass_stream_enabled_flag=1")),
+    "spin_zyx": ("turn", "ctc", 1, (*SPARSE, "--geometry_axis_order=0")),
+    "spin_zxy": ("turn", "ctc", 1, (*SPARSE, "--geometry_axis_order=3")),
     "trees_given": ("turn", "defaults", 1, (TREES, KEPT, "--predGeomSort=0")),
     "trees_morton": ("turn", "defaults", 1, (TREES, KEPT, "--predGeomSort=1")),
     "trees_azimuth": ("turn", "defaults", 1, (TREES, "--predGeomSort=2")),
@@ -149,6 +177,7 @@ def cloud(name: str) -> Floats:
     line = np.arange(40.0)[:, None]
     shapes = {
         "turn": small_turn,
+        "pairs": lambda: np.repeat(small_turn(), 2, axis=0),
         "flat": lambda: np.floor(sampled_object(3000)) * [1, 1, 0] + [0, 0, 7],
         "line": lambda: line * [7, 0, 0] + [3, 5, 9],
         "few": lambda: np.floor(sampled_object(300)),
@@ -203,7 +232,7 @@ def ordered(points: Floats) -> Floats:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tmc3")
-    parser.add_argument("folder", type=Path, nargs="?", default=Path("tests/data/gpcc"))
+    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     lines = {name: made(options.tmc3, options.folder, name) for name in VECTORS}

@@ -1,6 +1,5 @@
 """Predictive geometry: streams of the reference software, and what trees are made of."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from puckbench.codecs.gpcc import predictive_coder
 from puckbench.codecs.gpcc.azimuth_order import azimuth_order
 from puckbench.codecs.gpcc.coder import decode_geometry
+from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.codecs.gpcc.prediction_search import add_position, empty_search, nearest
 from puckbench.codecs.gpcc.prediction_tree import nearest_tree
 from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions, encode_predictive
@@ -19,7 +19,6 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from tests.support.small_turn import SENSOR, small_turn
 
-FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
 MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
 ONE_LASER = SensorDescription((0.0,), (0.0,), 800)
 BY_AZIMUTH = {"order": "azimuth", "slice_qp_interval_log2": 0}

@@ -1,7 +1,6 @@
 """Parameter sets and headers: bytes that the reference software wrote, and round trips."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,9 +9,8 @@ from hypothesis import strategies as st
 
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.bits import Reader, Writer
+from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.core.errors import InputError
-
-FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
 
 # TMC13 release-v14.0, one point at (5, 6, 7), neighbour contexts within 2^8.
 REFERENCE_SPS = bytes.fromhex("000000000080959dee40")

@@ -1,20 +1,21 @@
 """Streams of our scenes by the reference software (benchmarks/checks/gpcc_vectors.py)."""
 
 import hashlib
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from tests.support.small_turn import SENSOR, small_turn
 from tests.support.stream_damage import damaged
 
-FOLDER = Path(__file__).parents[1] / "data" / "gpcc"
 MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
 LEFT_OUT = {
     "bytewise_minimal": "bytewise",
@@ -52,10 +53,33 @@ CHOICES: dict[str, dict[str, Any]] = {
     "one_point_idcm_defaults": {"joint_two_point_idcm": False},
     "planar_idcm_ctc": {"inferred_direct_coding_mode": 1, "planar_mode_idcm_use": 32},
 }
+SPARSE = {
+    "inferred_direct_coding_mode": 3,
+    "max_num_qtbt_before_ot": 6,
+    "planar_mode_idcm_use": 32,
+    "merge_duplicates": False,
+    "planar_buffer": False,
+}
+"""MPEG's common test conditions for a spinning sensor, beside the profile `ctc`."""
+SPINS: dict[str, dict[str, Any]] = {
+    "spin": {},
+    "spin_merged": {"merge_duplicates": True},
+    "spin_buffer": {"planar_buffer": True},
+    "spin_no_planes": {"planar": False},
+    "spin_no_direct": {"inferred_direct_coding_mode": 0},
+    "spin_direct_1": {"inferred_direct_coding_mode": 1},
+    "spin_direct_2": {"inferred_direct_coding_mode": 2},
+    "spin_one_by_one": {"joint_two_point_idcm": False},
+    "spin_cube": {"qtbt": False},
+    "spin_siblings": {"neighbour_avail_boundary_log2": 0},
+    "spin_away": {},
+    "spin_pairs": {},
+}
 SENSORS = {"angular": SensorDescription((0.0,), (0.0,), 800)}
 DECODER_ONLY = {
     *("zyx_ctc", "bypass_defaults", "streams_defaults"),
     *("sliced_minimal", "sliced_ctc", "tiled_defaults"),
+    *(name for name in MANIFEST if name.startswith("spin")),
 }
 PREDICTIVE = {name for name, about in MANIFEST.items() if "--geomTreeType=1" in about["options"]}
 """See test_gpcc_predictive.py."""
@@ -73,6 +97,34 @@ def test_encoding_the_decoded_points_gives_the_bytes_of_tmc13(name: str) -> None
     shuffled = np.random.default_rng(0).permutation(decoded.points)
     place = {"scale": decoded.scale, "origin": decoded.origin}
     assert encode_geometry(shuffled, options, **place, sensor=SENSORS.get(name)) == stream
+
+
+@pytest.mark.parametrize("name", SPINS)
+def test_encoding_a_turn_with_its_sensor_gives_the_bytes_of_tmc13(name: str) -> None:
+    """Points alone in a node are coded in the order of the cloud, so it is that of the turn."""
+    points = small_turn().astype(int)
+    if name == "spin_pairs":
+        points = np.repeat(points, 2, axis=0)
+    options = PROFILES["ctc"].model_copy(update={**SPARSE, **SPINS[name]})
+    position = (-900, 40000, 12) if name == "spin_away" else (0, 0, 0)
+    stream = encode_geometry(points, options, sensor=replace(SENSOR, position=position))
+    assert stream == (FOLDER / f"{name}.bin").read_bytes()
+
+
+def test_a_coarse_turn_splits_later_along_z() -> None:
+    stream = (FOLDER / "spin_coarse.bin").read_bytes()
+    points = np.floor(small_turn().astype(np.float32) / 8 + 0.5).astype(int)
+    split = {
+        "angular_max_node_min_dim_log2_to_split_z": 5,
+        "angular_max_diff_to_split_z": 0,
+    }
+    options = PROFILES["ctc"].model_copy(update={**SPARSE, **split})
+    heights = tuple(height / 8 for height in SENSOR.height)
+    mine = encode_geometry(points, options, 1 / 8, sensor=replace(SENSOR, height=heights))
+    assert len(mine) == len(stream)
+    assert np.array_equal(
+        *(np.sort(decode_geometry(s).positions(), axis=0) for s in (mine, stream))
+    )
 
 
 def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:

@@ -39,6 +39,7 @@ COMMANDS = {
     "reproduce": "list the thesis's figures and tables: made, or how to make them",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs: what each is for, and whether it can run here",
+    "conformance": "try a G-PCC decoder on stored streams of the reference software",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",
 }
@@ -47,6 +48,7 @@ COMMANDS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0, or 2 after a one-line message when the input cannot be used.
 
+    An answer whose `failed` is not 0 gives 1.
     Interrupted by the user it ends with 130, as a shell's own commands do.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -60,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error))
     except KeyboardInterrupt:
         return _fail("interrupted", status=130)
-    return 0
+    return int(bool(answer and answer.get("failed")))
 
 
 def _show(text: str) -> None:

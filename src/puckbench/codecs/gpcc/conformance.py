@@ -1,0 +1,161 @@
+"""Conformance streams of G-PCC geometry, and what any decoder makes of them.
+
+The streams are TMC13's (release-v14.0), of generated scenes; `vectors/manifest.json` has the options
+that each was made with, and the SHA-256 of its points: little-endian float64, sorted by x, y, z.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, read_json
+from puckbench.geometry.cloud import Floats
+from puckbench.io.clouds import read_cloud
+
+FOLDER = Path(__file__).parent / "vectors"
+SECONDS = 60
+"""What a program may take for a stream."""
+
+Decode = Callable[[bytes], Floats]
+
+
+@dataclass(frozen=True)
+class ConformanceStream:
+    """A stream, what it tests, and what it decodes to.
+
+    tools: `octree` or `trees`, after `angular` where a sensor is described.
+    """
+
+    name: str
+    path: Path
+    options: tuple[str, ...]
+    points: int
+    digest: str
+
+    @property
+    def tools(self) -> str:
+        """The kind of geometry coding."""
+        kind = "trees" if "--geomTreeType=1" in self.options else "octree"
+        return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a decoder made of a stream: `decoded`, `refused`, or `failed`, and why."""
+
+    stream: ConformanceStream
+    outcome: str
+    why: str = ""
+
+
+class CrashError(Exception):
+    """A program ended by a signal, or did not end."""
+
+
+def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
+    """The streams of a folder with a manifest; InputError where there is none."""
+    manifest = read_json(folder / "manifest.json")
+    try:
+        return [_stream(folder, name, about) for name, about in sorted(manifest.items())]
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(f"{folder / 'manifest.json'}: not a manifest of streams") from error
+
+
+def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream:
+    return ConformanceStream(
+        name,
+        folder / f"{name}.bin",
+        tuple(about["options"]),
+        int(about["points_out"]),
+        str(about["sha256_sorted_float64"]),
+    )
+
+
+def digest(points: Floats) -> str:
+    """SHA-256 of points (n, 3), whatever their order."""
+    ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
+    return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
+
+
+def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
+    """What a decoder makes of each stream, one after the other."""
+    for stream in streams:
+        try:
+            points = decode(read_bytes(stream.path))
+        except InputError as error:
+            yield Verdict(stream, "refused", str(error))
+        except CrashError as error:
+            yield Verdict(stream, "failed", str(error))
+        else:
+            if len(points) != stream.points:
+                why = f"{len(points)} points in place of {stream.points}"
+                yield Verdict(stream, "failed", why)
+            elif digest(points) != stream.digest:
+                yield Verdict(stream, "failed", "other points")
+            else:
+                yield Verdict(stream, "decoded")
+
+
+def program(words: str) -> Decode:
+    """A decoder that is a program.
+
+    Parameters
+    ----------
+    words
+        A command with ``{stream}`` and ``{points}`` for the file to read and the cloud file (.ply)
+        to write; or the name or path of a program with the options of TMC13's ``tmc3``.
+
+    Raises
+    ------
+    InputError
+        There is no such program. The decoder raises it where the program ends with a status other
+        than 0 or writes no points, and `CrashError` where a signal ends it.
+    """
+    if "{stream}" not in words:
+        words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"
+        words += " --reconstructedDataPath={points}"
+    command = shlex.split(words)
+    if shutil.which(command[0]) is None:
+        raise InputError(f"no codec and no program '{command[0]}'")
+
+    def decode(stream: bytes) -> Floats:
+        with tempfile.TemporaryDirectory(prefix="puckbench-") as folder:
+            source, target = Path(folder) / "stream.bin", Path(folder) / "points.ply"
+            source.write_bytes(stream)
+            names = {"{stream}": str(source), "{points}": str(target)}
+            filled = [_filled(word, names) for word in command]
+            _run(filled)
+            return read_cloud(target).xyz
+
+    return decode
+
+
+def _filled(word: str, names: dict[str, str]) -> str:
+    for name, value in names.items():
+        word = word.replace(name, value)
+    return word
+
+
+def _run(command: list[str]) -> None:
+    try:
+        ran = subprocess.run(command, capture_output=True, check=False, timeout=SECONDS)
+    except subprocess.TimeoutExpired as error:
+        raise CrashError(f"did not end within {SECONDS} s") from error
+    except OSError as error:
+        raise InputError(f"{command[0]}: {error.strerror}") from error
+    if ran.returncode < 0:
+        raise CrashError(f"ended by signal {-ran.returncode}")
+    if ran.returncode:
+        said = (ran.stderr or ran.stdout).decode(errors="replace").strip()
+        raise InputError(f"status {ran.returncode}: {said.rpartition(chr(10))[2][:80]}")
