@@ -112,8 +112,8 @@ def test_encoding_a_turn_with_its_sensor_gives_the_bytes_of_tmc13(name: str) -> 
 
 
 def test_a_coarse_turn_splits_later_along_z() -> None:
-    stream = (FOLDER / "spin_coarse.bin").read_bytes()
-    points = np.floor(small_turn().astype(np.float32) / 8 + 0.5).astype(int)
+    points = small_turn() / 8
+    points = np.trunc(points + np.copysign(0.5, points)).astype(int)  # as C's round
     split = {
         "angular_max_node_min_dim_log2_to_split_z": 5,
         "angular_max_diff_to_split_z": 0,
@@ -121,10 +121,7 @@ def test_a_coarse_turn_splits_later_along_z() -> None:
     options = PROFILES["ctc"].model_copy(update={**SPARSE, **split})
     heights = tuple(height / 8 for height in SENSOR.height)
     mine = encode_geometry(points, options, 1 / 8, sensor=replace(SENSOR, height=heights))
-    assert len(mine) == len(stream)
-    assert np.array_equal(
-        *(np.sort(decode_geometry(s).positions(), axis=0) for s in (mine, stream))
-    )
+    assert mine == (FOLDER / "spin_coarse.bin").read_bytes()
 
 
 def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:

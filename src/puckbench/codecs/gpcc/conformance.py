@@ -1,7 +1,8 @@
 """Conformance streams of G-PCC geometry, and what any decoder makes of them.
 
-The streams are TMC13's (release-v14.0), of generated scenes; `vectors/manifest.json` has the options
-that each was made with, and the SHA-256 of its points: little-endian float64, sorted by x, y, z.
+The streams are TMC13's (release-v14.0), of generated scenes; `vectors/manifest.json` has the
+options that each was made with, and the SHA-256 of its points: little-endian float64, sorted by x,
+y, z.
 """
 
 from __future__ import annotations
