@@ -60,7 +60,7 @@ AWAKE = 20
 """Wall clock to processor time, at most, before a decoder counts as hanging."""
 
 
-VECTORS = {"gpcc": "*.bin", "gpcc_predictive": "t[ru]*_*.bin"}
+VECTORS = {"gpcc": "*.bin", "gpcc_angular": "spin*.bin", "gpcc_predictive": "t[ru]*_*.bin"}
 """Conformance vectors of a decoder."""
 
 

@@ -150,7 +150,7 @@ def _endure(codec: Codec, stream: bytes) -> None:
     assert "\n" not in refused
 
 
-@pytest.mark.parametrize("name", ["primitives", "gpcc"])
+@pytest.mark.parametrize("name", ["primitives", "gpcc", "gpcc_angular", "gpcc_predictive"])
 def test_structured_streams_end_in_points_or_one_error(name: str) -> None:
     codec = open_codec(name)
     for number in range(60):

@@ -147,6 +147,52 @@ def gpcc(streams: Sequence[bytes], random: Random) -> bytes:
     return b"".join(parts) + syntax.encapsulate(2, unit) * int(random.choice([1, 1, 2, 1000]))
 
 
+def gpcc_angular(streams: Sequence[bytes], random: Random) -> bytes:
+    """Octrees with the fields of sensors at their limits."""
+    signs = [int(random.choice([-1, 1])) for _ in range(3)]
+    wide, each_slice = random.random() < 0.3, int(random.integers(2))
+    count = min(max(limit(random, 11), 1), syntax.MAX_LASERS) if random.random() < 0.3 else 16
+    theta = [limit(random, 29 if wide else 19) * int(random.choice([-1, 1])) for _ in range(count)]
+    turns = max(limit(random, 29 if wide else 12), 1) if random.random() < 0.9 else 0
+    far = 31 if random.random() < 0.1 else 22
+    origin = {"bits_minus1": 30, "xyz": tuple(sign * limit(random, far) for sign in signs)}
+    gps = syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(random.integers(2)), qtbt_enabled_flag=1,
+        inferred_direct_coding_mode=int(random.choice([0, 1, 2, 3, 3, 3])),
+        joint_2pt_idcm_enabled_flag=int(random.integers(2)),
+        neighbour_avail_boundary_log2_minus1=int(random.choice([0, 1, 7])),
+        adjacent_child_contextualization_enabled_flag=int(random.integers(2)),
+        geom_planar_mode_enabled_flag=int(random.random() < 0.8),
+        planar_buffer_disabled_flag=int(random.integers(2)), bitwise_occupancy_coding_flag=1,
+        geom_angular_mode_enabled_flag=1, geom_slice_angular_origin_present_flag=each_slice,
+        lasers=[
+            syntax.Laser(tan, signs[k % 3] * limit(random, 29), turns)
+            for k, tan in enumerate(theta)
+        ],
+        **{f"gps_angular_origin_{key}": value for key, value in origin.items()},
+    )  # fmt: skip
+    levels = max(min(limit(random, 6), 63), 1)
+    axes = [int(random.choice([7, 7, 7, 6, 6, 4, 2, 1])) for _ in range(levels)]
+    header = syntax.GeometryHeader(
+        slice_geom_origin_bits_minus1=40, slice_geom_origin_xyz=(limit(random, far), 0, 1),
+        tree_depth_minus1=levels - 1, tree_lvl_coded_axis_list=axes,
+        geom_stream_cnt_minus1=int(random.choice([0, 0, 0, 1, levels - 1])),
+        **{f"gdu_angular_origin_{key}": value for key, value in origin.items()},
+    )  # fmt: skip
+    sps = syntax.SequenceParameterSet(
+        seq_origin_bits=1, geom_axis_order=int(random.integers(8)),
+        bypass_stream_enabled_flag=int(random.random() < 0.1),
+    )  # fmt: skip
+    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    unit = syntax.written(syntax.geometry_header, header, sps, gps) + data(random)
+    unit += syntax.footer_bytes(footer)
+    parts = [
+        syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
+        syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
+    ]
+    return b"".join(parts) + syntax.encapsulate(2, unit) * int(random.choice([1, 1, 2, 1000]))
+
+
 def gpcc_predictive(streams: Sequence[bytes], random: Random) -> bytes:
     """Prediction trees with the fields of sensors, QPs and residuals at their limits."""
     signs = [int(random.choice([-1, 1])) for _ in range(3)]
@@ -302,6 +348,7 @@ _NETS = "puckbench.codecs.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,
+    "gpcc_angular": gpcc_angular,
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),

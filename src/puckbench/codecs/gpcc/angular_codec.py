@@ -1,0 +1,85 @@
+"""The octree with angular mode as a codec: contexts by the lasers of the cloud's sensor."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from puckbench import __version__
+from puckbench.codecs.base import Pace, Parameters
+from puckbench.codecs.gpcc.codec import GridOptions
+from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
+from puckbench.codecs.gpcc.sensor_codec import SensorCodec
+from puckbench.codecs.registry import CODECS
+
+if TYPE_CHECKING:
+    from puckbench.codecs.gpcc.sensor import SensorDescription
+    from puckbench.geometry.morton import Ints
+
+_SPARSE = {
+    "inferred_direct_coding_mode": 3,
+    "max_num_qtbt_before_ot": 6,
+    "planar_mode_idcm_use": 32,
+    "planar_buffer": False,
+}
+_LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
+
+
+class AngularOptions(GridOptions):
+    """How points come to the grid, and which tools are used besides angular mode."""
+
+    duplicates: Literal["merged", "kept"] = "kept"
+
+
+@CODECS.register("gpcc_angular")
+class GpccAngular(SensorCodec):
+    """G-PCC's octree with MPEG's common test conditions for spinning sensors.
+
+    Direct coding of up to two points in any node; and, where the cloud has returns, contexts by the
+    lasers of its sensor. Rates of clouds in metres are steps of the grid.
+    """
+
+    title = "G-PCC (angular octree)"
+    use = "turns of spinning sensors, or several of them together"
+    colour = "#B8860B"
+    marker = "<"
+    rank = 11
+    version = f"puckbench {__version__}"
+    pace = Pace(0.05, 2.5)
+    Options = AngularOptions
+    options: AngularOptions
+
+    def load(self) -> None:
+        """Compile the coder, or take it from the cache."""
+        from puckbench.codecs.gpcc.coder import decode_geometry
+        from puckbench.codecs.gpcc.sensor import SensorDescription
+
+        points, zero = np.array([[0, 0, 0], [50, 30, 10]]), np.zeros(3, dtype=np.int64)
+        for sensor in (None, SensorDescription((0.0,), (0.0,), 100)):
+            decode_geometry(self._stream(points, zero, 1.0, {}, sensor))
+
+    def _stream(
+        self,
+        positions: Ints,
+        origin: Ints,
+        scale: float,
+        parameters: Parameters,
+        sensor: SensorDescription | None,
+    ) -> bytes:
+        from puckbench.codecs.gpcc.coder import encode_geometry
+
+        tools = self._tools(float(parameters.get("step_m", self.options.step)))
+        return encode_geometry(positions, tools, scale, origin, sensor)
+
+    def _tools(self, step: float) -> GpccOptions:
+        """The coding tools on a grid of a step in metres: its low nodes are of one height in m."""
+        finer = int(math.log2(0.001 / step)) if step < 1 else 0
+        sizes = {
+            "angular_max_node_min_dim_log2_to_split_z": min(max(_LOWEST_LOG2 + finer, 0), 21),
+            "angular_max_diff_to_split_z": min(max(_FLATTEST_LOG2 + finer, 0), 21),
+        }
+        merged = {"merge_duplicates": self.options.duplicates == "merged"}
+        chosen = {**_SPARSE, **sizes, **merged}
+        return PROFILES[self.options.profile].model_copy(update=chosen)

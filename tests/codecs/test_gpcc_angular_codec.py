@@ -1,0 +1,75 @@
+"""The octree with angular mode as a codec of clouds in metres, with and without returns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
+from puckbench.codecs.gpcc.container import unpacked
+from puckbench.codecs.gpcc.options import PROFILES
+from puckbench.codecs.gpcc.sensor import SensorDescription
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs.encode import to_code
+from puckbench.lidar.returns import write_firings
+from tests.support.returns import EXAMPLES, recorded
+from tests.support.small_turn import SENSOR, small_turn
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("rate", ["100mm", "10mm", "1mm"])
+def test_returns_come_back_to_within_the_grid(name: str, rate: str) -> None:
+    returns, codec = EXAMPLES[name](), open_codec("gpcc_angular")
+    step = codec.metric_rates[rate]["step_m"]
+    decoded = np.rint(codec.decode(codec.encode_returns(returns, rate)) / step)
+    expected = returns.points() / step
+    assert len(decoded) == len(returns)
+    order, wanted = np.lexsort(decoded.T), np.lexsort(np.rint(expected).T)
+    assert np.abs(decoded[order] - expected[wanted]).max() < 0.5 + 1e-6
+
+
+def test_the_sensor_saves_bits() -> None:
+    codec, returns = open_codec("gpcc_angular"), recorded(60)
+    assert next(iter(codec.metric_rates)) == "100mm"
+    for rate in ("10mm", "1mm"):
+        with_sensor = len(codec.encode_returns(returns, rate))
+        assert with_sensor < 0.95 * len(codec.encode(returns.points(), rate))
+
+
+def test_a_cloud_is_coded_with_the_returns_beside_it(tmp_path: Path) -> None:
+    codec, returns = open_codec("gpcc_angular"), recorded(60)
+    path = tmp_path / "turn.ply"
+    write_cloud(path, PointCloud(returns.points(), about={"size": 0}))
+    alone = codec.encode_cloud(to_code(codec, path), "1mm")
+    write_firings(path.with_suffix(".parquet"), returns)
+    assert codec.encode_cloud(to_code(codec, path), "1mm") == codec.encode_returns(returns, "1mm")
+    assert alone == codec.encode(returns.points(), "1mm")
+
+
+def test_a_stream_is_one_that_gpcc_decodes() -> None:
+    returns = recorded(60)
+    stream = open_codec("gpcc_angular").encode_returns(returns, "2mm")
+    assert np.array_equal(
+        decode_geometry(unpacked(stream).stream).positions() * 0.002,
+        open_codec("gpcc").decode(stream),
+    )
+
+
+def test_a_sensor_too_far_away_is_refused_by_the_encoder() -> None:
+    far = SensorDescription(SENSOR.tan_elevation, SENSOR.height, 450, (1 << 23, 0, 0))
+    with pytest.raises(InputError, match="the sensor is more than 4194304 units away"):
+        encode_geometry(small_turn().astype(int), PROFILES["ctc"], sensor=far)
+
+
+@pytest.mark.parametrize("points", [(1 << 22) - 8000, 1 << 21])
+def test_a_sensor_at_the_bound_is_coded(points: int) -> None:
+    """Where the reference's numbers of 32 bits are large, too."""
+    away = SensorDescription(SENSOR.tan_elevation, SENSOR.height, 450, (points, -points, 5))
+    grid = small_turn().astype(int)
+    options = PROFILES["ctc"].model_copy(update={"inferred_direct_coding_mode": 3})
+    decoded = decode_geometry(encode_geometry(grid, options, sensor=away)).positions()
+    unique = np.unique(grid, axis=0)
+    assert np.array_equal(np.unique(decoded, axis=0), unique)
