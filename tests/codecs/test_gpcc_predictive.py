@@ -1,12 +1,14 @@
 """Predictive geometry: streams of the reference software, and what trees are made of."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from puckbench.codecs.gpcc import predictive_coder
+from puckbench.codecs.gpcc import predictive_coder, syntax
 from puckbench.codecs.gpcc.azimuth_order import azimuth_order
+from puckbench.codecs.gpcc.bits import Reader
 from puckbench.codecs.gpcc.coder import decode_geometry
 from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.codecs.gpcc.prediction_search import add_position, empty_search, nearest
@@ -222,3 +224,29 @@ def test_residuals_wider_than_expected_are_given_more_bits(
     monkeypatch.setattr(predictive_coder, "_residual_bits", lambda *_: (1, 0, 0))
     stream = encode_predictive(CUBE, PredictiveOptions(), SENSOR)
     assert _sorted(decode_geometry(stream).positions()) == _sorted(CUBE)
+
+
+def test_many_small_slices_take_little_time_each() -> None:
+    stream = encode_predictive(CUBE[:1], PredictiveOptions(), SENSOR)
+    units = [syntax.encapsulate(*unit) for unit in syntax.payloads(stream)]
+    assert len(decode_geometry(b"".join(units[:-1]) + units[-1] * 1000).points) == 1000
+    with pytest.raises(InputError, match="more than 16384 octree levels"):
+        decode_geometry(b"".join(units[:-1]) + units[-1] * 9000)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("geom_base_qp", 224, "header of a slice"),
+        ("geom_angular_azimuth_scale_log2_minus11", 19, "steps of the azimuth"),
+        ("geom_angular_radius_inv_scale_log2", 31, "steps of the azimuth or the radius"),
+    ],
+)
+def test_fields_beyond_what_can_be_computed_are_refused(field: str, value: int, said: str) -> None:
+    stream = encode_predictive(CUBE, PredictiveOptions(base_qp=8), SENSOR)
+    units = dict(syntax.payloads(stream))
+    gps = syntax.GeometryParameterSet()
+    syntax.geometry_parameter_set(Reader(units[1]), gps)
+    units[1] = syntax.written(syntax.geometry_parameter_set, replace(gps, **{field: value}))
+    with pytest.raises(InputError, match=said):
+        decode_geometry(b"".join(syntax.encapsulate(*unit) for unit in units.items()))

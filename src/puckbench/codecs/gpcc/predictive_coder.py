@@ -228,15 +228,14 @@ def _coded(
         header.pgeom_min_radius = int(positions[:, 0].min()) if len(points) <= most else 0
     else:
         tree = nearest_tree(points, most)
-    given = points.copy(), positions.copy()
-    header.pgeom_resid_abs_log2_bits = _residual_bits(points, tools)
-    for _ in range(2):
+    for widths in (_residual_bits(points, tools), _WIDEST):
+        header.pgeom_resid_abs_log2_bits = widths
         tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
-        data = encode_trees(tree, points, positions, tools, initial_probabilities())
+        coded = points.copy()
+        given = positions.copy() if tools.angular else coded
+        data = encode_trees(tree, coded, given, tools, initial_probabilities())
         if data is not None:
             return data
-        header.pgeom_resid_abs_log2_bits = _WIDEST
-        points, positions = given
     raise InputError("G-PCC: residuals are too large for a stream")
 
 
