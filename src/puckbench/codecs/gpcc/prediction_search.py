@@ -244,7 +244,7 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
     while depth:
         depth -= 1
         node, least = stack[depth, 0], stack[depth, 1]
-        if least > search.distances[NEIGHBOURS - 1] and found == NEIGHBOURS:
+        if least > search.distances[NEIGHBOURS - 1]:
             continue
         a, b, c = stack[depth, 2], stack[depth, 3], stack[depth, 4]
         while search.nodes[node, 0] >= 0:
@@ -255,13 +255,15 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
             if 2 * value - low - high < 0:
                 nearer, farther, border = 3, 4, high
             off = (value - border) * (value - border)
-            stack[depth, 0] = search.nodes[node, farther]
-            stack[depth, 2] = a
-            stack[depth, 3] = b
-            stack[depth, 4] = c
-            stack[depth, 1] = least + off - stack[depth, 2 + axis]
-            stack[depth, 2 + axis] = off
-            depth += 1
+            beyond = least + off - (a if axis == 0 else b if axis == 1 else c)
+            if beyond <= search.distances[NEIGHBOURS - 1]:
+                stack[depth, 0] = search.nodes[node, farther]
+                stack[depth, 1] = beyond
+                stack[depth, 2] = a
+                stack[depth, 3] = b
+                stack[depth, 4] = c
+                stack[depth, 2 + axis] = off
+                depth += 1
             node = integer(search.nodes[node, nearer])
         first, end = integer(search.nodes[node, 1]), integer(search.nodes[node, 2])
         found = _search_leaf(search, first, end, found, at)
@@ -271,20 +273,23 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
 @inlined
 def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
     """Search the rows of a leaf, or of a small tree; how many are found now."""
+    worst = search.distances[NEIGHBOURS - 1]
     for k in range(first, end):
         row = integer(search.rows[k])
         dx = at[0] - search.positions[row, 0]
         dy = at[1] - search.positions[row, 1]
         dz = at[2] - search.positions[row, 2]
-        found = _keep(search, found, row, dx * dx + dy * dy + dz * dz)
+        distance = dx * dx + dy * dy + dz * dz
+        if distance < worst:
+            _keep(search, found, row, distance)
+            found = min(found + 1, NEIGHBOURS)
+            worst = search.distances[NEIGHBOURS - 1]
     return found
 
 
 @inlined
-def _keep(search: Search, found: int, row: int, distance: int) -> int:
+def _keep(search: Search, found: int, row: int, distance: int) -> None:
     """Put a row among the nearest, after those that are as near."""
-    if distance >= search.distances[NEIGHBOURS - 1] and found == NEIGHBOURS:
-        return found
     place = min(found, NEIGHBOURS - 1)
     while place > 0 and search.distances[place - 1] > distance:
         search.distances[place] = search.distances[place - 1]
@@ -292,4 +297,3 @@ def _keep(search: Search, found: int, row: int, distance: int) -> int:
         place -= 1
     search.distances[place] = distance
     search.nearest[place] = row
-    return min(found + 1, NEIGHBOURS)
