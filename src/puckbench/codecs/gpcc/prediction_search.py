@@ -30,7 +30,8 @@ class Search(NamedTuple):
     """The forest.
 
     positions: (n, 3) as they were added. owners: (n,) number that each was added with. rows: of the
-    positions of all trees; that of 2^k begins at 2^k. nodes: (2 n, 5) of all trees; that of 2^k
+    positions of all trees; that of 2^k begins at 2^k. values: of those rows
+    along the axis that is cut, while a tree is built. nodes: (2 n, 5) of all trees; that of 2^k
     begins at 2^(k + 1): axis, or -1 for a leaf; highest of the lower, lowest of the upper half, or
     first and last row of a leaf; two children. boxes: (trees, 2, 3) around each tree's positions.
     counters: positions so far. stack: nodes to build or to search, with what they need.
@@ -40,6 +41,7 @@ class Search(NamedTuple):
     positions: Int32s
     owners: Int32s
     rows: Int32s
+    values: Int32s
     nodes: Int32s
     boxes: Ints
     counters: Ints
@@ -54,6 +56,7 @@ def empty_search(most: int) -> Search:
     return Search(
         np.empty((most, 3), dtype=np.int32),
         np.empty(most, dtype=np.int32),
+        np.empty(2 << trees, dtype=np.int32),
         np.empty(2 << trees, dtype=np.int32),
         np.empty((4 << trees, 5), dtype=np.int32),
         np.empty((trees, 2, 3), dtype=np.int64),
@@ -107,8 +110,8 @@ def _build(search: Search, tree: int) -> None:
             continue
         axis, cut, middle = _split(search, first, end, search.stack[depth])
         search.nodes[node, 0] = axis
-        search.nodes[node, 1] = _greatest(search, first, middle, axis)
-        search.nodes[node, 2] = _least(search, middle, end, axis)
+        search.nodes[node, 1] = _greatest(search.values, first, middle)
+        search.nodes[node, 2] = _least(search.values, middle, end)
         search.nodes[node, 3] = used
         search.nodes[node, 4] = used + 1
         for k in range(3, 9):
@@ -156,21 +159,26 @@ def _position(search: Search, row: int) -> tuple[int, int, int]:
 
 
 @inlined
-def _greatest(search: Search, first: int, end: int, axis: int) -> int:
-    """Greatest coordinate of some rows."""
-    most = search.positions[search.rows[first], axis]
+def _greatest(values: Int32s, first: int, end: int) -> int:
+    most = values[first]
     for k in range(first + 1, end):
-        most = max(most, search.positions[search.rows[k], axis])
+        most = max(most, values[k])
     return integer(most)
 
 
 @inlined
-def _least(search: Search, first: int, end: int, axis: int) -> int:
-    """Least coordinate of some rows."""
-    least = search.positions[search.rows[first], axis]
+def _least(values: Int32s, first: int, end: int) -> int:
+    least = values[first]
     for k in range(first + 1, end):
-        least = min(least, search.positions[search.rows[k], axis])
+        least = min(least, values[k])
     return integer(least)
+
+
+@inlined
+def _take_values(search: Search, first: int, end: int, axis: int) -> None:
+    """Put coordinates of some rows side by side."""
+    for k in range(first, end):
+        search.values[k] = search.positions[search.rows[k], axis]
 
 
 @inlined
@@ -180,17 +188,21 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
     frame: its entries from 3 on are the box. The cut halves the box's longest side.
     """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
-    axis, spread, low, high = 0, -1, 0, 0
+    axis, spread, low, high, taken = 0, -1, 0, 0, 0
     for k in range(3):
         if frame[6 + k] - frame[3 + k] >= longest:
-            a, b = _least(search, first, end, k), _greatest(search, first, end, k)
+            _take_values(search, first, end, k)
+            taken = k
+            a, b = _least(search.values, first, end), _greatest(search.values, first, end)
             if b - a > spread:
                 axis, spread, low, high = k, b - a, a, b
+    if taken != axis:
+        _take_values(search, first, end, axis)
     total = frame[3 + axis] + frame[6 + axis]
     cut = total >> 1 if total >= 0 else -((-total) >> 1)
     cut = min(max(cut, low), high)
-    below = _parted(search, first, first, end, axis, cut)
-    up_to = _parted(search, below, first, end, axis, cut + 1)
+    below = _parted(search, first, first, end, cut)
+    up_to = _parted(search, below, first, end, cut + 1)
     middle = (end - first) // 2
     if below - first > middle:
         return axis, cut, below
@@ -200,17 +212,18 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
 
 
 @inlined
-def _parted(search: Search, left: int, first: int, end: int, axis: int, cut: int) -> int:
+def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
     """Put rows from `left` on that are less than `cut` before the others; the first of these."""
-    rows, positions, right = search.rows, search.positions, end - 1
+    rows, values, right = search.rows, search.values, end - 1
     while True:
-        while left <= right and positions[rows[left], axis] < cut:
+        while left <= right and values[left] < cut:
             left += 1
-        while right != first and left <= right and positions[rows[right], axis] >= cut:
+        while right != first and left <= right and values[right] >= cut:
             right -= 1
         if left > right or right == first:
             return left
         rows[left], rows[right] = rows[right], rows[left]
+        values[left], values[right] = values[right], values[left]
         left += 1
         right -= 1
 
