@@ -14,6 +14,7 @@ Exit status 1 if any case fails.
 from __future__ import annotations
 
 import argparse
+import resource
 import subprocess
 import sys
 import tempfile
@@ -32,8 +33,8 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 
-SECONDS = 120
-"""That one of TMC3's processes may take."""
+SECONDS, MEMORY = 30, 2**31
+"""That one of TMC3's processes may take: slices of a flat cloud have it search for ever."""
 AS_TMC3: dict[str, Any] = {"slice_qp_interval_log2": 0}
 """TMC3's default for slices differs from its default for streams."""
 LOSSY = (1, 12), (2, 11), (4, 9), (5, 8), (7, 7), (8, 7)
@@ -153,7 +154,14 @@ class Reference:
 
     def _run(self, *options: str) -> None:
         command = [self._program, f"--compressedStreamPath={self._folder / 'stream.bin'}", *options]
-        ran = subprocess.run(command, check=True, capture_output=True, timeout=SECONDS, text=True)
+        ran = subprocess.run(
+            command,
+            check=True,
+            capture_output=True,
+            timeout=SECONDS,
+            text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+        )
         self.said = ran.stdout
 
 

@@ -26,6 +26,8 @@ from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions, encode_pre
 from puckbench.geometry.cloud import Floats
 
 MOST = 1 << 24
+LEAST = 0.001
+"""Seconds: TMC3 prints none less than 0."""
 MODES = {
     "sensor": {},
     "sensor, radius 4": {"radius_inv_scale_log2": 4, "azimuth_scale_log2": 9, "base_qp": 58},
@@ -69,9 +71,8 @@ def row(reference: Reference, turn: Turn, mode: str, repeats: int) -> str:
         least(theirs, 1, printed(reference.said))
         least(ours, 0, timed(lambda: encode_predictive(turn.points, options, sensor)))
         least(ours, 1, timed(lambda: decode_geometry(mine).positions()))
-    times = [
-        f"{a:.3f} / {b:.3f} ({b / a:.2f})" for a, b in zip(theirs.flat, ours.flat, strict=True)
-    ]
+    pairs = zip(theirs.flat, ours.flat, strict=True)
+    times = [f"{a:.3f} / {b:.3f} ({b / max(a, LEAST):.2f})" for a, b in pairs]
     sizes = f"{len(stream):,} / {len(mine):,}"
     return f"| {len(points):,} | {mode} | {sizes} | {' | '.join(times)} |"
 
