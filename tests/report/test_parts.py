@@ -350,3 +350,12 @@ def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
         ("clouds", "Clouds", ""),
     ]
     assert "<td>S3DIS</td><td>G-PCC</td>" in made
+
+
+def test_units_are_those_of_the_clouds_frames() -> None:
+    from puckbench.report.quantities import unit_in
+
+    assert unit_in("grid units²", {"scaled"}) == "grid units²"
+    assert unit_in("grid units²", {"metric"}) == "m²"
+    assert unit_in("grid units", {"metric", "scaled"}) == "grid units or m"
+    assert unit_in("dB", {"metric"}) == "dB"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.report.quantities import Measured, in_order, is_known
+from puckbench.metrics.frames import FRAME
+from puckbench.report.quantities import Measured, in_order, is_known, unit_in
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +61,11 @@ def _shown(metrics: pd.DataFrame) -> list[Measured]:
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
-    return in_order([name for name in names if is_known(name) or different[name]])
+    found = in_order([name for name in names if is_known(name) or different[name]])
+    frames = {"metric"} if FRAME in metrics else {"scaled"}
+    if FRAME in metrics and metrics[FRAME].isna().any():
+        frames.add("scaled")
+    return [replace(item, unit=unit_in(item.unit, frames)) for item in found]
 
 
 def _described(item: Measured) -> dict[str, str]:

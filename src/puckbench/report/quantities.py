@@ -140,6 +140,14 @@ def measured(column: str) -> Measured:
     return Measured(column, column, "", _OTHER)
 
 
+def unit_in(unit: str, frames: Collection[str]) -> str:
+    """The unit of a quantity of clouds in these frames: of clouds in metres it is no grid's."""
+    metres = unit.replace("grid units", "m")
+    if unit == metres or "metric" not in frames:
+        return unit
+    return f"{unit} or {metres}" if "scaled" in frames else metres
+
+
 def headed(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Words and unit of a column in the heading of a table that has these others too."""
     if column in _OF_TABLES:
