@@ -31,12 +31,14 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from tests.support.puck_streams import DECODERS as OTHERS
+from tests.support.returns import EXAMPLES
 from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
 
@@ -44,6 +46,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.gpcc.conformance import FOLDER
 from puckbench.codecs.registry import codecs, has_weights, open_codec
 from puckbench.core.errors import InputError
+from puckbench.lidar.returns import Returns
 
 ROOT = Path(__file__).parents[2]
 SECONDS, MIB = 5, 1024
@@ -152,13 +155,27 @@ def streams(decoder: str, codec: Any) -> list[bytes]:
         return whole
     if decoder in VECTORS:
         return [file.read_bytes() for file in sorted(FOLDER.glob(VECTORS[decoder]))]
-    rates = list(codec.rates)[:: max(1, len(codec.rates) // 3)]
-    coded = [(cloud, rate) for cloud in clouds() for rate in rates]
-    found = [codec.encode(cloud, rate) for cloud, rate in coded]
+    rates = list(codec.rates or codec.metric_rates)
+    rates = rates[:: max(1, len(rates) // 3)]
+    if codec.takes == "returns":
+        return [codec.encode_returns(each, rate) for each in returns_of(codec) for rate in rates]
+    unit = 1.0 if codec.rates else 1 / 128
+    found = [codec.encode(cloud * unit, rate) for cloud in clouds() for rate in rates]
     if decoder.startswith("primitives"):  # about as many with primitives as without
         found += [codec.encode(shapes(), rate) for rate in ("r1", "r3", "r5", "r7")] * 5
     if decoder.endswith("(mesh)"):
         return [stream for stream in found if outcome(decoder, codec, stream) == "points"]
+    return found
+
+
+def returns_of(codec: Any) -> list[Returns]:
+    """Returns of several sensors, those that a codec takes."""
+    found = []
+    for make in EXAMPLES.values():
+        with suppress(InputError):
+            returns = make()
+            codec.check_returns(returns)
+            found.append(returns)
     return found
 
 
@@ -223,7 +240,7 @@ def work(decoder: str, first: int, end: int, kind: str) -> None:
         found = outcome(decoder, codec, stream)
         seconds, mib = time.process_time() - start, _peak_mib() - before
         signal.setitimer(signal.ITIMER_PROF, 0)
-        if mib > (DRACO_MIB if decoder == "draco" else MIB):
+        if mib > (DRACO_MIB if decoder.startswith("draco") else MIB):
             found = f"{mib:.0f} MiB for {len(stream)} bytes"
         print(number, f"{seconds:.4f}", f"{mib:.1f}", found, flush=True)
 

@@ -1,8 +1,13 @@
-"""The contract of codecs of points, over all of the registry that can run here."""
+"""The contract of codecs of points, over all of the registry that can run here.
+
+A codec with rates of clouds in metres runs a second time, on clouds of a room's size at these.
+"""
 
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -12,24 +17,85 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.external.program import ExternalCodec
 from puckbench.codecs.learned.codec import LearnedByLambda
 from puckbench.codecs.registry import codec_of, codecs, open_codec
 from puckbench.core.errors import InputError
 
-POINTS = [name for name, found in codecs().items() if found.takes == "points" and found.rates]
-NAMES = [name for name in POINTS if open_codec(name).available().ok]
-OWN = [name for name in NAMES if not isinstance(open_codec(name), ExternalCodec)]
-# A network draws surfaces like those that it has seen, and promises no distance of any other.
-FAITHFUL = [name for name in NAMES if not isinstance(open_codec(name), LearnedByLambda)]
+UNITS_PER_METRE = 128.0
+"""Of scaled clouds that are taken for ones in metres: rooms of 8 m."""
+METRES = " (metres)"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A codec, and the clouds and rates that it is tested with."""
+
+    codec: Codec
+    is_metric: bool
+
+    @property
+    def rates(self) -> Mapping[str, Parameters]:
+        return self.codec.metric_rates if self.is_metric else self.codec.rates
+
+    @property
+    def grid(self) -> float:
+        """Spacing of the finest rate's grid, 0 for a codec that adapts to the cloud."""
+        if self.is_metric:
+            return min(float(rate["step_m"]) for rate in self.rates.values())
+        return self.codec.grid
+
+    def encode(self, points: np.ndarray, rate: str) -> bytes:
+        return self.codec.encode(points, rate)
+
+    def decode(self, stream: bytes) -> np.ndarray:
+        return self.codec.decode(stream)
+
+    def of_size(self, points: np.ndarray) -> np.ndarray:
+        """Points in the units of the clouds of this case."""
+        return points / UNITS_PER_METRE if self.is_metric else points
+
+    def surface(self, points: int = 4000) -> np.ndarray:
+        return self.of_size(_surface(points))
+
+    def cloud(self) -> np.ndarray:
+        return self.of_size(_dense() if _is_network(self.codec) else _surface())
+
+
+def _cases() -> list[str]:
+    """Names of codecs; those of clouds in metres with a word that says so."""
+    found = {name: own for name, own in codecs().items() if own.takes == "points"}
+    here = [name for name in found if open_codec(name).available().ok]
+    scaled = [name for name in here if found[name].rates]
+    return scaled + [name + METRES for name in here if found[name].metric_rates]
+
+
+def _opened(case: str) -> Case:
+    return Case(open_codec(case.removesuffix(METRES)), case.endswith(METRES))
+
+
+def _is_network(codec: Codec) -> bool:
+    """A network draws surfaces like those it has seen, and promises no distance of any other."""
+    return isinstance(codec, LearnedByLambda)
+
+
+NAMES = _cases()
+FAITHFUL = [name for name in NAMES if not _is_network(_opened(name).codec)]
+# Streams of clouds in metres have decoders of their own where there are no others.
+OWN = [
+    name
+    for name in NAMES
+    if not isinstance(_opened(name).codec, ExternalCodec)
+    and name.removesuffix(METRES) not in set(NAMES) - {name}
+]
 
 
 @pytest.fixture(params=NAMES, scope="module")
-def codec(request: pytest.FixtureRequest) -> Codec:
-    codec = open_codec(request.param)
-    codec.load()
-    return codec
+def case(request: pytest.FixtureRequest) -> Case:
+    case = _opened(request.param)
+    case.codec.load()
+    return case
 
 
 def _surface(points: int = 4000) -> np.ndarray:
@@ -48,74 +114,70 @@ def _dense() -> np.ndarray:
     return np.unique(np.rint(32 + points), axis=0)
 
 
-def _cloud(codec: Codec) -> np.ndarray:
-    return _surface() if codec.name in FAITHFUL else _dense()
-
-
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:
     from scipy.spatial import cKDTree
 
     return float(max(cKDTree(b).query(a)[0].max(), cKDTree(a).query(b)[0].max()))
 
 
-def _tolerance(codec: Codec, points: np.ndarray, least_extent: float) -> float:
+def _tolerance(case: Case, points: np.ndarray, least_extent: float) -> float:
     """A hundredth of the extent, or the diagonal of a cell of the codec's fixed grid."""
     extent = max(float(np.ptp(points, axis=0).max()), least_extent)
-    return max(extent / 100, codec.grid * 3**0.5)
+    return max(extent / 100, case.grid * 3**0.5)
 
 
 def _sorted(points: np.ndarray) -> np.ndarray:
     return points[np.lexsort(points.T)]
 
 
-@pytest.mark.parametrize("codec", FAITHFUL, indirect=True)
-def test_bytes_and_error_are_monotone_in_rate(codec: Codec) -> None:
-    points = _surface()
-    streams = [codec.encode(points, rate) for rate in codec.rates]
+@pytest.mark.parametrize("case", FAITHFUL, indirect=True)
+def test_bytes_and_error_are_monotone_in_rate(case: Case) -> None:
+    points = case.surface()
+    streams = [case.encode(points, rate) for rate in case.rates]
     sizes = [len(stream) for stream in streams]
-    errors = [_farthest(points, codec.decode(stream)) for stream in streams]
+    errors = [_farthest(points, case.decode(stream)) for stream in streams]
     assert sizes == sorted(sizes)
     assert errors[-1] < errors[0] / 4
 
 
-def test_the_same_input_gives_the_same_bytes(codec: Codec) -> None:
-    points = _cloud(codec)
-    for rate in codec.rates:
-        assert codec.encode(points, rate) == codec.encode(points.copy(), rate)
+def test_the_same_input_gives_the_same_bytes(case: Case) -> None:
+    points = case.cloud()
+    for rate in case.rates:
+        assert case.encode(points, rate) == case.encode(points.copy(), rate)
 
 
-def test_the_order_of_the_points_does_not_change_the_decoded_set(codec: Codec) -> None:
-    points = _cloud(codec)
+def test_the_order_of_the_points_does_not_change_the_decoded_set(case: Case) -> None:
+    points = case.cloud()
     shuffled = np.random.default_rng(0).permutation(points)
-    rate = list(codec.rates)[len(codec.rates) // 2]
-    decoded = [codec.decode(codec.encode(cloud, rate)) for cloud in (points, shuffled)]
+    rate = list(case.rates)[len(case.rates) // 2]
+    decoded = [case.decode(case.encode(cloud, rate)) for cloud in (points, shuffled)]
     assert np.array_equal(_sorted(decoded[0]), _sorted(decoded[1]))
 
 
-def test_streams_decode_in_a_fresh_process(codec: Codec, tmp_path: Path) -> None:
-    rate = next(iter(codec.rates))
-    stream = codec.encode(_cloud(codec), rate)
+def test_streams_decode_in_a_fresh_process(case: Case, tmp_path: Path) -> None:
+    rate = next(iter(case.rates))
+    stream = case.encode(case.cloud(), rate)
     (tmp_path / "a.bin").write_bytes(stream)
     program = (
         "import sys, numpy as np; from puckbench.codecs.registry import open_codec;"
         "c = open_codec(sys.argv[1]); c.load();"
         "np.save(sys.argv[3], c.decode(open(sys.argv[2], 'rb').read()))"
     )
-    command = [sys.executable, "-c", program, codec.name]
+    command = [sys.executable, "-c", program, case.codec.name]
     subprocess.run([*command, tmp_path / "a.bin", tmp_path / "a.npy"], check=True)
-    assert np.array_equal(np.load(tmp_path / "a.npy"), codec.decode(stream))
+    assert np.array_equal(np.load(tmp_path / "a.npy"), case.decode(stream))
 
 
-def test_the_stream_names_a_codec_that_decodes_it(codec: Codec) -> None:
-    stream = codec.encode(_cloud(codec), next(iter(codec.rates)))
+def test_the_stream_names_a_codec_that_decodes_it(case: Case) -> None:
+    stream = case.encode(case.cloud(), next(iter(case.rates)))
     named = open_codec(codec_of(stream))
-    assert np.array_equal(_sorted(named.decode(stream)), _sorted(codec.decode(stream)))
+    assert np.array_equal(_sorted(named.decode(stream)), _sorted(case.decode(stream)))
 
 
-def test_the_input_is_not_changed(codec: Codec) -> None:
-    points = _cloud(codec)
+def test_the_input_is_not_changed(case: Case) -> None:
+    points = case.cloud()
     before = points.copy()
-    codec.encode(points, next(iter(codec.rates)))
+    case.encode(points, next(iter(case.rates)))
     assert np.array_equal(points, before)
 
 
@@ -124,14 +186,14 @@ def test_the_input_is_not_changed(codec: Codec) -> None:
     [(np.empty((0, 3)), "empty"), (np.full((3, 3), np.nan), "not finite")],
     ids=["empty", "nan"],
 )
-def test_unusable_clouds_are_refused(codec: Codec, points: np.ndarray, fault: str) -> None:
+def test_unusable_clouds_are_refused(case: Case, points: np.ndarray, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
-        codec.encode(points, next(iter(codec.rates)))
+        case.encode(points, next(iter(case.rates)))
 
 
-def test_unknown_rates_are_refused(codec: Codec) -> None:
+def test_unknown_rates_are_refused(case: Case) -> None:
     with pytest.raises(InputError, match="unknown rate 'r99'"):
-        codec.encode(_surface(10), "r99")
+        case.encode(case.surface(10), "r99")
 
 
 SPECIAL = {
@@ -144,17 +206,17 @@ SPECIAL = {
 
 
 @pytest.mark.parametrize("name", SPECIAL)
-def test_special_clouds_come_back(codec: Codec, name: str) -> None:
-    points = SPECIAL[name]
-    best = list(codec.rates)[-1]
-    decoded = codec.decode(codec.encode(points, best))
+def test_special_clouds_come_back(case: Case, name: str) -> None:
+    points = case.of_size(SPECIAL[name])
+    best = list(case.rates)[-1]
+    decoded = case.decode(case.encode(points, best))
     assert decoded.shape[1] == 3
     assert np.isfinite(decoded).all()
-    if codec.name in FAITHFUL:
-        assert _farthest(points, decoded) <= _tolerance(codec, points, 1.0)
+    if not _is_network(case.codec):
+        assert _farthest(points, decoded) <= _tolerance(case, points, 1.0)
 
 
-@pytest.mark.parametrize("codec", FAITHFUL, indirect=True)
+@pytest.mark.parametrize("case", FAITHFUL, indirect=True)
 @settings(max_examples=40)
 @given(
     points=arrays(
@@ -163,48 +225,47 @@ def test_special_clouds_come_back(codec: Codec, name: str) -> None:
         elements=st.floats(-1e4, 1e4, allow_nan=False, width=32),
     )
 )
-def test_every_point_comes_back_within_the_finest_rate(codec: Codec, points: np.ndarray) -> None:
-    decoded = codec.decode(codec.encode(points, list(codec.rates)[-1]))
-    assert _farthest(points, decoded) <= _tolerance(codec, points, 1e-2)
+def test_every_point_comes_back_within_the_finest_rate(case: Case, points: np.ndarray) -> None:
+    points = case.of_size(points)
+    decoded = case.decode(case.encode(points, list(case.rates)[-1]))
+    assert _farthest(points, decoded) <= _tolerance(case, points, 1e-2)
     assert len(decoded) <= len(points)
 
 
 FAR = np.array([500_000.0, 5_000_001.0, -3_000_000.0])
 
 
-def test_a_cloud_far_away_decodes_to_the_shifted_decode_of_the_near_one(codec: Codec) -> None:
-    near = np.rint(_cloud(codec))
+def test_a_cloud_far_away_decodes_to_the_shifted_decode_of_the_near_one(case: Case) -> None:
+    near = case.of_size(np.rint(case.cloud() * (UNITS_PER_METRE if case.is_metric else 1)))
     near -= near.min(axis=0)
-    for rate in codec.rates:
-        decoded = [codec.decode(codec.encode(cloud, rate)) for cloud in (near, near + FAR)]
+    for rate in case.rates:
+        decoded = [case.decode(case.encode(cloud, rate)) for cloud in (near, near + FAR)]
         assert np.array_equal(_sorted(decoded[0] + FAR), _sorted(decoded[1]))
 
 
-def test_a_cloud_at_the_origin_is_coded_as_it_is(codec: Codec) -> None:
-    points = _cloud(codec)
-    rate = next(iter(codec.rates))
-    assert codec.encode(points, rate) == codec._encode(points, codec.rates[rate])
+def test_a_cloud_at_the_origin_is_coded_as_it_is(case: Case) -> None:
+    points = case.cloud()
+    rate = next(iter(case.rates))
+    assert case.encode(points, rate) == case.codec._encode(points, case.rates[rate])
 
 
 @cache
-def _stream(codec: Codec) -> bytes:
-    return codec.encode(_surface(300), next(iter(codec.rates)))
+def _stream(case: Case) -> bytes:
+    return case.encode(case.surface(300), next(iter(case.rates)))
 
 
 # Programs of others may crash and hang on damage, under limits: see test_external.
-@pytest.mark.parametrize("codec", OWN, indirect=True)
+@pytest.mark.parametrize("case", OWN, indirect=True)
 @settings(max_examples=300)
 @given(data=st.data())
-def test_damaged_streams_end_in_one_clean_error_or_points(
-    codec: Codec, data: st.DataObject
-) -> None:
-    stream = bytearray(_stream(codec))
+def test_damaged_streams_end_in_one_clean_error_or_points(case: Case, data: st.DataObject) -> None:
+    stream = bytearray(_stream(case))
     cut = data.draw(st.integers(0, len(stream)))
     damaged = stream[:cut] if data.draw(st.booleans()) else stream
     for _ in range(data.draw(st.integers(1, 4))):
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     with suppress(InputError):
-        decoded = codec.decode(bytes(damaged))
+        decoded = case.decode(bytes(damaged))
         assert decoded.ndim == 2
         assert np.isfinite(decoded).all()

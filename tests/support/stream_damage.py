@@ -67,12 +67,15 @@ def _sealed_records(stream: bytes) -> bytes:
     return b"".join(parts)
 
 
+FRAMED = ("delta_zstd", "packets_xz", "packets_zstd", "jpegls", "jpegxl")
+"""Codecs whose streams are those of `puckbench.codecs.common.framing`, without a header."""
 SEALS: dict[str, Callable[[bytes], bytes]] = {
     "pcgcv1_plus": _sealed_at(5),
     "pcgcv2_plus": _sealed_at(6),
     "sparse_octree_net": _sealed_at(5),
     "primitives": _sealed_at_the_end,
     "puck": _sealed_records,
+    **dict.fromkeys(FRAMED, _sealed_at(5)),
 }
 """What makes the check sums of streams fit again, where a codec has them."""
 

@@ -1,7 +1,7 @@
-"""Draco's kd-tree point-cloud coder, through DracoPy.
+"""Draco's point-cloud coders, through DracoPy: the kd-tree, and what its two methods share.
 
-Geometry alone is coded, over the cloud's bounding cube, in single precision as Draco stores it.
-Points whose float32 coordinates are equal are coded once (DracoPy does so; Debian's
+Geometry alone is coded, over the cloud's bounding cube, in single precision as Draco stores it. By
+the kd-tree, points whose float32 coordinates are equal are coded once (DracoPy does so; Debian's
 ``draco_encoder`` keeps them). Points that quantisation brings together are kept, as in Draco.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from importlib.metadata import version
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -57,25 +57,16 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@CODECS.register("draco")
-class Draco(Codec):
-    """Draco (Google), kd-tree method.
+class DracoCodec(Codec):
+    """What Draco's methods have in common; each decodes the other's streams."""
 
-    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
-    """
-
-    title = "Draco"
-    use = "a fast baseline that everybody has"
-    colour = "#0072B2"
-    marker = "o"
-    rank = 0
+    keeps_order: ClassVar[bool]
+    """Whether points are coded in their order, which takes the sequential method."""
     pace = Pace(0.02, 1.1)
-    rates = DRACO_RATES
     metric_rates = lengths()
     Options = DracoOptions
     options: DracoOptions
     magic = b"DRACO"
-    thesis_role = "draco"
     version = f"DracoPy {version('dracopy')}"
 
     def load(self) -> None:
@@ -91,7 +82,7 @@ class Draco(Codec):
             points.astype(np.float32),
             **_quantisation(points, parameters),
             compression_level=self.options.compression_level,
-            preserve_order=False,  # else DracoPy takes the sequential coder, not the kd-tree
+            preserve_order=self.keeps_order,
         )
         if len(points) > _most_points(stream):
             raise InputError(f"codec {self.name}: {len(points)} points fall on too few positions")
@@ -117,3 +108,20 @@ class Draco(Codec):
             raise InputError(f"codec {self.name}: not a Draco point-cloud stream")
         if points > _most_points(stream):
             raise InputError(f"codec {self.name}: the stream is damaged (claims {points} points)")
+
+
+@CODECS.register("draco")
+class Draco(DracoCodec):
+    """Draco (Google), kd-tree method.
+
+    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
+    """
+
+    title = "Draco"
+    use = "a fast baseline that everybody has"
+    colour = "#0072B2"
+    marker = "o"
+    rank = 0
+    rates = DRACO_RATES
+    thesis_role = "draco"
+    keeps_order = False

@@ -90,7 +90,7 @@ class Learned(Codec, Generic[W]):
 
     def weights_of(self, rate: str) -> str:
         """Name and digest (16 hexadecimal digits) of the file with a rate's weights."""
-        path = self._path(self.rates[rate])
+        path = self._path(self.parameters_of(rate))
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:

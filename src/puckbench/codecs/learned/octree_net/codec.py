@@ -1,7 +1,7 @@
 """The codec: points on gpcc's grids, coded without loss there by a small learned octree coder.
 
-A rate is the grid's scale, so that decoded points are those of `gpcc` with merged duplicates, and
-only the bytes differ.
+A rate is the grid's scale or, of clouds in metres, its step, so that decoded points are those of
+`gpcc` with merged duplicates, and only the bytes differ.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Memory, Parameters
+from puckbench.codecs.base import Memory, Parameters, lengths
 from puckbench.codecs.gpcc.codec import EIGHTHS, UnitOptions
 from puckbench.codecs.gpcc.grid import frame_of, in_frame, quantised
 from puckbench.codecs.learned.catalogue import OCTREE_NET
@@ -36,7 +36,7 @@ class OctreeNetOptions(LearnedOptions, UnitOptions):
 
 @CODECS.register("sparse_octree_net")
 class SparseOctreeNet(Learned["Weights"]):
-    """A learned octree coder, lossless on its grid; a rate is the scale, as G-PCC's."""
+    """A learned octree coder, lossless on its grid; a rate is the scale or step, as G-PCC's."""
 
     title = "Sparse octree net"
     use = "G-PCC's points for 8 to 18 % fewer bits"
@@ -44,6 +44,7 @@ class SparseOctreeNet(Learned["Weights"]):
     marker = "v"
     rank = 50
     rates = EIGHTHS
+    metric_rates = lengths()
     Options: type[OctreeNetOptions] = OctreeNetOptions
     options: OctreeNetOptions
     magic = b"PBON"
@@ -64,18 +65,19 @@ class SparseOctreeNet(Learned["Weights"]):
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.codecs.learned.octree_net.stream import write_stream
 
-        return write_stream(self._coded(points, float(parameters["scale"])))
+        return write_stream(self._coded(points, parameters))
 
-    def _coded(self, points: Floats, scale: float) -> Coded:
+    def _coded(self, points: Floats, parameters: Parameters) -> Coded:
         from puckbench.codecs.learned.octree_net.coder import Coder, split
         from puckbench.codecs.learned.octree_net.stream import Coded
         from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
-        frame = frame_of(points, self.options.step, scale)
+        scale = float(parameters.get("scale", 1.0))
+        frame = frame_of(points, float(parameters.get("step_m", self.options.step)), scale)
         positions, origin = quantised(points, frame, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")
-        weights = self._weights({"scale": scale})
+        weights = self._weights(parameters)
         coder = Coder(weights.model, self.options.threads)
         parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
         x, y, z = origin.tolist()

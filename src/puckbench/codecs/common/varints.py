@@ -1,0 +1,39 @@
+"""Arrays of variable-length integers: those of `byte_io`, many at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+
+_LONGEST = 5
+Numbers = NDArray[np.int64]
+
+
+def packed_signed(numbers: Numbers) -> bytes:
+    """Code numbers (n,) of at most 34 bits and a sign, each as `byte_io.signed_128`."""
+    zigzag = np.where(numbers >= 0, 2 * numbers, -2 * numbers - 1)
+    groups = zigzag[:, None] >> np.arange(0, 7 * _LONGEST, 7)
+    is_there = groups > 0
+    is_there[:, 0] = True
+    groups &= 127
+    groups[:, :-1] |= is_there[:, 1:] * 128
+    return groups[is_there].astype(np.uint8).tobytes()
+
+
+def unpacked_signed(data: bytes, count: int) -> Numbers:
+    """The `count` numbers that bytes hold, and nothing else; InputError when they do not."""
+    groups = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(groups < 128)
+    if len(ends) != count or (count and ends[-1] != len(groups) - 1) or (not count and data):
+        raise InputError("the stream is damaged (its numbers)")
+    lengths = np.diff(ends, prepend=-1)
+    if lengths.max(initial=0) > _LONGEST:
+        raise InputError("the stream is damaged (its numbers)")
+    zigzag = np.zeros(count, np.int64)
+    starts = ends - lengths + 1
+    for place in range(int(lengths.max(initial=0))):
+        rows = lengths > place
+        zigzag[rows] |= (groups[starts[rows] + place].astype(np.int64) & 127) << 7 * place
+    return (zigzag >> 1) ^ -(zigzag & 1)

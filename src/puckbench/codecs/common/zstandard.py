@@ -1,0 +1,47 @@
+"""Zstandard, by Python's own library or its backport, and bounds of what streams unpack to."""
+
+from __future__ import annotations
+
+import sys
+
+from puckbench.core.errors import InputError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+_WINDOW_LOG = 27
+"""Of the longest matches: the most that decoders take unless they are told more."""
+
+
+def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
+    """One frame of Zstandard.
+
+    Parameters
+    ----------
+    data
+        Any bytes.
+    level
+        1 to 22.
+    long
+        Find matches as far back as 128 MiB, as ``zstd --long``.
+    """
+    options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
+    if long:
+        options[zstd.CompressionParameter.enable_long_distance_matching] = 1
+        options[zstd.CompressionParameter.window_log] = _WINDOW_LOG
+    return zstd.compress(data, options=options)
+
+
+def decompressed(stream: bytes, most: int) -> bytes:
+    """The bytes of a frame; InputError when it is damaged, or holds more than `most`."""
+    options: dict[int, int] = {zstd.DecompressionParameter.window_log_max: _WINDOW_LOG}
+    decoder = zstd.ZstdDecompressor(options=options)
+    try:
+        data = decoder.decompress(stream, max_length=most + 1)
+    except zstd.ZstdError as error:
+        raise InputError("the stream is damaged (Zstandard)") from error
+    if not decoder.eof or decoder.unused_data or len(data) > most:
+        raise InputError("the stream is damaged (Zstandard)")
+    return data
