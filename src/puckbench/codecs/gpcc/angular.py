@@ -112,7 +112,7 @@ def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
     return int32(angular.elevation[laser] + shift)
 
 
-@kernel
+@inlined
 def _nearest_laser(elevation: Ints, tangent: int) -> int:
     """The laser next to a tangent, by bisection as in the reference: at least two lasers."""
     first, count = 1, len(elevation) - 2
@@ -128,13 +128,12 @@ def _nearest_laser(elevation: Ints, tangent: int) -> int:
 
 
 @kernel
-def laser_of(angular: Angular, x: int, y: int, z: int) -> int:
+def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
     """The laser that sees a point at (x, y, z) from the sensor."""
-    if len(angular.elevation) == 1:
+    if len(elevation) == 1:
         return 0
     x, y = x << 8, y << 8
-    tangent = int32(z * inverse_square_root(x * x + y * y) >> 14)
-    return _nearest_laser(angular.elevation, tangent)
+    return _nearest_laser(elevation, int32(z * inverse_square_root(x * x + y * y) >> 14))
 
 
 @inlined
@@ -182,7 +181,7 @@ def node_corner(
     )
 
 
-@kernel
+@inlined
 def plane_angles(
     angular: Angular, morton: int, node_size_log2: tuple[int, int, int], laser: int
 ) -> PlaneAngles:
@@ -216,7 +215,7 @@ def plane_angles(
     return PlaneAngles(-1, across, up, laser)
 
 
-@kernel
+@inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """The axes (1 x, 2 y, 4 z) whose planes are coded, of those split (4 x, 2 y, 1 z).
 

@@ -203,10 +203,12 @@ def _partition(
 
     start: (3,) origin of the sequence.
     """
-    slice_points = _slice_points(points, start, options, angular)
-    if slice_points.coded_points(options) <= options.slice_max_points:
-        yield slice_points
-        return
+    fits = len(points) <= options.slice_max_points
+    if fits or options.merge_duplicates:
+        slice_points = _slice_points(points, start, options, angular)
+        if fits or slice_points.coded_points(options) <= options.slice_max_points:
+            yield slice_points
+            return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     middle = split_position(points[order, axis])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from puckbench.codecs.common.leading_zeros import leading_zeros
 from puckbench.codecs.gpcc.compiled import kernel
 from puckbench.core.compiling import inlined
 
@@ -157,18 +158,16 @@ def int32(number: int) -> int:
     return ((number & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
 
 
-@kernel
+@inlined
 def inverse_square_root(number: int) -> int:
     """2^40 / sqrt(number) for a number below 2^63; 0 for 0."""
     if number <= 0:
         return 0
-    shift = -3
-    while number >> 32:
-        number >>= 2
-        shift -= 1
-    while number >> 30 == 0:
-        number <<= 2
-        shift += 1
+    pairs: int = 16 - (
+        65 - leading_zeros(number) >> 1
+    )  # of bits to move it up by, to 31 or 32 bits
+    number = number << 2 * pairs if pairs >= 0 else number >> -2 * pairs
+    shift = pairs - 3
     index = (number >> 25) - 32
     root: int = _ROOTS_3[index] - (_ROOTS_CUBED[index] * number >> 32)
     error = 0x30000000 - (root * (root * number >> 32) >> 32)
@@ -191,10 +190,9 @@ def _arc_tangent(y: int, x: int) -> int:
 def arc_tangent(y: int, x: int) -> int:
     """Angle of (x, y), each below 2^30, in (-pi, pi]; 0 for the origin."""
     x_size, y_size = abs(x), abs(y)
-    if y_size <= x_size:
-        angle = _arc_tangent(y_size, x_size)
-    else:
-        angle = _QUARTER_TURN - _arc_tangent(x_size, y_size)
+    angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
+    if y_size > x_size:
+        angle = _QUARTER_TURN - angle
     if x < 0:
         angle = HALF_TURN - angle
     return -angle if y < 0 else angle

@@ -76,7 +76,7 @@ def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
     return mask
 
 
-@kernel
+@inlined
 def is_idcm_eligible(
     mode: int, size_log2: int, neigh_pattern: int, sibling_count: int, child_count: int
 ) -> bool:
@@ -94,7 +94,7 @@ def is_idcm_eligible(
     return child_count > 1
 
 
-@kernel
+@inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
     """Whether the encoder can code a node of `leaves` distinct among `points` points directly."""
     if points > _MAX_EQUAL_POINTS:
@@ -104,7 +104,7 @@ def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
     return points <= MAX_POINTS
 
 
-@kernel
+@inlined
 def code_direct_positions(
     coder: Any,
     contexts: Contexts,
@@ -133,7 +133,7 @@ def code_direct_positions(
             for axis in range(3):
                 _code_axis(coder, given, bits_left, coded, i, axis)
     else:
-        _code_by_angles(coder, contexts, node, angular, given, pair, coded, bits_left)
+        _code_by_angles(coder, contexts, node, angular, given, leaves, pair, coded, bits_left)
     return 1 + pair, 1 + pair + dup_point_cnt
 
 
@@ -156,7 +156,7 @@ def _code_dup_point_cnt(coder: Any, contexts: Contexts, dup_point_cnt: int) -> i
     return 2 + code_exp_golomb(coder, probabilities, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 2)
 
 
-@kernel
+@inlined
 def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
     """Begin both points with the bits that the planar mode gives; set how many are left."""
     for axis in range(3):
@@ -215,13 +215,14 @@ def _code_same_bits_of_axis(
     return same != 0
 
 
-@kernel
+@inlined
 def _code_by_angles(
     coder: Any,
     contexts: Contexts,
     node: IdcmNode,
     angular: Angular,
     given: Ints,
+    leaves: int,
     pair: int,
     coded: Ints,
     bits_left: Ints,
@@ -235,32 +236,37 @@ def _code_by_angles(
     if pair and node.joint_2pt_idcm:
         _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, direct, True)
     laser = laser_of(
-        angular,
+        angular.elevation,
         x + _middle(coded, bits_left, 0),
         y + _middle(coded, bits_left, 1),
         z + _middle(coded, bits_left, 2),
     )
     for i in range(1 + pair):
         _code_axis(coder, given, bits_left, coded, i, direct)
-        seen_by = laser_of(angular, x + given[i, 0], y + given[i, 1], z + given[i, 2])
+        seen_by = laser
+        if leaves:  # known to an encoder
+            seen_by = laser_of(angular.elevation, x + given[i, 0], y + given[i, 1], z + given[i, 2])
         seen_by = laser + _code_theta_res(coder, contexts, seen_by - laser)
         if seen_by < 0 or seen_by >= len(angular.azimuth):
             angular.fault[0] = 1
             return
-        if direct:
-            y_known = y + coded[i, 1]
-            x_known = _code_azimuth(
-                coder, contexts, angular, seen_by, 0, x, y_known, given, coded, bits_left, i
-            )
-        else:
-            x_known = x + coded[i, 0]
-            y_known = _code_azimuth(
-                coder, contexts, angular, seen_by, 1, y, x_known, given, coded, bits_left, i
-            )
+        known = coded[i, direct] + (y if direct else x)
+        found = _code_azimuth(
+            coder,
+            contexts,
+            angular,
+            seen_by,
+            1 - direct,
+            x if direct else y,
+            known,
+            given,
+            coded,
+            bits_left,
+            i,
+        )
         if bits_left[2]:
-            _code_elevation(
-                coder, contexts, angular, seen_by, (x_known, y_known, z), given, coded, bits_left, i
-            )
+            place = (found, known, z) if direct else (known, found, z)
+            _code_elevation(coder, contexts, angular, seen_by, place, given, coded, bits_left, i)
 
 
 @inlined
@@ -271,7 +277,7 @@ def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
     return middle
 
 
-@kernel
+@inlined
 def _code_theta_res(coder: Any, contexts: Contexts, residual: int) -> int:
     """Code how many lasers another is above the expected one."""
     probabilities = contexts.probabilities
@@ -287,7 +293,7 @@ def _code_theta_res(coder: Any, contexts: Contexts, residual: int) -> int:
     return -coded if negative else coded
 
 
-@kernel
+@inlined
 def _code_azimuth(
     coder: Any,
     contexts: Contexts,
@@ -327,7 +333,7 @@ def _code_azimuth(
     return place
 
 
-@kernel
+@inlined
 def _code_elevation(
     coder: Any,
     contexts: Contexts,
@@ -385,7 +391,7 @@ def local_points(
             return
 
 
-@kernel
+@inlined
 def order_by_angles(
     node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
 ) -> None:
@@ -410,7 +416,7 @@ def order_by_angles(
             local[0, axis], local[1, axis] = local[1, axis], local[0, axis]
 
 
-@kernel
+@inlined
 def leaf_code(node: int, node_size_log2: tuple[int, int, int], local: Ints) -> int:
     """Morton code of the leaf at `local` (3,) within the node of code `node`."""
     code = 0

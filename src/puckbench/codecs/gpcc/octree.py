@@ -343,7 +343,7 @@ def _planar_masks(
     )
 
 
-@kernel
+@inlined
 def _idcm_eligible_children(
     level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
 ) -> int:
@@ -363,7 +363,7 @@ def _idcm_eligible_children(
     return mask
 
 
-@kernel
+@inlined
 def _code_direct_positions(
     coder: Any,
     contexts: Contexts,
@@ -455,7 +455,7 @@ def _code_leaf_point_counts(
         leaf += 1
 
 
-@kernel
+@inlined
 def _append_points(state: SliceState, morton: int, points: int) -> None:
     """Append decoded points at a leaf, as far as more are allowed."""
     done = state.counters[0]

@@ -70,7 +70,7 @@ def reset_planar_buffer(state: PlanarState, rows: int) -> None:
     state.plane_index[:, :rows] = _NO_NODE
 
 
-@kernel
+@inlined
 def update_planar_rates(state: PlanarState, occupancy: int) -> None:
     """Update the rates with the occupancy of the parent of the next nodes."""
     rates = state.rates
@@ -80,7 +80,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
     rates[3] = (255 * rates[3] + 1024 * POPCOUNT[occupancy]) >> 8
 
 
-@kernel
+@inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
     """The axes (1 x, 2 y, 4 z) to try, of those split (4 x, 2 y, 1 z)."""
     rates = state.rates
@@ -135,7 +135,7 @@ class PlanarNode(NamedTuple):
     angles: tuple[int, int, int]
 
 
-@kernel
+@inlined
 def code_planar_modes(
     coder: Any,
     contexts: Contexts,
@@ -166,7 +166,7 @@ def code_planar_modes(
     return planar_mode, plane_pos_bits, planar_possible
 
 
-@kernel
+@inlined
 def _code_planar_mode(
     coder: Any,
     contexts: Contexts,
@@ -205,7 +205,7 @@ def _code_planar_mode(
     return plane
 
 
-@kernel
+@inlined
 def _adjacent_planes_ctx(node: PlanarNode, axis: int) -> int:
     """Context by which of the planes next to a node's two are occupied."""
     before, after = BEFORE[axis], AFTER[axis]
