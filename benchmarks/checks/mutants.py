@@ -36,6 +36,7 @@ ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
+    "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/errors": "lidar/test_errors lidar/test_closed_forms lidar/test_calibrated",
     "lidar/errors/beam_footprint": "lidar/test_footprint",

@@ -5,6 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from scipy.optimize import brentq
+from scipy.stats import chi2, norm
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
@@ -32,10 +34,10 @@ def dense_deviance(seen: Observations, sigmas: Sigmas) -> float:
     surface, laser, scan, cell = (
         np.repeat(code, count) for code in (seen.surface, seen.laser, seen.scan, seen.cell)
     )
-    fixed: Floats = np.zeros((len(seen), 3 * seen.surfaces + 1))
+    fixed: Floats = np.zeros((len(seen), 3 * seen.surfaces + int(seen.tells_mean)))
     for row, plane in enumerate(surface):
         fixed[row, 3 * plane : 3 * plane + 3] = seen.basis[row]
-    fixed[:, -1] = 1.0
+    fixed[:, 3 * seen.surfaces :] = 1.0
     covariance = np.diag((seen.features @ np.array(sigmas.ray)) ** 2)
     for code, sigma in (
         (laser, sigmas.laser_sigma_m),
@@ -63,6 +65,12 @@ def test_the_likelihood_is_that_of_the_whole_covariance_matrix(sigmas: Sigmas) -
     seen = observations([table_of(EVERY_KIND, 0, frames=2)])
     likelihood = RestrictedLikelihood(seen)
     assert likelihood.deviance(sigmas) == pytest.approx(dense_deviance(seen, sigmas), abs=1e-5)
+
+
+def test_the_likelihood_of_spots_has_no_mean_beside_the_planes() -> None:
+    seen = observations([table_of(EVERY_KIND, 0, frames=2)], cells="spot")
+    deviance = RestrictedLikelihood(seen).deviance(EVERY_KIND)
+    assert deviance == pytest.approx(dense_deviance(seen, EVERY_KIND), abs=1e-5)
 
 
 def test_a_plane_fitted_otherwise_changes_nothing() -> None:
@@ -108,6 +116,61 @@ def test_known_biases_of_a_device_are_found() -> None:
     hidden = 0.01 * np.random.default_rng(4).standard_normal(16)
     biases = np.array([one.value for one in found.biases])
     assert biases == pytest.approx(hidden - hidden.mean(), abs=5e-4)
+
+
+def test_hidden_biases_are_inside_their_intervals_as_often_as_promised() -> None:
+    inside = []
+    for seed in range(20, 32):
+        hidden = 0.01 * np.random.default_rng(seed).standard_normal(16)
+        found = calibrate([residuals(seed, laser=0.01)]).biases
+        truths = zip(found, hidden - hidden.mean(), strict=True)
+        inside += [one.low <= truth <= one.high for one, truth in truths]
+    assert 0.88 < np.mean(inside) < 0.99
+
+
+def test_a_mean_of_all_biases_is_found_and_is_no_lasers_own() -> None:
+    """Ranges that are all longer by 20 mm."""
+    table = residuals(4, laser=0.01)
+    longer = (table["range_m"] + 0.02) / table["range_m"]
+    moved = table.assign(
+        range_m=table["range_m"] + 0.02,
+        plane_u_m=table["plane_u_m"] * longer,
+        plane_v_m=table["plane_v_m"] * longer,
+        residual_m=table["residual_m"] - 0.02 * np.cos(table["incidence_rad"]),
+    )
+    before, after = calibrate([table]), calibrate([moved])
+    assert before.mean is not None
+    assert after.mean is not None
+    assert after.mean.value - before.mean.value == pytest.approx(0.02, abs=5e-4)
+    apart = [b.value - a.value for a, b in zip(before.biases, after.biases, strict=True)]
+    assert apart == pytest.approx([0] * 16, abs=5e-4)
+
+
+@pytest.mark.parametrize("frames", [3, 6, 12, 24])
+def test_the_interval_of_a_rays_sigma_is_that_of_a_samples_deviation(frames: int) -> None:
+    """Whose standard error is the deviation over the root of twice the degrees of freedom."""
+    table = residuals(3, frames=frames, planes=False)
+    found = calibrate([table], Settings(parameters=("ray_sigma_m",)))
+    sigma = found.sigmas["ray_sigma_m"]
+    freedom = len(table) - 3 * len(DISTANCES) - 1
+    error = found.shape.widening * sigma.value / np.sqrt(2 * freedom)
+    assert sigma.high - sigma.low == pytest.approx(2 * norm.ppf(0.975) * error, rel=0.005)
+
+
+def test_the_interval_of_the_lasers_sigma_is_that_of_sixteen_known_numbers() -> None:
+    """By the profile of a normal sample's likelihood: it is not symmetric."""
+    found = calibrate(
+        [residuals(2, laser=0.01, ray=(0.0005, 0, 0))], Settings(parameters=("laser_sigma_m",))
+    )
+    hidden = 0.01 * np.random.default_rng(2).standard_normal(16)
+    sigma = found.sigmas["laser_sigma_m"]
+    assert sigma.value == pytest.approx(hidden.std(ddof=1), rel=0.01)
+
+    def excess(ratio: float) -> float:
+        return 15 * (np.log(ratio**2) + 1 / ratio**2 - 1) - chi2.ppf(0.95, 1)
+
+    ends = [brentq(excess, 0.3, 1.0), brentq(excess, 1.0, 4.0)]
+    assert [sigma.low / sigma.value, sigma.high / sigma.value] == pytest.approx(ends, rel=0.002)
 
 
 def test_hidden_parameters_are_inside_their_intervals_as_often_as_promised() -> None:
@@ -209,6 +272,7 @@ def test_the_same_tables_give_the_same_bytes(tmp_path: Path) -> None:
         (lambda table: table.assign(residual_m=np.nan), "residual_m has a missing"),
         (lambda table: table.assign(range_m=0.0), "range_m has a value that is not above 0"),
         (lambda table: table.assign(incidence_rad=2.0), "incidence_rad has a value"),
+        (lambda table: table.assign(incidence_rad=-0.1), "incidence_rad has a value"),
         (lambda table: table.assign(laser_id="one"), "laser_id has values that are not numbers"),
         (lambda table: table.head(20), "at least 100 residuals, there are 20"),
         (lambda table: table.iloc[[0] * 200], "do not tell"),
