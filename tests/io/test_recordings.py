@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
 from puckbench.io.recordings.pcap import udp_datagram
-from puckbench.lidar.recordings import decode_packets, read_recording
+from puckbench.lidar.recordings import decode_packets, read_recording, write_returns
 from puckbench.lidar.recordings.packets import PACKET
 from puckbench.lidar.recordings.reading import MESSAGES, SCAN, packets_of_capture, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
@@ -96,6 +96,14 @@ def test_two_sensors_in_one_capture_are_refused() -> None:
         packets_of_capture(PCAP + other)
 
 
+def test_of_many_sensors_four_are_named() -> None:
+    own, packet = bytes([192, 168, 1, 201]), PCAP[24 : 24 + RECORD]
+    others = [packet.replace(own, bytes([192, 168, 1, last])) for last in range(202, 206)]
+    names = ", ".join(f"192.168.1.{last}" for last in range(201, 205))
+    with pytest.raises(InputError, match=rf"5 senders \({names}\): keep one of them"):
+        packets_of_capture(PCAP + b"".join(others))
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -131,6 +139,15 @@ def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
     path = tmp_path / "a.pcap"
     path.write_bytes(PCAP)
     assert read_recording(path, start_s=0.001, end_s=0.002).about["packets"] == 1
+
+
+def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path: Path) -> None:
+    table = decode_packets(LOG.payloads)
+    write_returns(tmp_path / "a.parquet", table)
+    instants = np.unique(table["timestamp"])
+    start, end = instants[[3, 10]] - instants[0]
+    found = read_recording(tmp_path / "a.parquet", start_s=start, end_s=end)
+    assert np.unique(found["timestamp"]).tolist() == instants[3:10].tolist()
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import chi2, norm
 
 from puckbench.cli import main
@@ -173,6 +173,43 @@ def test_the_interval_of_the_lasers_sigma_is_that_of_sixteen_known_numbers() -> 
     assert [sigma.low / sigma.value, sigma.high / sigma.value] == pytest.approx(ends, rel=0.002)
 
 
+def test_the_interval_of_one_sigma_follows_the_others_that_are_fitted_to_it() -> None:
+    """That of a one-way analysis of variance, of four scans of each laser."""
+    table = residuals(2, laser=0.006, scan=0.01, ray=(0.0005, 0, 0), planes=False)
+    found = calibrate([table], Settings(parameters=("laser_sigma_m", "scan_sigma_m")))
+    error = -table["residual_m"] / np.cos(table["incidence_rad"])
+    means = error.groupby([table["laser_id"], table["distance_m"]]).mean().unstack().to_numpy()
+    of_lasers = means.mean(axis=1)
+    between = 4 * ((of_lasers - of_lasers.mean()) ** 2).sum()
+    within = ((means - of_lasers[:, None]) ** 2).sum()
+
+    def deviance(laser: float, scan: float) -> float:
+        both = 4 * laser**2 + scan**2
+        squares = between / both + within / scan**2
+        return float(15 * np.log(both) + 48 * np.log(scan**2) + squares)
+
+    def profile(laser: float) -> float:
+        return float(minimize_scalar(lambda scan: deviance(laser, scan), (0.009, 0.011)).fun)
+
+    scan = np.sqrt(within / 48)
+    laser = np.sqrt((between / 15 - scan**2) / 4)
+    bound = deviance(laser, scan) + chi2.ppf(0.95, 1)
+    ends = [brentq(lambda one: profile(one) - bound, *ends) for ends in ((0, laser), (laser, 0.1))]
+    estimate = found.sigmas["laser_sigma_m"]
+    assert [estimate.low, estimate.high] == pytest.approx(ends, rel=0.003)
+    assert found.sigmas["scan_sigma_m"].value == pytest.approx(scan, rel=0.001)
+
+
+def test_lasers_that_seem_alike_may_yet_have_biases() -> None:
+    """Up to the end of their sigma's interval, though it is estimated as zero."""
+    found = calibrate([residuals(7, frame=0.003)])
+    assert found.sigmas["laser_sigma_m"].value < 1e-6
+    reach = found.sigmas["laser_sigma_m"].high
+    for one in found.biases:
+        assert one.low < 0 < one.high
+        assert 0.1 * reach < one.high - one.low < 4 * reach
+
+
 def test_hidden_parameters_are_inside_their_intervals_as_often_as_promised() -> None:
     repetitions, inside = 10, Counter[str]()
     for seed in range(100, 100 + repetitions):
@@ -259,9 +296,13 @@ def test_the_same_tables_give_the_same_bytes(tmp_path: Path) -> None:
         table = pd.read_parquet(path)
         write_calibration(tmp_path / f"{name}.yaml", calibrate([table]), [path])
     assert (tmp_path / "a.yaml").read_bytes() == (tmp_path / "b.yaml").read_bytes()
-    about = yaml.safe_load((tmp_path / "a.yaml").read_text())["provenance"]
+    content = yaml.safe_load((tmp_path / "a.yaml").read_text())
+    assert list(content)[:3] == ["format", "parameters", "intervals_95"]
+    about = content["provenance"]
     assert about["counts"]["residuals"] == len(pd.read_parquet(path))
     assert about["counts"]["surfaces"] == len(DISTANCES)
+    assert about["counts"]["rings"] == 16 * len(DISTANCES)
+    assert about["counts"]["cells"] == 16 * len(DISTANCES) * 6
     assert len(about["tables"][0]["sha256"]) == 64
 
 
@@ -295,6 +336,8 @@ def test_bad_settings_are_refused() -> None:
         calibrate([residuals(14)], Settings(parameters=("wobble",)))
     with pytest.raises(InputError, match="cells are 'ring'"):
         Settings(cells="ring")
+    with pytest.raises(InputError, match=r"quantum_m is -0\.001, but must be at least 0"):
+        Settings(quantum_m=-0.001)
     with pytest.raises(InputError, match="at least one residual table"):
         calibrate([])
 

@@ -3,10 +3,12 @@
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import brentq
 from scipy.stats import norm, uniform
 
+from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.calibration import kernels
 from puckbench.lidar.calibration.fitting import free_parameters, interval
@@ -18,7 +20,7 @@ from puckbench.lidar.calibration.noise_shape import (
     _standard_differences,
     ray_shape,
 )
-from puckbench.lidar.calibration.observations import Observations, observations
+from puckbench.lidar.calibration.observations import Observations, _beyond_plane, observations
 from tests.support.calibration_lookalike import residuals
 
 RANDOM = np.random.default_rng(3)
@@ -156,6 +158,77 @@ def test_a_cell_leaves_the_equations_by_a_matrix_of_rank_one() -> None:
     outer[3:6], outer[9:12] = sums[1, 1:4], sums[2, 1:4]
     np.testing.assert_allclose(matrix, -shrunk * np.outer(outer, outer))
     np.testing.assert_allclose(right, -shrunk * product * outer)
+
+
+def test_equations_without_cells_are_those_of_the_whole_covariance() -> None:
+    """In the loop's own Python: three surfaces, two lasers in two scans each, four cells."""
+    groups = np.array([0, 4, 6, 11, 13, 18, 20])
+    cell, surface = np.array([0, 0, 1, 2, 2, 3]), np.array([0, 1, 1, 0, 2, 2])
+    laser, scan = np.array([0, 0, 1, 0, 0, 1]), np.array([0, 0, 1, 2, 2, 3])
+    codes = (cell, surface, 9 + laser, 11 + scan)
+    count = np.diff(groups)
+    errors, basis = RANDOM.normal(size=20), RANDOM.random((20, 3))
+    features = np.column_stack([np.ones(20), *RANDOM.random((2, 20))])
+    sums = np.empty((6, kernels.WIDTH))
+    kernels.group_sums(groups, (errors, basis, features), (0.1, 0.2, 0.3), (1e-6, 0.0), sums)
+    design = np.zeros((20, 15))
+    for row, group in enumerate(np.repeat(np.arange(6), count)):
+        design[row, 3 * surface[group] + np.arange(3)] = basis[row]
+        design[row, [codes[2][group], codes[3][group]]] = 1.0
+    rays = (features @ [0.1, 0.2, 0.3]) ** 2
+    of = np.repeat(cell, count)
+    inverse = np.linalg.inv(np.diag(rays) + 0.05 * (of[:, None] == of))
+    matrix, right = np.zeros((15, 15)), np.zeros(15)
+    taken, added = kernels.absorb_cells.py_func(codes, sums, 0.05, matrix, right)
+    np.testing.assert_allclose(matrix, design.T @ inverse @ design, atol=1e-9)
+    np.testing.assert_allclose(right, design.T @ inverse @ errors, atol=1e-9)
+    assert (errors**2 / rays).sum() - taken == pytest.approx(errors @ inverse @ errors)
+    logarithm = -np.linalg.slogdet(inverse)[1]
+    assert np.log(rays).sum() + added == pytest.approx(logarithm)
+
+
+def test_errors_are_along_the_rays_beyond_a_plane_that_may_be_askew() -> None:
+    normal = np.array([0.2, -0.3, -1.0])
+    normal /= np.linalg.norm(normal)
+    rays = np.column_stack([*RANDOM.uniform(-0.5, 0.5, (2, 50)), np.full(50, -1.0)])
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    far = 3.0 / (rays @ normal)
+    error, met, cosine, *basis = _beyond_plane(rays * far[:, None]).T
+    assert error == pytest.approx(np.zeros(50), abs=1e-12)
+    assert met == pytest.approx(far)
+    assert cosine == pytest.approx(rays @ normal)
+    np.testing.assert_allclose(np.array(basis).T, far[:, None] ** 2 * rays)
+
+
+def wall_table(azimuth: Floats) -> pd.DataFrame:
+    """Residuals of a wall 1 m away, met without an error at these azimuths."""
+    count = len(azimuth)
+    return pd.DataFrame(
+        {
+            "distance_m": 1.0,
+            "surface": "wall",
+            "run": 1,
+            "laser_id": np.arange(count) % 8,
+            "residual_m": 0.0,
+            "incidence_rad": np.abs(azimuth),
+            "range_m": np.hypot(1 / np.cos(azimuth), np.arange(count) % 8 / 10),
+            "frame": 0,
+            "plane_u_m": np.tan(azimuth),
+            "plane_v_m": np.arange(count) % 8 / 10,
+        }
+    )
+
+
+def test_rays_that_graze_a_surface_tell_nothing_of_the_range() -> None:
+    """Those whose incidence has a cosine of less than 0.05."""
+    azimuth = np.append(np.linspace(-0.6, 0.6, 120), np.arccos([0.055, 0.045]))
+    assert len(observations([wall_table(azimuth)])) == 121
+
+
+def test_a_hundred_residuals_are_enough_and_fewer_are_not() -> None:
+    assert len(observations([wall_table(np.linspace(-0.6, 0.6, 100))])) == 100
+    with pytest.raises(InputError, match="at least 100 residuals, there are 99"):
+        observations([wall_table(np.linspace(-0.6, 0.6, 99))])
 
 
 @pytest.mark.parametrize(("lasers", "frames", "free"), [(3, 2, NAMES), (2, 2, NAMES[1:])])

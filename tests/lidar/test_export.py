@@ -178,6 +178,13 @@ def test_what_cannot_be_exported_is_one_line_and_no_file(
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
+def test_it_is_told_how_many_points_were_written(
+    table: ScanTable, tmp_path: Path, suffix: str
+) -> None:
+    assert export(tmp_path / f"a{suffix}", table)["points"] == len(table)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
 def test_no_return_is_an_error(table: ScanTable, tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match="no return to export"):
         export(tmp_path / f"a{suffix}", table.select(np.zeros(len(table), dtype=bool)))

@@ -18,6 +18,7 @@ from puckbench.lidar import (
     load_sensor,
     open_error_model,
 )
+from puckbench.lidar.raycast import RayCaster
 from puckbench.lidar.sweep import SWEEPS
 from tests.support.sensor_scenes import ROOM, box, joined, moved, quad, room, wall
 
@@ -53,6 +54,16 @@ def nominal_directions(table: ScanTable, sweep: Sweep) -> Floats:
             forward * np.sin(tilt) + np.sin(pitch) * np.cos(tilt),
         ]
     )
+
+
+def test_a_caster_knows_the_plane_of_every_triangle_from_where_it_stands() -> None:
+    mesh = room()
+    planes = RayCaster(mesh, CENTRE).planes
+    assert planes.shape == (12, 4)
+    assert np.abs(planes[:, :3]).tolist() == np.repeat(np.eye(3), 4, axis=0).tolist()
+    corners = mesh.vertices[mesh.triangles] - CENTRE
+    heights = np.einsum("tcx,tx->tc", corners, planes[:, :3])
+    assert heights == pytest.approx(np.repeat(planes[:, 3:], 3, axis=1))
 
 
 def test_every_ray_of_a_sweep_in_a_closed_room_returns() -> None:
