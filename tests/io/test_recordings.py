@@ -16,7 +16,12 @@ from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
 from puckbench.io.recordings.pcap import udp_datagram
-from puckbench.lidar.recordings import decode_packets, read_recording, write_returns
+from puckbench.lidar.recordings import (
+    decode_packets,
+    read_recording,
+    read_returns,
+    write_returns,
+)
 from puckbench.lidar.recordings.packets import PACKET
 from puckbench.lidar.recordings.reading import MESSAGES, SCAN, packets_of_capture, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
@@ -143,7 +148,9 @@ def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
 
 def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path: Path) -> None:
     table = decode_packets(LOG.payloads)
-    write_returns(tmp_path / "a.parquet", table)
+    later = {**table.columns, "timestamp": table["timestamp"] + 5}
+    write_returns(tmp_path / "a.parquet", replace(table, columns=later))
+    table = read_returns(tmp_path / "a.parquet")
     instants = np.unique(table["timestamp"])
     start, end = instants[[3, 10]] - instants[0]
     found = read_recording(tmp_path / "a.parquet", start_s=start, end_s=end)

@@ -26,6 +26,18 @@ def test_the_sensor_steps_aside_from_a_column() -> None:
     assert origin[2] == pytest.approx(1.3, abs=1e-6)
 
 
+def test_the_sensor_steps_aside_alike_in_a_far_scene() -> None:
+    column, far = box([2.8, 2.3, 0], [0.4, 0.4, 3]), np.array([1e4, 2e4, 100.0])
+    scene = joined([bare(room()), bare(column)])
+    assert free_origin(moved(scene, far)) - far == pytest.approx(free_origin(scene), abs=1e-5)
+
+
+def test_more_than_the_given_share_of_directions_has_to_meet_the_scene() -> None:
+    assert free_origin(room(), inside=0.99) == pytest.approx([3, 2.5, 1.3], abs=1e-6)
+    with pytest.raises(InputError, match="no free spot"):
+        free_origin(room(), inside=1.0)
+
+
 def test_height_counts_from_the_floors_upper_side() -> None:
     slab = box([0, 0, -0.3], [6, 5, 0.3])
     scene = joined([bare(room()), bare(slab)])

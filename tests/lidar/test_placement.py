@@ -16,7 +16,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, SceneObject
 from puckbench.io.meshes import write_mesh
 from puckbench.lidar import ScanJob, ScanTable, Sweep, load_sensor, open_error_model, open_sweep
-from puckbench.lidar.placement import _grid, check_free, check_untouched, seen_around
+from puckbench.lidar.placement import _floor, _grid, check_free, check_untouched, seen_around
 from tests.support.sensor_scenes import box, joined, quad, room
 
 TURN = open_sweep({"preset": "spin", "azimuth_step_deg": 1.0})
@@ -83,7 +83,8 @@ def test_a_millimetre_is_the_least_clearance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "spacing"), [((4.12, 2.12, 9.0), 0.05), ((20.2, 6.5, 3.0), 0.202)]
+    ("size", "spacing"),
+    [((4.12, 2.12, 9.0), 0.05), ((20.2, 6.5, 3.0), 0.202), ((6.5, 20.2, 3.0), 0.202)],
 )
 def test_spots_fill_the_floor_plan_the_nearest_to_its_middle_first(
     size: tuple[float, ...], spacing: float
@@ -96,6 +97,11 @@ def test_spots_fill_the_floor_plan_the_nearest_to_its_middle_first(
     away = np.hypot(places[:, 0], places[:, 1])
     assert away[0] == 0
     assert (np.diff(away) >= 0).all()
+
+
+def test_where_no_ray_ends_the_floor_is_taken_for_the_scenes_lower_end() -> None:
+    caster: Any = Around(np.full(9, np.inf))
+    assert _floor(caster, np.zeros((9, 3)), np.array([6.0, 5.0, 3.0])) == -1.5
 
 
 @pytest.mark.parametrize(("wall_m", "fault"), [(1.99, True), (2.0, False)])
@@ -165,6 +171,14 @@ def test_a_scene_of_one_object_is_no_thing_to_be_inside_of() -> None:
     ids = np.zeros(12, dtype=np.int32)
     alone = Labels(ids, ids, (SceneObject("walls", "wall"),), ())
     assert len(scanned(replace(room(), labels=alone), [1, 1, 1])) > 0
+
+
+def test_a_thing_without_a_label_has_no_name_to_be_refused_by() -> None:
+    scene = with_crate()
+    assert scene.labels is not None
+    ids = np.where(scene.labels.object_id == 1, -1, 0).astype(np.int32)
+    nameless = replace(scene, labels=replace(scene.labels, object_id=ids))
+    assert len(scanned(nameless, [1, 1, 1])) > 0
 
 
 def test_without_labels_a_thing_is_known_by_how_near_all_is() -> None:
@@ -276,3 +290,11 @@ def test_a_place_that_the_scenes_description_names_is_taken(tmp_path: Path) -> N
     assert main(["scan", str(mesh), str(out)]) == 2
     mesh.with_suffix(".json").write_text(json.dumps([1, 2, 3]))
     assert main(["scan", str(mesh), str(out), "--anywhere", "--sweep", '{"preset": "spin"}']) == 0
+
+
+def test_of_several_surfaces_in_the_way_the_first_is_told() -> None:
+    screen = quad([3, 0, 0], [0, 5, 0], [0, 0, 2])
+    halved = joined([replace(room(), labels=None), screen])
+    there_and_back = way([0, 0, 0], [0.5, 0, 0], [2, 0, 0], [0, 0, 0], [2, 0, 0])
+    with pytest.raises(InputError, match=r"goes through a surface between 0\.1 and 0\.2 s"):
+        scanned(halved, [2, 2, 1], there_and_back)

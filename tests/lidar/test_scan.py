@@ -66,6 +66,18 @@ def test_a_caster_knows_the_plane_of_every_triangle_from_where_it_stands() -> No
     assert heights == pytest.approx(np.repeat(planes[:, 3:], 3, axis=1))
 
 
+def test_rays_are_cast_along_unit_vectors_to_the_walls() -> None:
+    sweep, caster = Sweep(duration_s=0.05, azimuth_step_deg=1.0), RayCaster(room(), CENTRE)
+    frames = range(sweep.frames)
+    rays, poses = sweep.rays(VLP16, frames), sweep.poses(VLP16, frames)
+    cast = caster.cast(rays, poses, (0.0, 100.0))
+    assert cast.directions.shape == (rays.yaw.size, 3)
+    assert np.linalg.norm(cast.directions, axis=1) == pytest.approx(1)
+    points = CENTRE + cast.hits.distance.reshape(-1, 1) * cast.directions
+    apart = np.minimum(np.abs(points), np.abs(ROOM - points)).min(axis=1)
+    assert apart == pytest.approx(0, abs=1e-9)
+
+
 def test_every_ray_of_a_sweep_in_a_closed_room_returns() -> None:
     table = scanned(room())
     assert len(table) == 60 * 15 * 16
