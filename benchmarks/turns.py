@@ -31,7 +31,10 @@ class Turn(NamedTuple):
 def virtual_turn(
     name: str, errors: str = "vlp16", turns: int = 1, step_deg: float | None = None
 ) -> Turn:
-    """A level sensor of the given name in the middle of a generated office, in its coordinates."""
+    """A level sensor of the given name in the middle of a generated office, in its coordinates.
+
+    The beams of a virtual sensor all leave its origin.
+    """
     mesh, sensor = make_room("office_1", seed=1), load_sensor(name)
     hertz = sensor.rotation_hz
     level = {"pitch_start_deg": 0.0, "pitch_end_deg": 0.0, "azimuth_step_deg": step_deg}
@@ -42,7 +45,9 @@ def virtual_turn(
     points = np.rint(table.xyz_noisy / UNIT_M).astype(np.int64)
     x, y, z = position.tolist()
     steps = round(360 / (step_deg or sensor.azimuth_step_deg))
-    return Turn(f"virtual {name}", points, described(sensor, UNIT_M, (x, y, z), steps))
+    description = described(sensor, UNIT_M, (x, y, z), steps)
+    level_beams = replace(description, height=(0.0,) * len(description.height))
+    return Turn(f"virtual {name}", points, level_beams)
 
 
 def recorded_turns(path: Path) -> Iterator[Turn]:

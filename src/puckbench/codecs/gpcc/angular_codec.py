@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from pydantic import Field
 
 from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from puckbench.geometry.morton import Ints
 
 _SPARSE = {
-    "inferred_direct_coding_mode": 3,
     "max_num_qtbt_before_ot": 6,
     "planar_mode_idcm_use": 32,
     "planar_buffer": False,
@@ -31,14 +31,18 @@ class AngularOptions(GridOptions):
     """How points come to the grid, and which tools are used besides angular mode."""
 
     duplicates: Literal["merged", "kept"] = "kept"
+    direct_coding: Literal[0, 1, 2, 3] = Field(
+        1, description="of points: never, of isolated nodes, of those without neighbours, of any"
+    )
 
 
 @CODECS.register("gpcc_angular")
 class GpccAngular(SensorCodec):
-    """G-PCC's octree with MPEG's common test conditions for spinning sensors.
+    """G-PCC's octree with MPEG's common test conditions for spinning sensors, but for one thing.
 
-    Direct coding of up to two points in any node; and, where the cloud has returns, contexts by the
-    lasers of its sensor. Rates of clouds in metres are steps of the grid.
+    Where the cloud has returns, contexts come from the lasers of its sensor. Only points of
+    isolated nodes are coded directly, which takes fewer bits; with `direct_coding` 3, those of any
+    node, as in the test conditions. Rates of clouds in metres are steps of the grid.
     """
 
     title = "G-PCC (angular octree)"
@@ -81,5 +85,6 @@ class GpccAngular(SensorCodec):
             "angular_max_diff_to_split_z": min(max(_FLATTEST_LOG2 + finer, 0), 21),
         }
         merged = {"merge_duplicates": self.options.duplicates == "merged"}
-        chosen = {**_SPARSE, **sizes, **merged}
+        direct = {"inferred_direct_coding_mode": self.options.direct_coding}
+        chosen = {**_SPARSE, **sizes, **merged, **direct}
         return PROFILES[self.options.profile].model_copy(update=chosen)
