@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 
+def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
+    """A rate's step of ranges in those of the sensor, at least one."""
+    return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
+
+
 class ReturnsCodec(Codec):
     """A codec of returns; the points of a stream are those of the returns in it.
 

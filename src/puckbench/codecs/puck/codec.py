@@ -18,7 +18,7 @@ from puckbench.codecs.puck.beams import packed_beams, unpacked_beams
 from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.puck.records import DAMAGED, MAGIC, Kind, Record, read_records, start
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.returns_codec import ReturnsCodec
+from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.lidar.returns import Beams, Returns
@@ -67,7 +67,7 @@ class Puck(ReturnsCodec):
         self.decode_returns(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        return self._stream(returns, max(1, round(parameters["step_m"] / returns.quantum_m)))
+        return self._stream(returns, step_in_quanta(returns, parameters))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
         from puckbench.codecs.puck.turns import Settings, TurnEncoder

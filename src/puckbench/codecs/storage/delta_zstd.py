@@ -46,8 +46,8 @@ class DeltaZstd(Codec):
 
     title = "Delta + Zstandard"
     use = "PointCloud2 messages: quick, in their order (the scheme of Cloudini)"
-    colour = "#B8860B"
-    marker = ">"
+    colour = "#E7298A"
+    marker = "+"
     line = "--"
     rank = 150
     pace = Pace(0.02, 2.0)

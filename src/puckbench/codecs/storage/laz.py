@@ -36,7 +36,7 @@ class Laz(Codec):
 
     title = "LAZ"
     use = "what surveyors' programs read"
-    colour = "#5B8C2A"
+    colour = "#66A61E"
     marker = "3"
     line = "--"
     rank = 160

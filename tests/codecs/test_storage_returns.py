@@ -1,0 +1,182 @@
+"""What returns are stored in today: the bytes inside are those of other programs."""
+
+import lzma
+import struct
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.common.byte_io import Reader, base_128
+from puckbench.codecs.common.zstandard import compressed, decompressed
+from puckbench.codecs.registry import open_codec
+from puckbench.codecs.returns_codec import ReturnsCodec
+from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.returns import Beams, Returns
+from puckbench.lidar.turns import Layout, Turn
+from puckbench.metrics.returns import range_errors
+from tests.support.returns import dual, homemade, recorded
+from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, spin
+
+UNPACK = {"packets_xz": lzma.decompress, "packets_zstd": lambda data: decompressed(data, 10**7)}
+IMAGES = ("jpegls", "jpegxl")
+
+
+def _opened(name: str) -> ReturnsCodec:
+    codec = open_codec(name)
+    assert isinstance(codec, ReturnsCodec)
+    if not codec.available().ok:
+        pytest.skip(codec.available().why)
+    return codec
+
+
+def _framed(magic: bytes, body: bytes) -> bytes:
+    return magic + b"\1" + struct.pack("<I", zlib.crc32(body)) + body
+
+
+@pytest.mark.parametrize("name", UNPACK)
+@pytest.mark.parametrize("product", [VLP16, PUCK_HIRES, HDL32E])
+def test_the_packets_of_a_recording_are_in_the_stream_as_they_came(name: str, product: int) -> None:
+    payloads = spin(product, packets=150)
+    returns = returns_of_packets(payloads)
+    stream = _opened(name).encode_returns(returns, "2mm")
+    reader = Reader(stream[9:])
+    counts = [reader.number() for _ in range(reader.number())]
+    assert sum(counts) == len(payloads)
+    assert len(counts) == len(returns.turns)
+    assert UNPACK[name](reader.rest()) == payloads.tobytes()
+    decoded = _opened(name).decode_returns(stream)
+    for one, other in zip(returns.turns, decoded.turns, strict=True):
+        np.testing.assert_array_equal(one.times, other.times)
+        np.testing.assert_array_equal(one.reflectivities, other.reflectivities)
+
+
+def test_packets_hold_zeros_for_what_returns_do_not_have() -> None:
+    returns = recorded()
+    bare = replace(
+        returns,
+        turns=tuple(replace(turn, times=None, reflectivities=None) for turn in returns.turns),
+    )
+    codec = _opened("packets_zstd")
+    decoded = codec.decode_returns(codec.encode_returns(bare, "2mm"))
+    np.testing.assert_array_equal(decoded.points(), returns.points())
+    times, reflectivities = decoded.turns[0].times, decoded.turns[0].reflectivities
+    assert times is not None
+    assert reflectivities is not None
+    assert not times.any()
+    assert not reflectivities.any()
+
+
+@pytest.mark.parametrize("name", UNPACK)
+def test_returns_that_no_packet_holds_are_refused(name: str) -> None:
+    codec, whole = _opened(name), recorded()
+    virtual = replace(whole, beams=replace(whole.beams, clockwise=False))
+    turn = whole.turns[0]
+    cut = replace(
+        turn, azimuths=turn.azimuths[:-1], ranges=turn.ranges[:, :-2], reflectivities=None
+    )
+    for returns, fault in (
+        (homemade(), "holds recordings of a VLP-16"),
+        (virtual, "holds recordings of a VLP-16"),
+        (replace(whole, turns=(cut,)), "not of whole data packets"),
+    ):
+        with pytest.raises(InputError, match=fault):
+            codec.encode_returns(returns, "2mm")
+
+
+@pytest.mark.parametrize(
+    ("name", "pack", "magic"),
+    [("packets_xz", lzma.compress, b"PBPX"), ("packets_zstd", compressed, b"PBPZ")],
+)
+def test_packets_that_unpack_to_too_much_are_refused(name: str, pack, magic: bytes) -> None:  # noqa: ANN001
+    packets = spin(packets=24).tobytes()
+    for count, data, fault in (
+        (24, packets + packets, "damaged"),
+        (24, packets[:-1], "damaged"),
+        (10**9, packets, "1000000000 data packets in"),
+        (24, packets[:-1] + b"\x28", "several sensors"),
+    ):
+        with pytest.raises(InputError, match=fault):
+            _opened(name).decode(_framed(magic, b"\1" + base_128(count) + pack(data)))
+
+
+def _parts(stream: bytes) -> list[bytes]:
+    reader = Reader(stream[9:])
+    found = []
+    while reader.at < len(reader.body):
+        found.append(reader.take(reader.number()))
+    return found
+
+
+def _image_of(name: str, part: bytes) -> np.ndarray:
+    imagecodecs = pytest.importorskip("imagecodecs")
+    if name == "jpegls":
+        return imagecodecs.jpegls_decode(part[1:])
+    return imagecodecs.jpegxl_decode(part)
+
+
+@pytest.mark.parametrize("name", IMAGES)
+def test_the_image_is_of_lasers_from_the_highest_down(name: str) -> None:
+    returns = homemade()
+    stream = _opened(name).encode_returns(returns, "2mm")
+    image = _image_of(name, _parts(stream)[-1])
+    downwards = [3, 0, 2, 4, 1]
+    np.testing.assert_array_equal(image, returns.turns[-1].ranges[0][:, downwards].T)
+
+
+@pytest.mark.parametrize("name", IMAGES)
+def test_a_second_return_like_the_first_is_0_in_its_image(name: str) -> None:
+    returns = dual()
+    codec = _opened(name)
+    stream = codec.encode_returns(returns, "2mm")
+    first, second = (_image_of(name, part) for part in _parts(stream)[-2:])
+    np.testing.assert_array_equal(
+        second == 0,
+        (returns.turns[-1].ranges[1] == returns.turns[-1].ranges[0])[
+            :, list(returns.layout.order)[::-1]
+        ].T,
+    )
+    assert first.shape == second.shape
+    np.testing.assert_array_equal(
+        codec.decode_returns(stream).turns[-1].ranges, returns.turns[-1].ranges
+    )
+
+
+@pytest.mark.parametrize("name", IMAGES)
+def test_every_range_that_16_bits_hold_keeps_within_half_a_step(name: str) -> None:
+    ranges = np.zeros((2, 300, 2), np.uint16)
+    ranges[0, :, 0] = np.arange(1, 301)
+    ranges[0, :, 1] = np.arange(65535, 65235, -1)
+    ranges[1, ::2] = ranges[0, ::2]
+    ranges[1, 1::4, 0] = 7
+    ranges[1, 1::4, 1] = 65535
+    azimuths = np.random.default_rng(0).integers(0, 65536, 300).astype(np.uint16)
+    beams = Beams((1.0, -1.0), (0.0, 0.0), (0.0, 0.0))
+    returns = Returns(beams, Layout((1, 0), kinds=2), (Turn(ranges, azimuths),), 0.002, "Two")
+    codec = _opened(name)
+    for rate, parameters in codec.metric_rates.items():
+        decoded = codec.decode_returns(codec.encode_returns(returns, rate))
+        found = range_errors(returns, decoded)
+        assert found["range_max_mm"] <= 500 * parameters["step_m"] + 1e-6
+        assert found["returns_lost"] == found["returns_added"] == 0
+        np.testing.assert_array_equal(decoded.turns[0].azimuths, azimuths)
+    np.testing.assert_array_equal(decoded.turns[0].ranges, ranges)
+
+
+@pytest.mark.parametrize(("name", "magic"), [("jpegls", b"PBJL"), ("jpegxl", b"PBJX")])
+def test_streams_that_claim_too_much_are_refused(name: str, magic: bytes) -> None:
+    codec = _opened(name)
+    layout, beams, numbers, azimuths, image, *_ = _parts(codec.encode_returns(homemade(), "2mm"))
+    blocks = base_128(16384)
+    for changed, fault in (
+        ([layout, beams, b"\1\1" + base_128(10**6), azimuths, image], "its turns"),
+        ([layout, beams, b"\1" + base_128(100) + blocks * 100, azimuths, image], "pixels in"),
+        ([layout, beams, b"\0" + numbers[1:], azimuths, image], "its numbers"),
+        ([layout, beams, b"\1\1" + base_128(89), azimuths, image], "damaged"),
+        ([layout, beams, b"\1\1" + base_128(90), azimuths, image[:50]], "damaged"),
+    ):
+        body = b"".join(base_128(len(part)) + part for part in changed)
+        with pytest.raises(InputError, match=fault):
+            codec.decode(_framed(magic, body))
