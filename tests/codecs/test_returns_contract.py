@@ -44,7 +44,7 @@ def returns(request: pytest.FixtureRequest, codec: ReturnsCodec) -> Returns:
 
 
 def test_there_are_codecs_of_returns() -> None:
-    assert "puck" in NAMES
+    assert {"puck", "puck_smoothed"} <= set(NAMES)
 
 
 def test_the_finest_rate_is_exact(codec: ReturnsCodec, returns: Returns) -> None:
@@ -53,7 +53,9 @@ def test_the_finest_rate_is_exact(codec: ReturnsCodec, returns: Returns) -> None
     assert decoded.returns is not None
     found = range_errors(returns, decoded.returns)
     assert found["range_max_mm"] == found["returns_lost"] == found["returns_added"] == 0
-    assert np.abs(decoded.xyz - returns.points()).max() < 1e-9
+    if not codec.estimates:
+        assert np.abs(decoded.xyz - returns.points()).max() < 1e-9
+    assert len(decoded.xyz) == len(returns.points())
     assert decoded.returns.beams == returns.beams
 
 

@@ -75,6 +75,7 @@ SEALS: dict[str, Callable[[bytes], bytes]] = {
     "sparse_octree_net": _sealed_at(5),
     "primitives": _sealed_at_the_end,
     "puck": _sealed_records,
+    "puck_smoothed": lambda stream: stream[:6] + _sealed_records(stream[6:]),
     **dict.fromkeys(FRAMED, _sealed_at(5)),
 }
 """What makes the check sums of streams fit again, where a codec has them."""

@@ -351,6 +351,7 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "gpcc_angular": gpcc_angular,
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,
+    "puck_smoothed": lambda streams, random: b"SMOOTH" + puck(streams, random),
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
     "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),
     "sparse_octree_net": _learned(

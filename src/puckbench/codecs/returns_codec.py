@@ -19,12 +19,14 @@ def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
 
 
 class ReturnsCodec(Codec):
-    """A codec of returns; the points of a stream are those of the returns in it.
+    """A codec of returns; the points of a stream are those of the returns in it, or estimates.
 
     A subclass names its `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Literal["points", "returns"]] = "returns"
+    estimates: ClassVar[bool] = False
+    """Whether decoded points are estimates of the surface, not those of the decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
         """Code returns at a named rate.

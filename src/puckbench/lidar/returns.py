@@ -6,7 +6,7 @@ the lasers point. On disk it is a Parquet file with a row for each firing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -143,20 +143,27 @@ class Returns:
         """Number of firings, with or without return."""
         return sum(turn.ranges[0].size for turn in self.turns)
 
-    def points(self) -> Floats:
+    def points(self, distances: Sequence[Floats] | None = None) -> Floats:
         """Points (n, 3) in m, in the order of turns, columns, lasers and kinds.
+
+        Parameters
+        ----------
+        distances
+            In place of each turn's ranges, in their shape, m.
 
         References
         ----------
         VLP-16 User Manual 63-9243 Rev. E, section 9.2: x = R cos(w) sin(a), y = R cos(w) cos(a),
         z = R sin(w) + the laser's vertical correction.
         """
-        parts = [self._points(turn) for turn in self.turns]
+        if distances is None:
+            distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]
+        parts = [self._points(*each) for each in zip(self.turns, distances, strict=True)]
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
-    def _points(self, turn: Turn) -> Floats:
+    def _points(self, turn: Turn, distances: Floats) -> Floats:
         columns, lasers, kinds = np.nonzero(_returned(turn).transpose(1, 2, 0))
-        distance = turn.ranges[kinds, columns, lasers] * self.quantum_m
+        distance = distances[kinds, columns, lasers]
         azimuth = self.azimuths(turn)[columns, lasers]
         elevation = np.radians(self.beams.elevations_deg)[lasers]
         level = distance * np.cos(elevation)

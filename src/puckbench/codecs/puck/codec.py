@@ -6,6 +6,7 @@ The sensor's beams stand in the stream: by the name of a sensor that puckbench s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from typing import Literal
 
@@ -64,7 +65,7 @@ class Puck(ReturnsCodec):
         """Compile the coder, or take it from the cache."""
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)
         beams = Beams((-1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
-        self.decode_returns(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))
+        self.decode_cloud(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
         return self._stream(returns, step_in_quanta(returns, parameters))
@@ -90,19 +91,24 @@ class Puck(ReturnsCodec):
         return b"".join([start(), *(each.packed() for each in records)])
 
     def _decode_returns(self, stream: bytes) -> Returns:
+        return self._decode_with_steps(stream)[0]
+
+    def _decode_with_steps(self, stream: bytes) -> tuple[Returns, list[float]]:
+        """The returns of a stream, and the step of each turn's ranges, m."""
         from puckbench.codecs.puck.turns import TurnDecoder
 
         records = read_records(BytesIO(stream))
         layout = unpacked(_body(records, Kind.LAYOUT))[0]
         bare = unpacked_beams(_body(records, Kind.BEAMS), layout)
         decoder = TurnDecoder(layout)
-        turns = []
+        turns, steps = [], []
         for record in records:
             if record.kind not in (Kind.TURN, Kind.END):
                 raise InputError(DAMAGED)
             if record.kind == Kind.TURN:
                 turns.append(decoder.decode(record.body))
-        return Returns(bare.beams, layout, tuple(turns), bare.quantum_m, bare.sensor)
+                steps.append(decoder.step * bare.quantum_m)
+        return replace(bare, turns=tuple(turns)), steps
 
 
 def _body(records: Iterator[Record], kind: Kind) -> bytes:

@@ -169,6 +169,11 @@ class TurnDecoder:
         self.layout = layout
         self._state: _State | None = None
 
+    @property
+    def step(self) -> int:
+        """Step of the last turn's ranges, in quanta; 1 before there is one."""
+        return self._state.step if self._state else 1
+
     def decode(self, body: bytes) -> Turn:
         """The turn of `TurnEncoder.encode`.
 

@@ -1,0 +1,420 @@
+"""Planes in the image of a turn: pieces of rows that are merged while one plane fits them.
+
+On a plane ``m . p = 1`` the points of returns are ``p = r d + h z``, of range r, direction d and
+height h of the laser. So ``r = (r p) . m``, which is linear in the plane m and, near to it, right
+up to the error of the range. Least squares of any set of returns follow from 11 sums, which add up
+when sets are merged.
+
+References
+----------
+Jiang and Bunke 1994, "Fast segmentation of range images into planar regions by scan line grouping";
+Feng, Taguchi and Kamat 2014, "Fast plane extraction in organized point clouds using agglomerative
+hierarchical clustering". Theirs is the order (rows first, then across them), not the test.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import compiled_in_place, inlined
+from puckbench.geometry.cloud import Floats
+
+Labels = NDArray[np.int32]
+Places = NDArray[np.int64]
+
+_SUMS = 11
+"""Of a set of returns: number, six of products of (r p), three of (r p) r, and r squared."""
+_PIECE = 8
+"""Returns of a piece of a row, at most."""
+_GAP = 3
+"""Columns that neighbours in a row are apart, at most."""
+_STEEPEST = 6.0
+"""Tangent of the greatest incidence that is taken for a surface, not an edge."""
+_JUMP = 4.0
+"""Standard deviations that neighbours may differ by, beside what the incidence allows."""
+_SLOPE = 2.0
+"""Tangent of a usual incidence: what is not known of a plane is assumed to lie within it."""
+_GAINS = (2.0, 8.0, 25.0)
+"""Variances by which a merger may raise the sum of squares, one after the other."""
+_ROUNDS = 3
+_BORDER = 6
+"""Returns that a border in a row is moved by, at most."""
+_FITS, _COUNTS, _FAR = 4.0, 25.0, 9.0
+"""Squared errors, in variances: of full weight, of any weight; what a border counts at most."""
+
+_loop = partial(compiled_in_place, error_model="numpy")
+
+
+class RangeImage(NamedTuple):
+    """Returns of a turn by laser, from the lowest to the highest, and column.
+
+    ranges: (lasers, columns), m, 0 for no return. rows: (lasers, columns, 3), ranges times points.
+    """
+
+    ranges: Floats
+    rows: Floats
+
+
+class Planes(NamedTuple):
+    """The planes of an image: labels (lasers, columns), -1 for no return, and vectors (n, 3)."""
+
+    labels: Labels
+    vectors: Floats
+
+
+def fitted_planes(
+    image: RangeImage, column: float, std: float, tolerance: float, closes: bool
+) -> Planes:
+    """Find planes.
+
+    Parameters
+    ----------
+    image
+        The returns.
+    column
+        Angle between columns, rad.
+    std
+        Standard deviation of a range, m.
+    tolerance
+        Variances by which the squares of two sets' distance may exceed what chance explains.
+    closes
+        Whether the last column is beside the first.
+    """
+    ranges, rows = image
+    variance = std * std
+    labels = np.full(ranges.shape, -1, np.int32)
+    scratch = np.zeros((2, _SUMS)), np.zeros(3)
+    sums = np.zeros((np.count_nonzero(ranges > 0), _SUMS))
+    places = np.zeros(_PIECE, np.int64)
+    pieces = _cut(ranges, rows, column, std, labels, sums, scratch, places)
+    sums = sums[:pieces]
+    within = np.zeros((pieces + len(ranges), 2), np.int32)
+    across = np.zeros((2 * pieces + 1, 2), np.int32)
+    found = _pairs(labels, closes, within, across)
+    within, across = within[: found[0]], across[: found[1]]
+    parents, squares = np.arange(pieces, dtype=np.int32), np.zeros(pieces)
+    gains = np.array(_GAINS)
+    _measure(sums, squares, variance, scratch[1])
+    _merge(within, parents, sums, squares, variance, min(tolerance, 0.5), gains, scratch)
+    both = np.concatenate([across, within])
+    _merge(both, parents, sums, squares, variance, tolerance, gains, scratch)
+    count = _name(labels, parents)
+    planes, sums = np.zeros((count, 3)), np.zeros((count, _SUMS))
+    for weighted in (False, True):
+        _fit(ranges, rows, labels, planes, sums, variance, weighted)
+    _move_borders(ranges, rows, labels, planes, variance)
+    _fit(ranges, rows, labels, planes, sums, variance, True)
+    return Planes(labels, planes)
+
+
+@inlined
+def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
+    """Add a return of a weight to the sums of a set."""
+    sums[0] += weight
+    sums[1] += weight * row[0] * row[0]
+    sums[2] += weight * row[0] * row[1]
+    sums[3] += weight * row[0] * row[2]
+    sums[4] += weight * row[1] * row[1]
+    sums[5] += weight * row[1] * row[2]
+    sums[6] += weight * row[2] * row[2]
+    sums[7] += weight * row[0] * target
+    sums[8] += weight * row[1] * target
+    sums[9] += weight * row[2] * target
+    sums[10] += weight * target * target
+
+
+@inlined
+def _solve(sums: Floats, variance: float, plane: Floats) -> float:
+    """The plane of a set by Cholesky's method, and its sum of squared errors of ranges.
+
+    What its returns do not tell, as the slope across a single row, is taken for nearly zero.
+    """
+    ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
+    ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
+    l00 = np.sqrt(sums[1] + ridge)
+    l10, l20 = sums[2] / l00, sums[3] / l00
+    l11 = np.sqrt(max(sums[4] + ridge - l10 * l10, ridge))
+    l21 = (sums[5] - l20 * l10) / l11
+    l22 = np.sqrt(max(sums[6] + ridge - l20 * l20 - l21 * l21, ridge))
+    y0 = sums[7] / l00
+    y1 = (sums[8] - l10 * y0) / l11
+    y2 = (sums[9] - l20 * y0 - l21 * y1) / l22
+    plane[2] = y2 / l22
+    plane[1] = (y1 - l21 * plane[2]) / l11
+    plane[0] = (y0 - l10 * plane[1] - l20 * plane[2]) / l00
+    squares: float = max(sums[10] - y0 * y0 - y1 * y1 - y2 * y2, 0.0)
+    return squares
+
+
+@inlined
+def _error(row: Floats, target: float, plane: Floats) -> float:
+    """How much farther the plane is than the range, m."""
+    error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
+    return error
+
+
+@_loop
+def _cut(
+    ranges: Floats,
+    rows: Floats,
+    column: float,
+    std: float,
+    labels: Labels,
+    sums: Floats,
+    scratch: tuple[Floats, Floats],
+    places: Places,
+) -> int:
+    """Cut rows into pieces at jumps, and where two lines fit far better than one; their number."""
+    count = 0
+    for laser in range(ranges.shape[0]):
+        start = 0
+        while start < ranges.shape[1]:
+            if ranges[laser, start] <= 0:
+                start += 1
+                continue
+            length = _reached(ranges[laser], start, column, std, places)
+            length = _first_part(ranges[laser], rows[laser], length, std * std, scratch, places)
+            for i in range(length):
+                labels[laser, places[i]] = count
+                _add(sums[count], rows[laser, places[i]], ranges[laser, places[i]], 1.0)
+            count += 1
+            start = places[length - 1] + 1
+    return count
+
+
+@inlined
+def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
+    """The places of a piece of a row from `start` on, up to a jump or a gap; how many they are."""
+    places[0] = before = start
+    length, at = 1, start + 1
+    while at < len(ranges) and length < _PIECE and at - before < _GAP:
+        near, far = ranges[before], ranges[at]
+        if far > 0:
+            slope = _STEEPEST * column * (at - before) * min(near, far)
+            if abs(far - near) > _JUMP * std + slope:
+                break
+            places[length] = before = at
+            length += 1
+        at += 1
+    return length
+
+
+@inlined
+def _first_part(
+    ranges: Floats,
+    rows: Floats,
+    length: int,
+    variance: float,
+    scratch: tuple[Floats, Floats],
+    places: Places,
+) -> int:
+    """How many returns of a piece one line fits, where two fit far better than one; else all."""
+    both, plane = scratch
+    first, rest = both[0], both[1]
+    rest[:] = 0
+    for i in range(length):
+        _add(rest, rows[places[i]], ranges[places[i]], 1.0)
+    whole = _solve(rest, variance, plane)
+    if length < 4 or whole <= 1.5 * (length + 6) * variance:
+        return length
+    best, end = whole / 2, length
+    first[:] = 0
+    for i in range(length - 2):
+        _add(first, rows[places[i]], ranges[places[i]], 1.0)
+        _add(rest, rows[places[i]], ranges[places[i]], -1.0)
+        if i > 0:
+            apart = _solve(first, variance, plane) + _solve(rest, variance, plane)
+            if apart < best:
+                best, end = apart, i + 1
+    return end
+
+
+@_loop
+def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tuple[int, int]:
+    """List pieces beside each other within rows and across them; the numbers of both."""
+    lasers, columns = labels.shape
+    beside = above = 0
+    for laser in range(lasers):
+        first, last, before = -1, -1, 0
+        for column in range(columns):
+            piece = labels[laser, column]
+            if piece < 0:
+                continue
+            if first < 0:
+                first = piece
+            elif piece != last and column - before <= _GAP:
+                within[beside, 0], within[beside, 1] = last, piece
+                beside += 1
+            last, before = piece, column
+        if closes and first != last:
+            within[beside, 0], within[beside, 1] = last, first
+            beside += 1
+    for laser in range(lasers - 1):
+        low = high = -1
+        for column in range(columns):
+            one, other = labels[laser, column], labels[laser + 1, column]
+            if one >= 0 and other >= 0 and (one != low or other != high):
+                low, high = one, other
+                across[above, 0], across[above, 1] = one, other
+                above += 1
+    return beside, above
+
+
+@_loop
+def _measure(sums: Floats, squares: Floats, variance: float, plane: Floats) -> None:
+    """The sum of squared errors of each set."""
+    for each in range(len(sums)):
+        squares[each] = _solve(sums[each], variance, plane)
+
+
+@inlined
+def _root(parents: Labels, piece: int) -> int:
+    """The set that a piece belongs to."""
+    while parents[piece] != piece:
+        parents[piece] = parents[parents[piece]]
+        piece = parents[piece]
+    return piece
+
+
+@_loop
+def _merge(
+    pairs: Labels,
+    parents: Labels,
+    sums: Floats,
+    squares: Floats,
+    variance: float,
+    tolerance: float,
+    gains: Floats,
+    scratch: tuple[Floats, Floats],
+) -> None:
+    """Merge sets beside each other while a common plane raises the sum of squares by little."""
+    both, plane = scratch
+    total = both[0]
+    for gain in gains:
+        for _ in range(_ROUNDS):
+            merged, low, high = False, -1, -1
+            for pair in range(len(pairs)):
+                one, other = _root(parents, pairs[pair, 0]), _root(parents, pairs[pair, 1])
+                if one == other or (one == low and other == high):
+                    continue
+                low, high = one, other
+                for i in range(_SUMS):
+                    total[i] = sums[one, i] + sums[other, i]
+                whole = _solve(total, variance, plane)
+                apart = sums[one, 0] * sums[other, 0] / total[0]
+                if whole - squares[one] - squares[other] <= variance * (gain + tolerance * apart):
+                    kept, gone = min(one, other), max(one, other)
+                    parents[gone] = kept
+                    for i in range(_SUMS):
+                        sums[kept, i] = total[i]
+                    squares[kept] = whole
+                    merged, low = True, -1
+            if not merged:
+                break
+
+
+@_loop
+def _name(labels: Labels, parents: Labels) -> int:
+    """Number the sets from 0 in place of the pieces; how many they are."""
+    count = 0
+    for piece in range(len(parents)):
+        parents[piece] = _root(parents, piece)
+    for piece in range(len(parents)):  # a set's root is the first of its pieces
+        if parents[piece] == piece:
+            parents[piece] = count
+            count += 1
+        else:
+            parents[piece] = parents[parents[piece]]
+    for laser in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            if labels[laser, column] >= 0:
+                labels[laser, column] = parents[labels[laser, column]]
+    return count
+
+
+@_loop
+def _fit(
+    ranges: Floats,
+    rows: Floats,
+    labels: Labels,
+    planes: Floats,
+    sums: Floats,
+    variance: float,
+    weighted: bool,
+) -> None:
+    """Fit each set's plane; weighted: returns far from the plane that it had count less."""
+    sums[:] = 0
+    for laser in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            plane = labels[laser, column]
+            if plane < 0:
+                continue
+            weight = 1.0
+            if weighted:
+                error = _error(rows[laser, column], ranges[laser, column], planes[plane])
+                square = error * error / variance
+                if square > _FITS:
+                    weight = np.sqrt(_FITS / square) if square < _COUNTS else 0.0
+            _add(sums[plane], rows[laser, column], ranges[laser, column], weight)
+    for plane in range(len(planes)):
+        _solve(sums[plane], variance, planes[plane])
+
+
+@_loop
+def _move_borders(
+    ranges: Floats, rows: Floats, labels: Labels, planes: Floats, variance: float
+) -> None:
+    """Move the borders between planes in a row to where both fit best."""
+    for laser in range(len(labels)):
+        row, before = labels[laser], -1
+        for column in range(len(row)):
+            if row[column] < 0:
+                continue
+            if before >= 0 and row[before] != row[column] and column - before <= _GAP:
+                left, right = row[before], row[column]
+                low, high = _last_of(row, before, -1), _last_of(row, column, 1)
+                border = _border(
+                    ranges[laser], rows[laser], planes[left], planes[right], low, high, variance
+                )
+                for at in range(low, high + 1):
+                    if row[at] >= 0:
+                        row[at] = left if at < border else right
+            before = column
+
+
+@inlined
+def _last_of(labels: Labels, start: int, step: int) -> int:
+    """The last place of the same plane from a place on, a few returns away at most."""
+    last, count, at = start, 0, start
+    while 0 <= at < len(labels) and count < _BORDER:
+        if labels[at] == labels[start]:
+            last, count = at, count + 1
+        elif labels[at] >= 0:
+            break
+        at += step
+    return last
+
+
+@inlined
+def _border(
+    ranges: Floats,
+    rows: Floats,
+    left: Floats,
+    right: Floats,
+    low: int,
+    high: int,
+    variance: float,
+) -> int:
+    """Where the plane on the right should begin."""
+    cost, best, border = 0.0, 0.0, low
+    for at in range(low, high + 1):
+        if ranges[at] > 0:
+            one, other = _error(rows[at], ranges[at], left), _error(rows[at], ranges[at], right)
+            cost += min(one * one / variance, _FAR) - min(other * other / variance, _FAR)
+            if cost < best:
+                best, border = cost, at + 1
+    return border
