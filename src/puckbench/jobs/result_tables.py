@@ -107,7 +107,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
-    if about["size"] == 0:
+    if about.get("size") == 0:
         kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
