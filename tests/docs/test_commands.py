@@ -15,10 +15,13 @@ from snakemake.cli import get_argument_parser, parse_config
 from snakemake.utils import update_config
 
 from puckbench.cli import _parser, main
+from puckbench.io.clouds import read_cloud
+from puckbench.lidar.returns import read_firings
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
 from tests.support.bench import BOX
 from tests.support.pages import ROOT, blocks, commands, page, write_files
+from tests.support.spinning import pcap, spin
 
 PAGES = [
     "README.md",
@@ -109,6 +112,9 @@ def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (meshes / "box.off").write_text(BOX)
     capture = ROOT / "tests" / "data" / "capture" / "single.pcap"
     (tmp_path / "data" / "office.pcap").symlink_to(capture)
+    (recordings := tmp_path / "data" / "recordings").mkdir()
+    packets = [bytes(packet) for packet in spin(packets=60)]
+    (recordings / "drive.pcap").write_bytes(pcap(packets))
     (tmp_path / "mine.safetensors").symlink_to(ROOT / WEIGHTS)
     write_files(tmp_path, *PAGES)
     monkeypatch.chdir(tmp_path)
@@ -168,7 +174,7 @@ def test_a_recording_is_used(recordings: Callable[..., None]) -> None:
     recordings("room.pcap")
     recordings("tilted.pcap", pitch_deg=30)
     _run(RECORDING)
-    assert Path("cloud.ply").exists()
+    assert len(read_cloud("turns.ply")) == len(read_firings(Path("turns.parquet"))) > 1000
 
 
 def test_a_recording_is_stored(recordings: Callable[..., None]) -> None:
