@@ -39,7 +39,8 @@ def test_the_thesis_codecs_are_told_apart_by_everyone(vision: list[list[float]])
 
 def test_every_known_codec_has_its_own_colour_and_marker() -> None:
     styles = [codec_style(name) for name in codecs()]
-    assert len({k.colour for k in styles}) == len({k.marker for k in styles}) == len(styles)
+    assert len({k.colour for k in styles}) == len(styles)
+    assert len({(k.marker, k.line) for k in styles}) == len(styles)
 
 
 def test_an_unknown_codec_looks_the_same_in_every_process() -> None:

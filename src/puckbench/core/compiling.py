@@ -118,11 +118,14 @@ _IMPORT = re.compile(
 )
 
 
+_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:(?:[ \t]+[^\n]*)?\n)*", re.MULTILINE)
+
+
 @cache
 def _read(source: Path) -> tuple[bytes, set[Path]]:
-    """Digest of a file, and the files that it imports of those that are followed."""
+    """Digest of a file, and the files that it imports, when it runs, of those that are followed."""
     content = source.read_bytes() if source.is_file() else b""  # a notebook's cell has none
-    statements = set(_IMPORT.findall(content.decode(errors="replace")))
+    statements = set(_IMPORT.findall(_FOR_TYPES.sub("", content.decode(errors="replace"))))
     imported = {file for each in statements for file in _imported(source, *each)}
     return hashlib.sha256(content).digest(), imported
 

@@ -75,13 +75,13 @@ def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
     """
     datasets, codecs, scales = dataset_roles(plan), codec_roles(plan), grid_scales(plan)
     played = {"datasets": datasets, "codecs": codecs}
+    if plan.datasets and not datasets and plan.study is None:
+        return {}
     options: dict[str, dict[str, Any]] = {"claims": {**played, "stand_ins": stand_in_roles(plan)}}
     if datasets and scales:
         chosen = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
         options["gpcc_scales"] = {"codecs": chosen, "scales": scales}
-    if not datasets:
-        return {}
-    if any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
+    if datasets and any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
         options["thesis_medians"] = played
     return options
 
