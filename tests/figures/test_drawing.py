@@ -249,6 +249,17 @@ def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> Non
     assert figure.axes[2].get_ylim() == usual.axes[2].get_ylim()
 
 
+def test_the_panel_of_a_clean_scan_that_is_the_scan_itself_is_left_out() -> None:
+    clean = scan_errors_table().assign(clean_cd_plane=1e-20)
+    figure = draw("truth_rd", metrics=metrics_table(3), scan_errors=clean)
+    assert [axes.axison for axes in figure.axes] == [True, False, True]
+    assert [axes.get_xlabel() for axes in figure.axes] == [
+        "Bits per point (bpp)",
+        "",
+        "Bits per point (bpp)",
+    ]
+
+
 @pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
 def test_the_sides_axes_end_a_marker_beyond_the_values(name: str) -> None:
     panels = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table()).axes

@@ -219,9 +219,10 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
     for axes in panels[::columns]:
         axes.set_ylabel(y)
     for column in range(min(columns, len(panels))):
-        lowest = [axes for axes in panels[column::columns] if axes.axison][-1]
-        lowest.set_xlabel(x)
-        lowest.tick_params(labelbottom=True)
+        drawn = [axes for axes in panels[column::columns] if axes.axison]
+        for lowest in drawn[-1:]:
+            lowest.set_xlabel(x)
+            lowest.tick_params(labelbottom=True)
 
 
 def add_legend(

@@ -35,6 +35,7 @@ _SIDES = {
     "truth_": "to the truth",
 }
 """What stands before a column's name, and what the column is measured to; the rays are the same."""
+_CLEAN = list(_SIDES).index("clean_")
 _OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 _EXACT = 1e-12
 """Squared grid units: a scan that is nearer to its clean twin differs by rounding alone."""
@@ -101,8 +102,7 @@ def draw_sides(
     All panels have the same axes, so that the columns compare by eye: a codec that keeps the scan's
     noise falls on the left and levels off beside, at the dashed line of the scan's own error (the
     median over the data set's clouds). A line below the axes (a scan without errors) is left out,
-    and so is the panel of a reference that the scan does not differ from, which would show the
-    first panel again.
+    and so is the panel of a clean scan that is the scan itself: it would show the first again.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def draw_sides(
         dataset, column = list(curves[0])[index // len(sides)], index % len(sides)
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
         own_error = own.get((dataset, sides[column].column))
-        if own_error is not None and own_error < _EXACT:
+        if column == _CLEAN and own_error is not None and own_error < _EXACT:
             axes.clear()
             axes.set_axis_off()
             continue
