@@ -20,7 +20,15 @@ from puckbench.io.clouds import read_cloud, write_cloud
 from tests.support.bench import ROOT
 
 TREES = ("src", "workflow", "config", "envs", "docs")
-FILES = ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "Makefile")
+FILES = (
+    "pyproject.toml",
+    "setup.py",
+    "MANIFEST.in",
+    "README.md",
+    "LICENSE",
+    "CHANGELOG.md",
+    "Makefile",
+)
 CACHES = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*")
 
 
@@ -62,7 +70,8 @@ def files_below(folder: Path) -> set[str]:
 def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     held = {name.removeprefix("puckbench/") for name in names if name.startswith("puckbench/")}
-    assert held == files_below(ROOT / "src" / "puckbench")
+    workflow = {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
+    assert held == files_below(ROOT / "src" / "puckbench") | workflow
 
 
 def test_the_source_archive_has_the_workflow(archive: Path) -> None:
@@ -85,6 +94,10 @@ def test_the_installed_wheel_codes_with_its_own_weights(wheel: Path, tmp_path: P
     done(sys.executable, "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
     said = "import puckbench; print(puckbench.__file__)"
     assert done(python, "-c", said, cwd=tmp_path).startswith(str(packages))
+    found = "from puckbench.planning.launch import snakefile; print(snakefile())"
+    assert done(python, "-c", found, cwd=tmp_path).strip() == str(
+        packages / "puckbench" / "workflow" / "Snakefile"
+    )
     points = np.random.default_rng(0).integers(0, 64, (300, 3)).astype(np.float64)
     write_cloud(tmp_path / "a.ply", PointCloud(points, about={"size": 64}))
     puckbench = [python, "-m", "puckbench"]

@@ -1,0 +1,35 @@
+"""Starting Snakemake on the workflow: that of the repository, or the one in the installed wheel."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from puckbench.core.errors import InputError
+
+_PACKAGE = Path(__file__).parents[1]
+_PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
+"""In a repository (also where it is installed as editable), and in a wheel (see setup.py)."""
+
+
+def snakefile() -> Path:
+    """The workflow's Snakefile; InputError where this installation has none."""
+    for folder in _PLACES:
+        if (folder / "rules").is_dir() and (found := folder / "Snakefile").is_file():
+            return found
+    raise InputError("the workflow is not in this installation of puckbench; install its wheel")
+
+
+def snakemake_command(config: Path, cores: int | None, *more: str) -> list[str]:
+    """The words that run the workflow on a configuration file.
+
+    Parameters
+    ----------
+    cores
+        Of the run; all that there are where not given.
+    more
+        Further words: targets and options of Snakemake.
+    """
+    words = [sys.executable, "-m", "snakemake", *more]
+    words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]
+    return [*words, "--configfile", str(config)]
