@@ -14,14 +14,7 @@ from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
 )
 from puckbench.codecs.learned.octree_net.coder import Coder
 from puckbench.codecs.learned.octree_net.fixed_point import UNITS
-from puckbench.codecs.learned.octree_net.inference import (
-    child_features,
-    chunks_of,
-    convolved,
-    group_of,
-    network_of,
-    root_features,
-)
+from puckbench.codecs.learned.octree_net.inference import chunks_of, compiled_network
 from puckbench.codecs.learned.octree_net.model import Shape
 from puckbench.codecs.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
 from puckbench.codecs.learned.sparse.convolution import neighbourhood
@@ -65,24 +58,22 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     keys = _cloud(150_000, 128)
     own = np.unique(keys >> 3)
     model, table = octree_network(Shape(channels=32)), pyramid(own, 0)[0][0].neighbours
-    network, (first, second) = network_of(model), symbols_of(keys)
+    network, (first, second) = compiled_network(model), symbols_of(keys)
     rng = np.random.default_rng(1)
     given = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
-    features = root_features(network, len(own))
+    features = network.root_features(len(own))
     features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
     with thread_pool(2) as pool, torch.no_grad():
         where = neighbourhood(table, voxel_kernel_map(), pool)
         mine = model.convolved(torch.from_numpy(given / UNITS), where)
-        ours = convolved(network, features, table, pool)
+        ours = network.convolved(features, table, pool)
         for number, rows in enumerate(groups_of(own)):
             at = torch.from_numpy(rows)
             expected = model.group_features(number, mine, at, where)
-            group = group_of(network, number, rows)
+            group = network.group(number, rows, ours, table)
             chunks = chunks_of(len(rows))
-            predicted = np.concatenate(
-                [group.predict_first(ours, table, chunk) for chunk in chunks]
-            )
+            predicted = np.concatenate([group.predict_first(chunk) for chunk in chunks])
             assert np.array_equal(
                 predicted, frequencies(model.first_heads[number](expected).numpy())
             )
@@ -93,9 +84,9 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
             )
             mine[at] = model.with_second(expected, torch.from_numpy(second[rows].astype(int)))
             for chunk in chunks:
-                group.update(chunk, second[rows[chunk]], ours)
+                group.update(chunk, second[rows[chunk]])
         slots = slots_of(first, second)
-        handed = child_features(network, ours, slots, pool)
+        handed = network.child_features(ours, slots, pool)
     whole = (model.child_features(mine, torch.from_numpy(slots)) * UNITS).detach().numpy()
     assert np.array_equal(handed.all.reshape(-1, 32), whole)
     assert np.array_equal(handed.active.reshape(-1, 32), whole.clip(0, 255))

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
 from puckbench.codecs.learned.catalogue import SUFFIX, Network, header_of
+from puckbench.codecs.learned.device import DeviceName, why_not
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import sha256
 from puckbench.core.models import Model
@@ -55,6 +56,7 @@ class LearnedOptions(Model):
 
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
     threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
+    device: DeviceName = Field("cpu", description="where the network runs")
 
 
 class Learned(Codec, Generic[W]):
@@ -79,6 +81,8 @@ class Learned(Codec, Generic[W]):
         missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
         if missing:
             return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
+        if self.options.device != "cpu" and (reason := why_not(self.options.device)):
+            return Availability(False, reason)
         try:
             lacking = [name for name, rate in self.rates.items() if self._path(rate) is None]
         except InputError as error:

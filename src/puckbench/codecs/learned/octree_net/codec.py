@@ -97,4 +97,4 @@ class SparseOctreeNet(Learned["Weights"]):
     def _read(self, path: Path) -> Weights:
         from puckbench.codecs.learned.octree_net.weights import load_weights
 
-        return load_weights(path)
+        return load_weights(path, self.options.device)

@@ -6,28 +6,25 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.common.binary_coder import exhausted, read_to_its_end, written
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.codecs.learned.device import device_of
 from puckbench.codecs.learned.octree_net.causal_neighbourhood import (
     LevelState,
     empty_state,
     find_neighbourhood,
 )
+from puckbench.codecs.learned.octree_net.device_inference import DeviceNetwork
 from puckbench.codecs.learned.octree_net.inference import (
-    Features,
     Group,
     Network,
-    child_features,
     chunks_of,
-    convolved,
-    group_of,
-    network_of,
-    root_features,
+    compiled_network,
 )
 from puckbench.codecs.learned.octree_net.layers import Rows
 from puckbench.codecs.learned.octree_net.mixing import code_symbols, reader, writer
@@ -55,6 +52,7 @@ from puckbench.codecs.learned.sparse.voxels import (
 )
 from puckbench.core.errors import InputError
 
+F = TypeVar("F")
 _MAX_TOP = 64
 """Voxels of the top level, where the network begins; coarser levels cost few bits."""
 
@@ -130,7 +128,7 @@ class Coder:
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
             voxels = pyramid(top, 0)[0][0]
-            level = Level(network, pool, voxels, root_features(network, len(top)))
+            level = Level(network, pool, voxels, network.root_features(len(top)))
             for depth in range(levels, 0, -1):
                 nodes += len(level.voxels)
                 if nodes > limits.nodes or not limits.goes_on():
@@ -139,16 +137,23 @@ class Coder:
         return level.voxels.keys
 
 
+def network_of(model: OctreeNet) -> Network[Any]:
+    """The network for coding, on the device that the model is on."""
+    if device_of(model).type == "cpu":
+        return compiled_network(model)
+    return DeviceNetwork(model)
+
+
 @dataclass(frozen=True)
-class Level:
+class Level(Generic[F]):
     """Voxels of an octree level, with the features handed down by the levels above."""
 
-    network: Network
+    network: Network[F]
     pool: ThreadPool
     voxels: Voxels
-    features: Features
+    features: F
 
-    def next(self, code: Code, max_voxels: int, last: bool) -> Level:
+    def next(self, code: Code, max_voxels: int, last: bool) -> Level[F]:
         """Code the next finer level; of the `last` one only the keys are made.
 
         Raises
@@ -162,30 +167,28 @@ class Level:
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
             return Level(self.network, self.pool, _keys_only(keys), features)
-        handed_down = child_features(self.network, features, slots, self.pool)
+        handed_down = self.network.child_features(features, slots, self.pool)
         voxels = children_voxels(self.voxels, keys, self.pool)
         return Level(self.network, self.pool, voxels, handed_down)
 
-    def _coded(self, code: Code) -> tuple[Features, Rows]:
+    def _coded(self, code: Code) -> tuple[F, Rows]:
         """Code all symbols: the updated features, and the slots of the occupied children."""
         table = self.voxels.neighbours
-        features = convolved(self.network, self.features, table, self.pool)
+        features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
         for number, rows in enumerate(groups_of(self.voxels.keys)):
-            group = group_of(self.network, number, rows)
-            self._code_group(group, features, state, symbols, code)
+            group = self.network.group(number, rows, features, table)
+            self._code_group(group, state, symbols, code)
         if (symbols == 0).all(axis=0).any():
             raise InputError("the stream is damaged (a voxel without children)")
         return features, slots_of(*symbols)
 
-    def _code_group(
-        self, group: Group, features: Features, state: LevelState, symbols: Symbols, code: Code
-    ) -> None:
+    def _code_group(self, group: Group, state: LevelState, symbols: Symbols, code: Code) -> None:
         """Code a group's symbols; while those of a chunk are coded other threads predict more."""
 
         def predict_first(chunk: slice) -> Frequencies:
             find_neighbourhood(state, group.rows[chunk])
-            return group.predict_first(features, state.neighbours, chunk)
+            return group.predict_first(chunk)
 
         chunks, submit = chunks_of(len(group.rows)), self.pool.submit
         rows = [group.rows[chunk] for chunk in chunks]
@@ -196,7 +199,7 @@ class Level:
         updates = []
         for i, chunk in enumerate(chunks):
             second = symbols[1, rows[i]] = code(state, group.number, True, rows[i], waiting[i]())
-            updates.append(submit(partial(group.update, chunk, second, features)))
+            updates.append(submit(partial(group.update, chunk, second)))
         for wait in updates:
             wait()
 

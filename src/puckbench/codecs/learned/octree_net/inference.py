@@ -1,12 +1,13 @@
 """The network on a level's voxels for coding: integers, no gradients, in chunks.
 
 The sums are exact (see `fixed_point`), so that the results are those of the model's own layers.
+`Network` and `Group` say what a coder needs; here are their compiled forms for the CPU.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 from torch import Tensor, nn
@@ -36,6 +37,45 @@ _CHUNK_ROWS = 2**13
 
 Matrix = tuple[Floats32, Floats32]
 """A kernel and a bias, flat, as integers."""
+F = TypeVar("F")
+"""Features of a level's voxels."""
+
+
+class Group(Protocol):
+    """Voxels of a level that are coded together; each method works on a chunk of them."""
+
+    @property
+    def number(self) -> int:
+        """Of the group."""
+
+    @property
+    def rows(self) -> Rows:
+        """(m,), the voxels."""
+
+    def predict_first(self, chunk: slice) -> Frequencies:
+        """Frequencies of the first symbols, by what is known of the groups before."""
+
+    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
+        """Frequencies of the second symbols, given the first."""
+
+    def update(self, chunk: slice, second: Symbols) -> None:
+        """Add both symbols' embeddings to the features of the level."""
+
+
+class Network(Protocol[F]):
+    """A network that predicts the symbols of a level."""
+
+    def root_features(self, count: int) -> F:
+        """Features of the voxels of the top level."""
+
+    def convolved(self, features: F, table: NeighbourTable, pool: ThreadPool) -> F:
+        """Features of a level's voxels before any of their children are known."""
+
+    def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> Group:
+        """A group of the level's voxels, when all groups before it are coded."""
+
+    def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F:
+        """Features of the children in slots ``8 * parent + child``, from those of their parents."""
 
 
 def chunks_of(count: int) -> list[slice]:
@@ -44,8 +84,16 @@ def chunks_of(count: int) -> list[slice]:
 
 
 @dataclass(frozen=True)
-class Network:
-    """The integers of a model, flat.
+class Features:
+    """Features of a level's voxels (n * channels,), and their activations."""
+
+    all: Floats32
+    active: Floats32
+
+
+@dataclass(frozen=True)
+class CompiledNetwork:
+    """The integers of a model, flat, for compiled layers.
 
     Parameters
     ----------
@@ -71,11 +119,57 @@ class Network:
     embeddings: list[Floats32]
     upsampling: Matrix
 
+    def root_features(self, count: int) -> Features:
+        """As in `Network`."""
+        features = np.tile(self.root, count)
+        return Features(features, features.clip(0, MAX_ACTIVATION))
 
-def network_of(model: OctreeNet) -> Network:
+    def convolved(self, features: Features, table: NeighbourTable, pool: ThreadPool) -> Features:
+        """As in `Network`."""
+        for layer in self.convolutions:
+            features = self._convolved(layer, features, table, pool)
+        return features
+
+    def _convolved(
+        self, layer: Matrix, features: Features, table: NeighbourTable, pool: ThreadPool
+    ) -> Features:
+        rows = np.arange(table.shape[1])
+        made = Features(np.empty_like(features.all), np.empty_like(features.all))
+        convolve, scatter = convolution(self.channels), scattering(self.channels)
+
+        def work(chunk: slice, _: Scratch) -> None:
+            first, last = chunk.start, chunk.stop
+            convolve(table, features.all, features.active, rows, first, last, *layer, made.all)
+            scatter(made.all, first, last, rows, made.all, made.active)
+
+        pool.map_chunks(len(rows), _CHUNK_ROWS, work)
+        return made
+
+    def group(
+        self, number: int, rows: Rows, features: Features, table: NeighbourTable
+    ) -> CompiledGroup:
+        """As in `Network`."""
+        own = np.empty(len(rows) * self.channels, np.float32)
+        return CompiledGroup(self, number, rows, features, table, own)
+
+    def child_features(self, features: Features, slots: Rows, pool: ThreadPool) -> Features:
+        """As in `Network`."""
+        size = len(slots) * self.channels
+        made = Features(np.empty(size, np.float32), np.empty(size, np.float32))
+        upsample = upsampling(self.channels)
+
+        def work(chunk: slice, _: Scratch) -> None:
+            parents, first, last = features.active, chunk.start, chunk.stop
+            upsample(parents, slots, first, last, *self.upsampling, made.all, made.active)
+
+        pool.map_chunks(len(slots), _CHUNK_ROWS, work)
+        return made
+
+
+def compiled_network(model: OctreeNet) -> CompiledNetwork:
     """The integers of a model."""
     embeddings = (model.first_embedding, model.second_embedding)
-    return Network(
+    return CompiledNetwork(
         model.shape.channels,
         _integers(quantised(model.root), UNITS),
         _matrices(model.convolutions),
@@ -105,71 +199,22 @@ def _integers(values: Tensor, units: int) -> Floats32:
 
 
 @dataclass(frozen=True)
-class Features:
-    """Features of a level's voxels (n * channels,), and their activations."""
+class CompiledGroup:
+    """A group, with the features of its voxels `own` (m * channels,)."""
 
-    all: Floats32
-    active: Floats32
-
-
-def root_features(network: Network, count: int) -> Features:
-    """Features of the voxels of the top level."""
-    features = np.tile(network.root, count)
-    return Features(features, features.clip(0, MAX_ACTIVATION))
-
-
-def convolved(
-    network: Network, features: Features, table: NeighbourTable, pool: ThreadPool
-) -> Features:
-    """Features of a level's voxels before any of their children are known."""
-    for layer in network.convolutions:
-        features = _convolved(network, layer, features, table, pool)
-    return features
-
-
-def _convolved(
-    network: Network, layer: Matrix, features: Features, table: NeighbourTable, pool: ThreadPool
-) -> Features:
-    rows = np.arange(table.shape[1])
-    made = Features(np.empty_like(features.all), np.empty_like(features.all))
-    convolve, scatter = convolution(network.channels), scattering(network.channels)
-
-    def work(chunk: slice, _: Scratch) -> None:
-        first, last = chunk.start, chunk.stop
-        convolve(table, features.all, features.active, rows, first, last, *layer, made.all)
-        scatter(made.all, first, last, rows, made.all, made.active)
-
-    pool.map_chunks(len(rows), _CHUNK_ROWS, work)
-    return made
-
-
-@dataclass(frozen=True)
-class Group:
-    """Voxels of a level that are coded together; each method works on a chunk of them.
-
-    Parameters
-    ----------
-    network
-        The network.
-    number
-        Of the group.
-    rows
-        (m,), the voxels.
-    own
-        (m * channels,), their features.
-    """
-
-    network: Network
+    network: CompiledNetwork
     number: int
     rows: Rows
+    features: Features
+    table: NeighbourTable
     own: Floats32
 
-    def predict_first(self, features: Features, table: NeighbourTable, chunk: slice) -> Frequencies:
-        """Frequencies of the first symbols, by what is known of the groups before."""
-        channels = self.network.channels
+    def predict_first(self, chunk: slice) -> Frequencies:
+        """As in `Group`."""
+        channels, features = self.network.channels, self.features
         if self.number:
             convolution(channels)(
-                table, features.all, features.active, self.rows, chunk.start, chunk.stop,
+                self.table, features.all, features.active, self.rows, chunk.start, chunk.stop,
                 *self.network.group_convolutions[self.number - 1], self.own,
             )  # fmt: skip
         else:
@@ -178,14 +223,14 @@ class Group:
         return self._predict(0, chunk)
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """Frequencies of the second symbols, given the first."""
+        """As in `Group`."""
         self._embed(0, chunk, first)
         return self._predict(1, chunk)
 
-    def update(self, chunk: slice, second: Symbols, features: Features) -> None:
-        """Add both symbols' embeddings to the features of the level."""
+    def update(self, chunk: slice, second: Symbols) -> None:
+        """As in `Group`."""
         self._embed(1, chunk, second)
-        scatter = scattering(self.network.channels)
+        scatter, features = scattering(self.network.channels), self.features
         scatter(self.own, chunk.start, chunk.stop, self.rows, features.all, features.active)
 
     def _embed(self, half: int, chunk: slice, symbols: Symbols) -> None:
@@ -198,22 +243,3 @@ class Group:
         predict = head(self.network.channels)
         predict(self.own, chunk.start, chunk.stop, *hidden, *logits, powers_of_two(), predicted)
         return predicted
-
-
-def group_of(network: Network, number: int, rows: Rows) -> Group:
-    """A group whose features are not known yet."""
-    return Group(network, number, rows, np.empty(len(rows) * network.channels, np.float32))
-
-
-def child_features(network: Network, features: Features, slots: Rows, pool: ThreadPool) -> Features:
-    """Features of the children in slots ``8 * parent + child``, from those of their parents."""
-    size = len(slots) * network.channels
-    made = Features(np.empty(size, np.float32), np.empty(size, np.float32))
-    upsample = upsampling(network.channels)
-
-    def work(chunk: slice, _: Scratch) -> None:
-        parents, first, last = features.active, chunk.start, chunk.stop
-        upsample(parents, slots, first, last, *network.upsampling, made.all, made.active)
-
-    pool.map_chunks(len(slots), _CHUNK_ROWS, work)
-    return made

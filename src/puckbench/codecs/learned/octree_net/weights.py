@@ -10,6 +10,7 @@ from typing import Any
 from torch import Tensor
 
 from puckbench.codecs.learned.catalogue import OCTREE_NET
+from puckbench.codecs.learned.device import DeviceName, placed
 from puckbench.codecs.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
 from puckbench.codecs.learned.octree_net.model import OctreeNet, Shape
 from puckbench.codecs.learned.weights_file import read_weights, write_weights
@@ -42,7 +43,7 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
     write_weights(path, about, state)
 
 
-def load_weights(path: Path) -> Weights:
+def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
     """Read a set; InputError when it is damaged, of another network, or too large to be exact."""
     found = read_weights(path)
     try:
@@ -52,7 +53,8 @@ def load_weights(path: Path) -> Weights:
         raise InputError(f"{path}: damaged weights") from error
     with naming(path):
         model.check_exact()
-    return Weights(model.eval().requires_grad_(False), found.digest, found.header.card)
+    model = placed(model.eval().requires_grad_(False), device)
+    return Weights(model, found.digest, found.header.card)
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:

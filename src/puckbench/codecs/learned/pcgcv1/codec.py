@@ -113,7 +113,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
     def _read(self, path: Path) -> Weights:
         from puckbench.codecs.learned.pcgcv1.weights import load_weights
 
-        return load_weights(path)
+        return load_weights(path, self.options.device)
 
 
 class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import cast
+from typing import Protocol, cast
 
 import numpy as np
 import torch
@@ -45,8 +45,18 @@ Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 
+class Transforms(Protocol):
+    """Transforms g_a, h_a and g_s of a network."""
+
+    def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
+        """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
+
+    def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
+        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest."""
+
+
 class Inference:
-    """Transforms g_a, h_a and g_s of a model, whose kernels are rearranged once."""
+    """The transforms on a CPU; kernels are rearranged once."""
 
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
@@ -70,7 +80,7 @@ class Inference:
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
+        """As in `Transforms`."""
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
             features = _apply_blocks(
@@ -79,7 +89,7 @@ class Inference:
             blocks = coded_blocks(self._shape, torch.from_numpy(occupied)[None, None])
             y = self._conv_out.apply(features) * self._gains[rate] * blocks
             z = self._h_a(y) * max_pool3d(blocks, 2)
-            return _quantised(y), _quantised(z)
+            return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
         """Features at stride 2; far from any voxel they are those of an empty cube."""
@@ -118,7 +128,7 @@ class Inference:
         return last.apply(_strided_conv(features, down).relu_())
 
     def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
-        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest."""
+        """As in `Transforms`."""
         with torch.inference_mode():
             features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
             features = _apply_blocks(
@@ -146,7 +156,8 @@ def _channels_last(features: Tensor) -> Tensor:
     return features.contiguous(memory_format=torch.channels_last_3d)
 
 
-def _quantised(features: Tensor) -> Integers:
+def quantised(features: Tensor) -> Integers:
+    """Features (1, c, s, s, s) rounded to integers of 16 bits (c, s, s, s)."""
     whole: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
     return whole
 

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from puckbench.codecs.learned.catalogue import PCGCV1
-from puckbench.codecs.learned.pcgcv1.inference import Inference
+from puckbench.codecs.learned.device import DeviceName, placed
+from puckbench.codecs.learned.pcgcv1.device_inference import DeviceInference
+from puckbench.codecs.learned.pcgcv1.inference import Inference, Transforms
 from puckbench.codecs.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, Shape
 from puckbench.codecs.learned.weights_file import Tables, load_multi_rate, save_multi_rate
@@ -64,7 +66,7 @@ class Weights:
     """
 
     shape: Shape
-    network: Inference
+    network: Transforms
     hyper_synthesis: IntegerHyperSynthesis
     lmbdas: tuple[float, ...]
     tables: Tables
@@ -72,15 +74,20 @@ class Weights:
     card: Mapping[str, Any]
 
 
-def load_weights(path: Path) -> Weights:
-    """Read a set of ours or one of the authors' archives; InputError when it is neither."""
+def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+    """Read a set of ours or one of the authors' archives; InputError when it is neither.
+
+    Transform h_s stays on the CPU, whose double precision is exact.
+    """
     found = load_multi_rate(
         path, PCGCV1, lambda sizes: PCGCv1(parsed(Shape, sizes, f"{path}: shape")), load_published
     )
     with naming(path):
         hyper_synthesis = IntegerHyperSynthesis(found.model.h_s)
     rest = (found.lmbdas, found.tables, found.digest, found.card)
-    return Weights(found.model.shape, Inference(found.model), hyper_synthesis, *rest)
+    model = found.model
+    network = Inference(model) if device == "cpu" else DeviceInference(placed(model, device))
+    return Weights(model.shape, network, hyper_synthesis, *rest)
 
 
 def save_weights(

@@ -101,7 +101,7 @@ class Pcgcv2(LearnedByLambda["Weights"]):
     def _read(self, path: Path) -> Weights:
         from puckbench.codecs.learned.pcgcv2.weights import load_weights
 
-        return load_weights(path)
+        return load_weights(path, self.options.device)
 
 
 class Pcgcv2PlusOptions(ImprovedOptions):

@@ -14,9 +14,10 @@ from puckbench.codecs.learned.adaptive_entropy import (
     encode_with_contexts,
     factorised_prior,
 )
+from puckbench.codecs.learned.device import device_of
 from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
 from puckbench.codecs.learned.grid_level import voxel_size
-from puckbench.codecs.learned.pcgcv2.inference import analyse, synthesise
+from puckbench.codecs.learned.pcgcv2 import device_inference, inference
 from puckbench.codecs.learned.pcgcv2.model import SCALES
 from puckbench.codecs.learned.pcgcv2.stream import ALL_TOOLS, MAX_VOXELS, Block, Coded, Tools
 from puckbench.codecs.learned.pcgcv2.weights import Weights
@@ -113,6 +114,7 @@ class Coder:
         return shifted * voxel_size(coded.quarter_octaves)
 
     def _encode_block(self, keys: Keys, pool: ThreadPool) -> Block:
+        analyse = inference.analyse if self._on_cpu() else device_inference.analyse
         found = analyse(self.weights.model, keys, pool)
         y_hat = np.rint(found.y * self._gain()).astype(np.int32)
         fine, two, four = found.counts
@@ -131,6 +133,7 @@ class Coder:
         y_hat = self._decode_latent(block, coarse, tools).astype(np.float32) / self._gain()
         child_per_parent = Tools.CHILD_PER_PARENT in tools
         network, counts = self.weights.model, block.counts[:3]
+        synthesise = inference.synthesise if self._on_cpu() else device_inference.synthesise
         return synthesise(network, y_hat, coarse, counts, pool, child_per_parent)
 
     def _decode_latent(self, block: Block, coarse: Voxels, tools: Tools) -> Integers:
@@ -143,8 +146,11 @@ class Coder:
         return self.weights.tables[self.rate]
 
     def _gain(self) -> NDArray[np.float32]:
-        gain: NDArray[np.float32] = self.weights.model.gain(self.rate).detach().numpy()
+        gain: NDArray[np.float32] = self.weights.model.gain(self.rate).detach().cpu().numpy()
         return gain
+
+    def _on_cpu(self) -> bool:
+        return device_of(self.weights.model).type == "cpu"
 
 
 def _coarse_keys(block: Block) -> Keys:

@@ -276,9 +276,16 @@ def synthesise(
         if scale + 1 < SCALES:
             features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
             parents = selected_children(parents, kept, pool)
+    return decoded_blocks(parents, logits.numpy(), kept)
+
+
+def decoded_blocks(
+    parents: Voxels, logits: NDArray[np.float32], kept: NDArray[np.int64]
+) -> SiblingBlocks:
+    """The decoded voxels, by their slots ``8 * parent + child``, with logits (m, 8) of all."""
     chosen = np.zeros(logits.shape, dtype=bool)
     chosen.reshape(-1)[kept] = True
-    return sibling_blocks(morton_voxels(parents.keys), logits.numpy(), chosen)
+    return sibling_blocks(morton_voxels(parents.keys), logits, chosen)
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from puckbench.codecs.learned.catalogue import PCGCV2
+from puckbench.codecs.learned.device import DeviceName, placed
 from puckbench.codecs.learned.pcgcv2.model import SCALES, PCGCv2, Shape
 from puckbench.codecs.learned.weights_file import (
     MultiRateWeights,
@@ -27,11 +28,13 @@ _PARTS = {"encoder": "g_a", "decoder": "g_s"}
 _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factors"}
 
 
-def load_weights(path: Path) -> Weights:
+def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
     """Read a set of ours or one of the authors' checkpoints; InputError when it is neither."""
-    return load_multi_rate(
+    found = load_multi_rate(
         path, PCGCV2, lambda sizes: PCGCv2(parsed(Shape, sizes, f"{path}: shape")), load_published
     )
+    placed(found.model, device)
+    return found
 
 
 def save_weights(

@@ -24,6 +24,8 @@ _CHUNK_FLOATS = 2**20
 """Gathered features of a chunk, about: larger chunks leave the caches of small machines, smaller
 ones spend more time in Python, which two threads cannot share."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
+_DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
+"""Of another device, where starting a computation takes longer than computing a small chunk."""
 
 Matrices = tuple[Tensor, ...]
 """For each offset between rows the matrix (count * channels read, count * channels written)."""
@@ -43,17 +45,20 @@ class Neighbourhood:
         The threads that compute.
     chunk_floats
         Features gathered at once, about.
+    max_rows
+        Rows of a chunk, at most.
     """
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap
     pool: ThreadPool
     chunk_floats: int = _CHUNK_FLOATS
+    max_rows: int = _MAX_ROWS
 
     def chunk_rows(self, channels: int) -> int:
-        """Rows of a chunk for features of so count channels."""
+        """Rows of a chunk for features of a number of channels."""
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
-        return int(np.clip(rows, _MIN_ROWS, _MAX_ROWS))
+        return int(np.clip(rows, _MIN_ROWS, self.max_rows))
 
 
 def neighbourhood(
@@ -65,9 +70,15 @@ def neighbourhood(
     """The neighbourhood of a table (27, n), for tensors of a device (default: the CPU)."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
-    return Neighbourhood(
-        TorchGatherScatter(torch.from_numpy(table).long().to(device)), kernel_map, pool
-    )
+    return device_neighbourhood(table, kernel_map, pool, device)
+
+
+def device_neighbourhood(
+    table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
+) -> Neighbourhood:
+    """The neighbourhood of a table (27, n), by PyTorch's own functions whatever the device."""
+    moved = TorchGatherScatter(torch.from_numpy(table).long().to(device))
+    return Neighbourhood(moved, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
 
 def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:

@@ -169,17 +169,24 @@ class TorchGatherScatter:
 
     def __init__(self, table: Tensor) -> None:
         self.table = table
+        self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
 
-    def _pairs(self, offset: int, rows: slice) -> tuple[Tensor, Tensor]:
-        others = self.table[offset, rows]
-        inside = torch.nonzero(others >= 0)[:, 0]
-        return inside, others[inside]
+    def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
+        """Rows of a chunk with a neighbour at each offset, and these neighbours."""
+        key = (rows.start, rows.stop)
+        if key not in self._chunks:
+            table = self.table[:, rows]
+            there = table >= 0
+            there[CENTRE] = False
+            offsets, inside = torch.nonzero(there, as_tuple=True)
+            counts = torch.bincount(offsets, minlength=OFFSETS).tolist()
+            parts = (torch.split(found, counts) for found in (inside, table[offsets, inside]))
+            self._chunks[key] = list(zip(*parts, strict=True))
+        return self._chunks[key]
 
     def layout(self, kernel_map: KernelMap, rows: slice) -> Layout:
         """As in `GatherScatter`."""
-        counts = (self.table[:, rows] >= 0).sum(dim=1).cpu().numpy()
-        counts[CENTRE] = 0
-        return layout_of(counts, kernel_map)
+        return layout_of(np.array([len(inside) for inside, _ in self._pairs(rows)]), kernel_map)
 
     def gather(
         self,
@@ -191,9 +198,8 @@ class TorchGatherScatter:
     ) -> Segments:
         """As in `GatherScatter`."""
         found: Segments = []
-        for offset in range(OFFSETS):
-            inside, others = self._pairs(offset, rows)
-            if offset == CENTRE or len(inside) == 0:
+        for offset, (inside, others) in enumerate(self._pairs(rows)):
+            if len(inside) == 0:
                 found.append(None)
                 continue
             children = (kernel_map.written if own else kernel_map.read)[
@@ -209,7 +215,7 @@ class TorchGatherScatter:
         """As in `GatherScatter`."""
         for offset, product in enumerate(products):
             if product is not None:
-                inside, _ = self._pairs(offset, rows)
+                inside, _ = self._pairs(rows)[offset]
                 children = torch.from_numpy(kernel_map.written[offset, : kernel_map.sizes[offset]])
                 target = (inside[:, None], children.to(inside.device)[None, :])
                 onto[target] = onto[target] + product.view(len(inside), len(children), -1)

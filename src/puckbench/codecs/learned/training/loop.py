@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar
 import torch
 from torch import Tensor, nn
 
+from puckbench.codecs.learned.device import placed
 from puckbench.codecs.learned.sparse.voxels import Keys
 from puckbench.codecs.learned.training.settings import Training
 from puckbench.codecs.learned.weights_file import read_checkpoint
@@ -136,7 +137,7 @@ def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 def on_device(model: M) -> M:
     """The model on the device it is trained on: CUDA if there, else the CPU."""
-    return model.to("cuda" if torch.cuda.is_available() else "cpu")
+    return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
 
 
 def train(

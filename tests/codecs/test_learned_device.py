@@ -1,0 +1,105 @@
+"""Learned codecs on a CUDA device: its code is run here on the CPU, and on CUDA where there is one.
+
+What runs on a device is the models' own layers by PyTorch's functions, whatever the device is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.learned.octree_net import coder as octree_coder
+from puckbench.codecs.learned.octree_net.device_inference import DeviceNetwork
+from puckbench.codecs.learned.pcgcv1 import weights as pcgcv1_weights
+from puckbench.codecs.learned.pcgcv1.device_inference import DeviceInference
+from puckbench.codecs.learned.pcgcv2.coder import Coder
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from tests.support.learned_codecs import changes, save_tiny, shell
+
+CODECS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net")
+cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("weights")
+    for codec in CODECS:
+        save_tiny(codec, path / f"{codec}.safetensors")
+    return path
+
+
+@pytest.fixture
+def opened(folder: Path) -> Callable[..., Codec]:
+    def open_one(name: str, **options: object) -> Codec:
+        return open_codec(name, changes(name, folder / f"{name}.safetensors", **options))
+
+    return open_one
+
+
+@pytest.fixture
+def own_layers(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Take the code of a device for codecs that are opened from then on, on the CPU."""
+
+    def take() -> None:
+        monkeypatch.setattr(octree_coder, "network_of", DeviceNetwork)
+        monkeypatch.setattr(Coder, "_on_cpu", lambda _: False)
+        monkeypatch.setattr(pcgcv1_weights, "Inference", DeviceInference)
+
+    return take
+
+
+def _alike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether as many points lie where the other has one; few voxels are chosen by rounding."""
+    near, _ = cKDTree(other).query(one)
+    return len(one) == len(other) and bool(np.quantile(near, 0.98) < 0.01)
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_the_models_own_layers_code_as_the_fused_ones_do(
+    name: str, opened: Callable[..., Codec], own_layers: Callable[[], None]
+) -> None:
+    points, fused = 40 + shell(), opened(name)
+    streams = [fused.encode(points, rate) for rate in fused.rates]
+    decoded = [np.unique(fused.decode(stream), axis=0) for stream in streams]
+    own_layers()
+    other = opened(name)
+    for stream, expected, rate in zip(streams, decoded, other.rates, strict=True):
+        again = other.encode(points, rate)
+        found = np.unique(other.decode(stream), axis=0)
+        if name == "sparse_octree_net":  # exact on every device
+            assert again == stream
+            assert np.array_equal(found, expected)
+        else:  # sums are rounded in another order
+            assert abs(len(again) - len(stream)) <= 0.01 * len(stream)
+            assert _alike(found, expected)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
+@pytest.mark.parametrize("name", CODECS)
+def test_where_there_is_no_cuda_the_codec_says_so(name: str, opened: Callable[..., Codec]) -> None:
+    codec = opened(name, device="cuda")
+    assert codec.available() == (False, "device cuda: PyTorch finds no CUDA device here")
+    with pytest.raises(InputError, match="no CUDA device"):
+        codec.encode(40 + shell(), "r1")
+
+
+@cuda
+@pytest.mark.parametrize("name", CODECS)
+def test_streams_decode_on_either_side(name: str, opened: Callable[..., Codec]) -> None:
+    points, here, there = 40 + shell(), opened(name), opened(name, device="cuda")
+    for rate in here.rates:
+        stream, again = here.encode(points, rate), there.encode(points, rate)
+        for made in (stream, again):
+            one, other = (np.unique(codec.decode(made), axis=0) for codec in (here, there))
+            if name == "sparse_octree_net":
+                assert stream == again
+                assert np.array_equal(one, other)
+            else:
+                assert _alike(one, other)
