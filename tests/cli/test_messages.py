@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import platform
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import puckbench
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
 from puckbench.codecs.learned import codec as learned
@@ -147,6 +149,21 @@ def test_a_wheel_s_user_is_told_what_pip_installs(monkeypatch: pytest.MonkeyPatc
     )
     why = open_codec("pcgcv2_plus").available().why
     assert "PyTorch not installed: pip install 'puckbench[learned]'" in why
+
+
+def test_the_version_is_one_line_and_tells_the_rest_when_asked(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["--version"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line == f"puckbench {puckbench.__version__}"
+    for words in (["--version", "--verbose"], ["--version", "-v"]):
+        assert main(words) == 0
+        told = dict(row.split(None, 1) for row in capsys.readouterr().out.splitlines())
+        assert told["puckbench"] == puckbench.__version__
+        assert told["numpy"] == np.__version__
+        assert told["python"].startswith(platform.python_version())
+        assert {"commit", "system", "threads", "snakemake", "numba", "compiled"} <= told.keys()
 
 
 def test_answers_are_lines_and_tables(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.core import compiling
+from puckbench.core.loop_cache import loops_folder
 
 SOURCE = Path(__file__).parents[2] / "src"
 OUTER = """
@@ -145,3 +146,18 @@ def test_indices_are_checked_on_demand_with_a_cache_of_their_own(
     (folder / "outer.py").write_text(OUTSIDE)
     changed = {"NUMBA_BOUNDSCHECK": checks} if checks else {}
     assert _run(folder, more=changed) == found
+
+
+def test_loops_are_kept_beside_their_sources_or_where_the_user_may_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert loops_folder(tmp_path) == tmp_path / "__pycache__"
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # as in a container
+    monkeypatch.setenv("XDG_CACHE_HOME", "/caches")
+    assert loops_folder(tmp_path) == Path("/caches/puckbench")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", "/home/someone")
+    assert loops_folder(tmp_path) == Path("/home/someone/.cache/puckbench")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
+    assert loops_folder(tmp_path) == Path("/chosen")

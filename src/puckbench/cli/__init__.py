@@ -7,7 +7,7 @@ import importlib
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -42,6 +42,7 @@ COMMANDS = {
     "conformance": "try a G-PCC decoder on stored streams of the reference software",
     "datasets": "list the loaders of scene sets and their options",
     "data": "fetch the free data sets through the package managers",
+    "completion": "print the script by which a shell completes this command line",
 }
 
 
@@ -56,13 +57,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser, name = _parser(given)
         options = parser.parse_args(given)
         answer = _run(name, options, parser)
-        if answer is not None:
+        if isinstance(answer, str):
+            _show(answer)
+        elif answer is not None:
             _show(json.dumps(answer, allow_nan=False) if options.json else text_of(answer))
     except InputError as error:
         return _fail(str(error))
     except KeyboardInterrupt:
         return _fail("interrupted", status=130)
-    return int(bool(answer and answer.get("failed")))
+    return int(isinstance(answer, dict) and bool(answer.get("failed")))
 
 
 def _show(text: str) -> None:
@@ -80,19 +83,28 @@ def _show(text: str) -> None:
 def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     """The parser of the command asked for: the others' modules are not even imported."""
     name = next((word for word in given if not word.startswith("-")), None)
-    parser = argparse.ArgumentParser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
-    parser.add_argument("--version", action="version", version=f"puckbench {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND")
-    for command, text in COMMANDS.items():
-        sub = commands.add_parser(command, help=text, description=text)
-        if command == name:
-            _command(command).arguments(sub)
-            sub.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of([name] if name in COMMANDS else [])
     if name is not None and name not in COMMANDS:
         from puckbench.core.models import among
 
         parser.error(f"unknown command '{name}'{among(name, COMMANDS)}")
     return parser, name
+
+
+def parser_of(whole: Container[str]) -> argparse.ArgumentParser:
+    """The parser of all commands, of which those in `whole` have their arguments too."""
+    parser = argparse.ArgumentParser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
+    parser.add_argument("--version", action="store_true", help="print the version")
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="with --version: also what puckbench runs with"
+    )
+    commands = parser.add_subparsers(metavar="COMMAND")
+    for command, text in COMMANDS.items():
+        sub = commands.add_parser(command, help=text, description=text)
+        if command in whole:
+            _command(command).arguments(sub)
+            sub.add_argument("--json", action="store_true", help="print one JSON object")
+    return parser
 
 
 def _command(name: str) -> ModuleType:
@@ -101,12 +113,19 @@ def _command(name: str) -> ModuleType:
 
 def _run(
     name: str | None, options: argparse.Namespace, parser: argparse.ArgumentParser
-) -> dict[str, object] | None:
+) -> dict[str, object] | str | None:
     if name is None:
-        _show(parser.format_help().rstrip())
-        return None
-    answer: dict[str, object] | None = _command(name).run(options)
+        return _version(options.verbose) if options.version else parser.format_help().rstrip()
+    answer: dict[str, object] | str | None = _command(name).run(options)
     return answer
+
+
+def _version(verbose: bool) -> str:
+    if not verbose:
+        return f"puckbench {__version__}"
+    from puckbench.core.environment import installation
+
+    return text_of({"puckbench": __version__, **installation()})
 
 
 def _fail(message: str, status: int = 2) -> int:

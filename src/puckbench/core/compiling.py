@@ -21,6 +21,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import extending
 
+from puckbench.core.loop_cache import loops_folder
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 IN_PLACE: dict[str, Any] = {"_nrt": False}
@@ -70,7 +72,7 @@ def compiled(function: Function, **options: Any) -> Function:
     file = Path(function.__code__.co_filename)
     chosen = _config.CACHE_DIR
     place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
-    _config.CACHE_DIR = str(Path(chosen or file.parent / "__pycache__") / place)
+    _config.CACHE_DIR = str((Path(chosen) if chosen else loops_folder(file.parent)) / place)
     try:
         return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
     finally:

@@ -7,9 +7,12 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from puckbench.core.loop_cache import loops_folder
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -23,6 +26,19 @@ THREAD_VARIABLES = (
 
 LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pykdtree")
 """Packages that codecs and metrics run in; those that are not installed are left out."""
+
+INSTALLED = (
+    *LIBRARIES,
+    "open3d-cpu",
+    "open3d",
+    "imagecodecs",
+    "pyarrow",
+    "pandas",
+    "matplotlib",
+    "pydantic",
+    "snakemake",
+)
+"""Packages whose versions a report of a fault should name; those not installed are left out."""
 
 
 def thread_environment(threads: int) -> str:
@@ -102,9 +118,28 @@ def source_commit() -> str:
 def libraries() -> str:
     """Python's and the packages' versions in one line, "python 3.11.7; numpy 2.1.3; ..."."""
     versions = {"python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
+    versions |= {name: version for name in LIBRARIES if (version := _version(name))}
     return "; ".join(f"{name} {version}" for name, version in versions.items())
+
+
+def _version(package: str) -> str:
+    """The version of an installed package; empty where it is not installed."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def installation() -> dict[str, str]:
+    """What a report of a fault should say: system, processor, places and the packages' versions."""
+    sources = Path(__file__).parents[1]
+    return {
+        "commit": source_commit() or "unknown (not run from a repository)",
+        "sources": str(sources),
+        "python": f"{platform.python_version()}, {sys.executable}",
+        "system": platform.platform(),
+        "processor": cpu_model(),
+        "threads": str(allowed_threads()),
+        "compiled loops": str(loops_folder(sources)),
+        **{name: version for name in INSTALLED if (version := _version(name))},
+    }

@@ -1,0 +1,96 @@
+"""`puckbench completion`: the script by which a shell completes commands, options and names."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("shell", choices=SHELLS, help="whose script to print")
+
+
+def run(options: argparse.Namespace) -> str:
+    """The script; it does not call Python while it completes."""
+    from puckbench.cli import COMMANDS, parser_of
+
+    return script(parser_of(COMMANDS), options.shell)
+
+
+def script(parser: argparse.ArgumentParser, shell: str) -> str:
+    """The completion script of a parser with subcommands.
+
+    An argument whose type is `Path` is completed with files; one that takes a name of a registry,
+    with the names that are known now.
+    """
+    import shtab
+
+    for action in _actions(parser):
+        if action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way to ask for it
+        elif action.choices is None and action.nargs != 0 and action.dest in _NAMES:
+            action.choices = _NAMES[action.dest]()
+    return str(shtab.complete(parser, shell)).rstrip()
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """All arguments of a parser and of its subcommands."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _actions(command)
+
+
+def _codecs() -> list[str]:
+    from puckbench.codecs.registry import codecs
+
+    return list(codecs())
+
+
+def _error_models() -> list[str]:
+    from puckbench.lidar.errors import ERROR_MODELS
+
+    return ERROR_MODELS.names()
+
+
+def _figures() -> list[str]:
+    from puckbench.figures.registry import FIGURES
+
+    return FIGURES.names()
+
+
+def _loaders() -> list[str]:
+    from puckbench.datasets.registry import LOADERS
+
+    return LOADERS.names()
+
+
+def _sensors() -> list[str]:
+    from puckbench.lidar.sensor import sensor_names
+
+    return sensor_names()
+
+
+def _tables() -> list[str]:
+    from puckbench.metrics.registry import TABLES
+
+    return TABLES.names()
+
+
+_NAMES: dict[str, Callable[[], list[str]]] = {
+    "check": _loaders,
+    "codec": _codecs,
+    "codecs": _codecs,
+    "errors": _error_models,
+    "figure": _figures,
+    "loader": _loaders,
+    "model": _error_models,
+    "sensor": _sensors,
+    "table": _tables,
+}
+"""Arguments, by their name, whose values are names of a registry."""
