@@ -27,7 +27,8 @@ BASH = """
 source completion
 COMP_WORDS=({words})
 COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
-$(complete -p puckbench | sed 's/.*-F \\([^ ]*\\).*/\\1/') puckbench "${{COMP_WORDS[-1]}}" "${{COMP_WORDS[-2]}}"
+complete=$(complete -p puckbench | sed 's/.*-F \\([^ ]*\\).*/\\1/')
+$complete puckbench "${{COMP_WORDS[-1]}}" "${{COMP_WORDS[-2]}}"
 printf '%s\\n' "${{COMPREPLY[@]}}"
 """
 
