@@ -13,24 +13,28 @@ fails.
 
 from __future__ import annotations
 
-import argparse
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from benchmarks.tmc3 import (
+    DECODER_MODES,
+    Checked,
+    Reference,
+    crosscheck,
+    decode_with_both,
+    differ,
+    judged,
+    sensor_options,
+)
 from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
 
-from puckbench.codecs.external.program import write_points
 from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
 from puckbench.codecs.gpcc.grid import Frame, quantised
 from puckbench.codecs.gpcc.options import GpccOptions
 from puckbench.codecs.gpcc.sensor import SensorDescription
-from puckbench.geometry.cloud import Floats
-from puckbench.io.clouds import read_cloud
 
 COMMON = {
     "planar": True,
@@ -64,40 +68,17 @@ MODES: dict[str, dict[str, Any]] = {
 }
 """Changes of our options by the name of a mode; scale: of the input."""
 
-DECODER_MODES = {
-    "slices": ("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500"),
-    "slices continued": (
-        *("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500"),
-        "--entropyContinuationEnabled=1",
-    ),
-    "streams": ("--numOctreeEntropyStreams=5",),
-    "bypass": ("--cabac_bypass_stream_enabled_flag=1",),
-    "zyx": ("--geometry_axis_order=0",),
-    "yzx": ("--geometry_axis_order=5",),
-    "zxy": ("--geometry_axis_order=3",),
-    "tiles": ("--tileSize=4096",),
+OCTREE_DECODER_MODES = {
+    **DECODER_MODES,
+    "streams": {"numOctreeEntropyStreams": 5},
+    "zxy": {"geometry_axis_order": 3},
 }
-"""Options of TMC3 that our encoder does not have."""
 
 
-SECONDS = 20
-"""What TMC3 may take: it slices a plane for ever."""
-
-
-class Checked(NamedTuple):
-    """One case: bytes of both (0: none), and what is wrong."""
-
-    ours: int
-    reference: int
-    same: bool
-    fault: str
-
-
-def tmc3_options(options: GpccOptions, sensor: SensorDescription) -> list[str]:
+def tmc3_options(options: GpccOptions, sensor: SensorDescription) -> dict[str, Any]:
     """Our options by the names of TMC3, and the sensor."""
-    lasers = sorted(zip(sensor.tan_elevation, sensor.height, strict=True))
     first, second, third = options.planar_thresholds
-    named = {
+    return {
         "mergeDuplicatedPoints": int(options.merge_duplicates),
         "neighbourAvailBoundaryLog2": options.neighbour_avail_boundary_log2,
         "adjacentChildContextualization": int(options.adjacent_child_contextualization),
@@ -113,44 +94,8 @@ def tmc3_options(options: GpccOptions, sensor: SensorDescription) -> list[str]:
         "inferredDirectCodingMode": options.inferred_direct_coding_mode,
         "planarModeIdcmUse": options.planar_mode_idcm_use,
         "jointTwoPointIdcm": int(options.joint_two_point_idcm),
-        "angularEnabled": 1,
-        "numLasers": len(lasers),
-        "lasersTheta": ",".join(repr(tan) for tan, _ in lasers),
-        "lasersZ": ",".join(repr(-height) for _, height in lasers),
-        "lasersNumPhiPerTurn": ",".join([str(sensor.steps_per_turn)] * len(lasers)),
-        "lidarHeadPosition": ",".join(map(str, sensor.position)),
+        **sensor_options(sensor),
     }
-    return [f"--{name}={value}" for name, value in named.items()]
-
-
-class Reference:
-    """TMC3 on files in a folder."""
-
-    def __init__(self, program: str, folder: Path) -> None:
-        self._program, self._folder = program, folder
-
-    def encode(self, points: Floats, scale: float, options: list[str]) -> bytes:
-        """The stream of points, whole numbers; scaled as TMC3 does it."""
-        write_points(self._folder / "in.ply", points, "float64")
-        self._run("--mode=0", "--disableAttributeCoding=1", f"--positionQuantizationScale={scale}",
-                  f"--uncompressedDataPath={self._folder / 'in.ply'}", *options)  # fmt: skip
-        return (self._folder / "stream.bin").read_bytes()
-
-    def decode(self, stream: bytes) -> Floats:
-        """The points of a stream."""
-        (self._folder / "stream.bin").write_bytes(stream)
-        out = self._folder / "out.ply"
-        self._run("--mode=1", "--outputBinaryPly=1", f"--reconstructedDataPath={out}")
-        return read_cloud(out).xyz
-
-    def _run(self, *options: str) -> None:
-        stream = f"--compressedStreamPath={self._folder / 'stream.bin'}"
-        command = [self._program, stream, *options]
-        subprocess.run(command, check=True, capture_output=True, timeout=SECONDS)
-
-
-def equal(a: Floats, b: Floats) -> bool:
-    return np.array_equal(a[np.lexsort(a.T)], b[np.lexsort(b.T)])
 
 
 def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checked:
@@ -163,29 +108,25 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     }
     options = GpccOptions(**known, **split)
     points, sensor = turn.points.astype(np.float64), turn.sensor
-    theirs = reference.encode(points, scale, tmc3_options(options, sensor))
+    theirs = reference.encode(points, tmc3_options(options, sensor), scale)
     x, y, z = (int(place * scale) for place in sensor.position)
     heights = tuple(height * scale for height in sensor.height)
     here = SensorDescription(sensor.tan_elevation, heights, sensor.steps_per_turn, (x, y, z))
     positions, origin = quantised(points, Frame(), scale, "truncate")
     mine = encode_geometry(positions, options, scale, origin.tolist(), here)
-    decoded = reference.decode(theirs)
+    wanted = reference.decode(theirs)
     faults = {
-        "TMC3 decodes ours otherwise": equal(reference.decode(mine), decoded),
-        "we decode TMC3's otherwise": equal(decode_geometry(theirs).positions(), decoded),
-        "we decode ours otherwise": equal(decode_geometry(mine).positions(), decoded),
-        "ours is larger": len(mine) <= 1.005 * len(theirs) + 2,
+        "TMC3 decodes ours otherwise": differ(reference.decode(mine), wanted),
+        "we decode TMC3's otherwise": differ(decode_geometry(theirs).positions(), wanted),
+        "we decode ours otherwise": differ(decode_geometry(mine).positions(), wanted),
     }
-    fault = "; ".join(name for name, fine in faults.items() if not fine)
-    return Checked(len(mine), len(theirs), mine == theirs, fault)
+    return judged(mine, theirs, faults)
 
 
-def decoded(reference: Reference, turn: Turn, options: tuple[str, ...]) -> Checked:
+def decoded(reference: Reference, turn: Turn, options: dict[str, Any]) -> Checked:
     """Decode a stream of TMC3 with both."""
     known = tmc3_options(GpccOptions(**COMMON), turn.sensor)
-    theirs = reference.encode(turn.points.astype(np.float64), 1, [*known, *options])
-    same = equal(decode_geometry(theirs).positions(), reference.decode(theirs))
-    return Checked(0, len(theirs), False, "" if same else "we decode TMC3's otherwise")
+    return decode_with_both(reference, turn, {**known, **options})
 
 
 def turns(recordings: list[Path]) -> Iterator[Turn]:
@@ -200,36 +141,11 @@ def turns(recordings: list[Path]) -> Iterator[Turn]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tmc3")
-    parser.add_argument("--recordings", nargs="+", type=Path, default=[])
-    parser.add_argument("--turns", nargs="+", help="these alone, by name")
-    parser.add_argument("--modes", nargs="+", help="these alone, by name")
-    options = parser.parse_args()
-    cases = failed = identical = coded = refused = 0
-    with tempfile.TemporaryDirectory() as folder:
-        reference = Reference(options.tmc3, Path(folder))
-        for turn in turns(options.recordings):
-            if options.turns and turn.name not in options.turns:
-                continue
-            for mode in options.modes or [*MODES, *DECODER_MODES]:
-                try:
-                    if mode in MODES:
-                        found = checked(reference, turn, MODES[mode])
-                    else:
-                        found = decoded(reference, turn, DECODER_MODES[mode])
-                except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
-                    refused += 1
-                    print(f"{turn.name}, {mode}: TMC3 failed ({type(error).__name__})", flush=True)
-                    continue
-                cases, failed = cases + 1, failed + bool(found.fault)
-                coded, identical = coded + (found.ours > 0), identical + found.same
-                said = found.fault or ("identical" if found.same else "the same points")
-                sizes = f"{found.ours} / {found.reference} bytes"
-                print(f"{turn.name}, {mode}: {sizes}, {said}", flush=True)
-    print(f"{cases} cases, {identical} of {coded} byte-identical, {failed} failed", end="; ")
-    print(f"TMC3 could not code {refused}")
-    sys.exit(failed > 0)
+    coded = {name: partial(checked, changes=changes) for name, changes in MODES.items()}
+    decoder_alone = {
+        name: partial(decoded, options=options) for name, options in OCTREE_DECODER_MODES.items()
+    }
+    crosscheck(__doc__, turns, {**coded, **decoder_alone})
 
 
 if __name__ == "__main__":

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sys
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from benchmarks.clouds import grown, sampled_object, scanned_room
+from benchmarks.tmc3 import Checked, Tally, differ, judged
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
@@ -27,35 +26,16 @@ SCALES = {"e3": 0.125, "e4": 1 / 6, "e5": 0.375, "e6": 0.5, "e7": 0.9, "e8": 1.0
 RATES = {name: {"scale": scale} for name, scale in SCALES.items()}
 
 
-class Checked(NamedTuple):
-    """One case: bytes of both, and what is wrong."""
-
-    ours: int
-    reference: int
-    same: bool
-    fault: str
-
-
-def ordered(points: Floats) -> Floats:
-    return points[np.lexsort(points.T)]
-
-
-def equal(a: Floats, b: Floats) -> bool:
-    return np.array_equal(ordered(a), ordered(b))
-
-
 def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked:
     """Code with both, decode each stream with both."""
     mine, theirs = ours.encode(points, rate), reference.encode(points, rate)
     decoded = reference.decode(theirs)
     faults = {
-        "TMC3 decodes ours otherwise": equal(reference.decode(mine), decoded),
-        "we decode TMC3's otherwise": equal(ours.decode(theirs), decoded),
-        "we decode ours otherwise": equal(ours.decode(mine), decoded),
-        "ours is larger": len(mine) <= 1.005 * len(theirs) + 2,
+        "TMC3 decodes ours otherwise": differ(reference.decode(mine), decoded),
+        "we decode TMC3's otherwise": differ(ours.decode(theirs), decoded),
+        "we decode ours otherwise": differ(ours.decode(mine), decoded),
     }
-    fault = "; ".join(name for name, fine in faults.items() if not fine)
-    return Checked(len(mine), len(theirs), mine == theirs, fault)
+    return judged(mine, theirs, faults)
 
 
 def clouds(full: bool) -> Iterator[tuple[str, Floats]]:
@@ -85,7 +65,7 @@ def main() -> None:
     parser.add_argument("--clouds", nargs="+", help="these alone, by name")
     parser.add_argument("--profiles", nargs="+", default=["minimal", "ctc", "defaults"])
     options = parser.parse_args()
-    cases = failed = identical = 0
+    tally = Tally()
     for name, points in clouds(options.full):
         if options.clouds and name not in options.clouds:
             continue
@@ -101,13 +81,9 @@ def main() -> None:
                 points,
                 rate,
             )
-            cases, failed = cases + 1, failed + bool(found.fault)
-            identical += found.same
             where = f"{name}, {profile}, {duplicates}, {rounding}, scale {SCALES[rate]:g}"
-            said = found.fault or ("identical" if found.same else "other bytes")
-            print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
-    print(f"{cases} cases, {identical} byte-identical, {failed} failed")
-    sys.exit(failed > 0)
+            tally.add(where, found)
+    tally.end()
 
 
 if __name__ == "__main__":

@@ -13,28 +13,29 @@ Exit status 1 if any case fails.
 
 from __future__ import annotations
 
-import argparse
-import resource
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from benchmarks.tmc3 import (
+    DECODER_MODES,
+    Checked,
+    Reference,
+    crosscheck,
+    decode_with_both,
+    differ,
+    judged,
+    sensor_options,
+)
 from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
 
-from puckbench.codecs.external.program import write_points
 from puckbench.codecs.gpcc.coder import decode_geometry
 from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions, encode_predictive
 from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
-from puckbench.io.clouds import read_cloud
 
-SECONDS, MEMORY = 30, 2**31
-"""That one of TMC3's processes may take: slices of a flat cloud have it search for ever."""
 AS_TMC3: dict[str, Any] = {"slice_qp_interval_log2": 0}
 """TMC3's default for slices differs from its default for streams."""
 LOSSY = (1, 12), (2, 11), (4, 9), (5, 8), (7, 7), (8, 7)
@@ -70,33 +71,15 @@ MODES: dict[str, dict[str, Any]] = {
 }
 """Changes of our options by the name of a mode; angular: with the sensor."""
 
-DECODER_MODES: dict[str, tuple[str, ...]] = {
-    "slices": ("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500"),
-    "slices continued": (
-        *("--partitionMethod=4", "--sliceMaxPoints=1500", "--sliceMinPoints=500"),
-        "--entropyContinuationEnabled=1",
-    ),
-    "bypass": ("--cabac_bypass_stream_enabled_flag=1",),
-    "zyx": ("--geometry_axis_order=0",),
-    "yzx": ("--geometry_axis_order=5",),
-    "tiles": ("--tileSize=4096",),
-    "slice QP": ("--positionQuantisationEnabled=1", "--positionSliceQpOffset=9"),
+TREE_DECODER_MODES = {
+    **DECODER_MODES,
+    "slice QP": {"positionQuantisationEnabled": 1, "positionSliceQpOffset": 9},
 }
-"""Options of TMC3 that our encoder does not have."""
 
 ORDERS = {"given": 0, "morton": 1, "azimuth": 2, "radius": 3}
 
 
-class Checked(NamedTuple):
-    """One case: bytes of both (0: none), and what is wrong."""
-
-    ours: int
-    reference: int
-    same: bool
-    fault: str
-
-
-def tmc3_options(options: PredictiveOptions, sensor: SensorDescription | None) -> list[str]:
+def tmc3_options(options: PredictiveOptions, sensor: SensorDescription | None) -> dict[str, Any]:
     """Our options by the names of TMC3, and the sensor."""
     named: dict[str, Any] = {
         "geomTreeType": 1,
@@ -113,60 +96,15 @@ def tmc3_options(options: PredictiveOptions, sensor: SensorDescription | None) -
             "positionQpMultiplierLog2": options.qp_multiplier_log2,
         }
     if sensor is not None:
-        lasers = sorted(zip(sensor.tan_elevation, sensor.height, strict=True))
         turn = 1 << (12 + options.azimuth_scale_log2)
         named |= {
             "positionAzimuthScaleLog2": options.azimuth_scale_log2,
             "positionAzimuthSpeed": round(turn / sensor.steps_per_turn),
             "positionRadiusInvScaleLog2": options.radius_inv_scale_log2,
             "predGeomAzimuthQuantization": int(options.azimuth_scaling),
-            "angularEnabled": 1,
-            "numLasers": len(lasers),
-            "lasersTheta": ",".join(repr(tan) for tan, _ in lasers),
-            "lasersZ": ",".join(repr(-height) for _, height in lasers),
-            "lasersNumPhiPerTurn": ",".join([str(sensor.steps_per_turn)] * len(lasers)),
-            "lidarHeadPosition": ",".join(map(str, sensor.position)),
+            **sensor_options(sensor),
         }
-    return [f"--{name}={value}" for name, value in named.items()]
-
-
-class Reference:
-    """TMC3 on files in a folder; `said` is what it printed last."""
-
-    said: str = ""
-
-    def __init__(self, program: str, folder: Path) -> None:
-        self._program, self._folder = program, folder
-
-    def encode(self, points: Floats, options: list[str]) -> bytes:
-        """The stream of points, whole numbers."""
-        write_points(self._folder / "in.ply", points, "float64")
-        source = f"--uncompressedDataPath={self._folder / 'in.ply'}"
-        self._run("--mode=0", "--disableAttributeCoding=1", source, *options)
-        return (self._folder / "stream.bin").read_bytes()
-
-    def decode(self, stream: bytes) -> Floats:
-        """The points of a stream."""
-        (self._folder / "stream.bin").write_bytes(stream)
-        out = self._folder / "out.ply"
-        self._run("--mode=1", "--outputBinaryPly=1", f"--reconstructedDataPath={out}")
-        return read_cloud(out).xyz
-
-    def _run(self, *options: str) -> None:
-        command = [self._program, f"--compressedStreamPath={self._folder / 'stream.bin'}", *options]
-        ran = subprocess.run(
-            command,
-            check=True,
-            capture_output=True,
-            timeout=SECONDS,
-            text=True,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
-        )
-        self.said = ran.stdout
-
-
-def equal(a: Floats, b: Floats) -> bool:
-    return np.array_equal(a[np.lexsort(a.T)], b[np.lexsort(b.T)])
+    return named
 
 
 def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checked:
@@ -179,27 +117,23 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
         points -= turn.sensor.position
     theirs = reference.encode(points, tmc3_options(options, sensor))
     mine = encode_predictive(points.astype(np.int64), options, sensor)
-    decoded = decode_geometry(mine).positions()
+    ours = decode_geometry(mine).positions()
     faults = {
-        "TMC3 decodes ours otherwise": equal(reference.decode(mine), decoded),
-        "we decode TMC3's otherwise": equal(
+        "TMC3 decodes ours otherwise": differ(reference.decode(mine), ours),
+        "we decode TMC3's otherwise": differ(
             decode_geometry(theirs).positions(), reference.decode(theirs)
         ),
-        "ours is larger": len(mine) <= 1.005 * len(theirs) + 2,
     }
     if options.base_qp is None:
         kept = np.unique(points, axis=0) if options.merge_duplicates else points
-        faults["points are lost"] = equal(decoded, kept)
-    fault = "; ".join(name for name, fine in faults.items() if not fine)
-    return Checked(len(mine), len(theirs), mine == theirs, fault)
+        faults["points are lost"] = differ(ours, kept)
+    return judged(mine, theirs, faults)
 
 
-def decoded(reference: Reference, turn: Turn, options: tuple[str, ...]) -> Checked:
+def decoded(reference: Reference, turn: Turn, options: dict[str, Any]) -> Checked:
     """Decode a stream of TMC3 with both."""
     known = tmc3_options(PredictiveOptions(), turn.sensor)
-    theirs = reference.encode(turn.points.astype(np.float64), [*known, *options])
-    same = equal(decode_geometry(theirs).positions(), reference.decode(theirs))
-    return Checked(0, len(theirs), False, "" if same else "we decode TMC3's otherwise")
+    return decode_with_both(reference, turn, {**known, **options})
 
 
 def turns(recordings: list[Path]) -> Iterator[Turn]:
@@ -213,36 +147,11 @@ def turns(recordings: list[Path]) -> Iterator[Turn]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tmc3")
-    parser.add_argument("--recordings", nargs="+", type=Path, default=[])
-    parser.add_argument("--turns", nargs="+", help="these alone, by name")
-    parser.add_argument("--modes", nargs="+", help="these alone, by name")
-    options = parser.parse_args()
-    cases = failed = identical = coded = refused = 0
-    with tempfile.TemporaryDirectory() as folder:
-        reference = Reference(options.tmc3, Path(folder))
-        for turn in turns(options.recordings):
-            if options.turns and turn.name not in options.turns:
-                continue
-            for mode in options.modes or [*MODES, *DECODER_MODES]:
-                where = f"{turn.name}, {mode}"
-                try:
-                    if mode in MODES:
-                        found = checked(reference, turn, MODES[mode])
-                    else:
-                        found = decoded(reference, turn, DECODER_MODES[mode])
-                except (subprocess.SubprocessError, InputError) as error:
-                    refused += 1
-                    print(f"{where}: {str(error).rpartition(']')[2].strip()}", flush=True)
-                    continue
-                cases, failed = cases + 1, failed + bool(found.fault)
-                coded, identical = coded + (found.ours > 0), identical + found.same
-                said = found.fault or ("identical" if found.same else "the same points")
-                print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
-    print(f"{cases} cases, {identical} of {coded} byte-identical, {failed} failed", end="; ")
-    print(f"not coded: {refused}")
-    sys.exit(failed > 0)
+    coded = {name: partial(checked, changes=changes) for name, changes in MODES.items()}
+    decoder_alone = {
+        name: partial(decoded, options=options) for name, options in TREE_DECODER_MODES.items()
+    }
+    crosscheck(__doc__, turns, {**coded, **decoder_alone}, refusals=(InputError,))
 
 
 if __name__ == "__main__":

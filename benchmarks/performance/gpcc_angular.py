@@ -11,17 +11,15 @@ arrays in memory, compiled before. The two take turns and the least of the repea
 from __future__ import annotations
 
 import argparse
-import re
-import subprocess
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 from benchmarks.checks.gpcc_angular_crosscheck import COMMON, tmc3_options
+from benchmarks.tmc3 import Reference
 from benchmarks.turns import Turn, virtual_turn
 
-from puckbench.codecs.external.program import write_points
 from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
 from puckbench.codecs.gpcc.options import GpccOptions
 
@@ -43,22 +41,21 @@ def row(tmc3: str, turn: Turn, repeats: int) -> None:
     options = GpccOptions(**COMMON)
     encode_geometry(turn.points[:100], options, sensor=turn.sensor)
     least = np.full((2, 3), np.inf)
+    points, words = turn.points.astype(np.float64), tmc3_options(options, turn.sensor)
     with tempfile.TemporaryDirectory() as at:
-        write_points(Path(at) / "in.ply", turn.points, "float64")
-        common = [tmc3, f"--compressedStreamPath={at}/stream.bin"]
-        encode = [*common, "--mode=0", f"--uncompressedDataPath={at}/in.ply"]
-        encode += ["--disableAttributeCoding=1", *tmc3_options(options, turn.sensor)]
-        decode = [*common, "--mode=1", "--outputBinaryPly=1", f"--reconstructedDataPath={at}/o.ply"]
+        reference = Reference(tmc3, Path(at))
         for _ in range(repeats):
-            least[0, :2] = np.minimum(least[0, :2], seconds(encode))
-            least[1, :2] = np.minimum(least[1, :2], seconds(decode))
+            theirs = reference.encode(points, words)
+            least[0, :2] = np.minimum(least[0, :2], seconds(reference))
+            reference.decode(theirs)
+            least[1, :2] = np.minimum(least[1, :2], seconds(reference))
             start = time.perf_counter()
-            stream = encode_geometry(turn.points, options, sensor=turn.sensor)
+            mine = encode_geometry(turn.points, options, sensor=turn.sensor)
             middle = time.perf_counter()
-            decode_geometry(stream).positions()
+            decode_geometry(mine).positions()
             end = time.perf_counter()
             least[:, 2] = np.minimum(least[:, 2], [middle - start, end - middle])
-        sizes = f"{(Path(at) / 'stream.bin').stat().st_size:,} / {len(stream):,}"
+    sizes = f"{len(theirs):,} / {len(mine):,}"
     for name, (process, printed, ours) in zip(("encode", "decode"), least.tolist(), strict=True):
         print(
             f"| {len(turn.points):,} | {sizes} | {name} | {process:.3f} | {printed:.3f} "
@@ -67,13 +64,9 @@ def row(tmc3: str, turn: Turn, repeats: int) -> None:
         )
 
 
-def seconds(command: list[str]) -> tuple[float, float]:
-    """A process's seconds, and those that it prints."""
-    start = time.perf_counter()
-    said = subprocess.run(command, check=True, capture_output=True).stdout.decode()
-    whole = time.perf_counter() - start
-    found = re.search(r"Processing time \(wall\): (\S+) s", said)
-    return whole, float(found[1]) if found else whole
+def seconds(reference: Reference) -> tuple[float, float]:
+    """Seconds of the reference's last process, and those that it printed."""
+    return reference.seconds, reference.printed_seconds("wall")
 
 
 if __name__ == "__main__":

@@ -11,14 +11,14 @@ two take turns and the least of the repeats counts.
 from __future__ import annotations
 
 import argparse
-import re
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from benchmarks.checks.gpcc_predictive_crosscheck import Reference, tmc3_options
+from benchmarks.checks.gpcc_predictive_crosscheck import tmc3_options
+from benchmarks.tmc3 import Reference
 from benchmarks.turns import Turn, virtual_turn
 
 from puckbench.codecs.gpcc.coder import decode_geometry
@@ -33,20 +33,16 @@ MODES = {
     "sensor, radius 4": {"radius_inv_scale_log2": 4, "azimuth_scale_log2": 9, "base_qp": 58},
     "Morton": {"order": "morton"},
 }
-WHOLE = ["--enforceLevelLimits=0", f"--sliceMaxPoints={MOST}", "--positionSliceQpFreqLog2=8"]
+WHOLE = {"enforceLevelLimits": 0, "sliceMaxPoints": MOST, "positionSliceQpFreqLog2": 8}
 
 
 def least(times: Floats, which: int, found: tuple[float, float]) -> None:
     times[which] = np.minimum(times[which], found)
 
 
-def printed(said: str) -> tuple[float, float]:
+def printed(reference: Reference) -> tuple[float, float]:
     """Wall clock and user time that TMC3 says it took."""
-    wall = re.search(r"Processing time \(wall\): (\S+) s", said)
-    user = re.search(r"Processing time \(user\): (\S+) s", said)
-    assert wall
-    assert user
-    return float(wall[1]), float(user[1])
+    return reference.printed_seconds("wall"), reference.printed_seconds("user")
 
 
 def timed(call: Callable[[], object]) -> tuple[float, float]:
@@ -60,15 +56,15 @@ def row(reference: Reference, turn: Turn, mode: str, repeats: int) -> str:
     """One line of the table, the reference first, then ours and the ratio."""
     options = PredictiveOptions(**MODES[mode], tree_max_points=MOST, slice_max_points=MOST)
     sensor = turn.sensor if "sensor" in mode else None
-    points, words = turn.points.astype(np.float64), [*tmc3_options(options, sensor), *WHOLE]
+    points, words = turn.points.astype(np.float64), {**tmc3_options(options, sensor), **WHOLE}
     mine = encode_predictive(turn.points, options, sensor)
     decode_geometry(mine)
     theirs, ours = np.full((2, 2, 2), np.inf)
     for _ in range(repeats):
         stream = reference.encode(points, words)
-        least(theirs, 0, printed(reference.said))
+        least(theirs, 0, printed(reference))
         reference.decode(stream)
-        least(theirs, 1, printed(reference.said))
+        least(theirs, 1, printed(reference))
         least(ours, 0, timed(lambda: encode_predictive(turn.points, options, sensor)))
         least(ours, 1, timed(lambda: decode_geometry(mine).positions()))
     pairs = zip(theirs.flat, ours.flat, strict=True)
