@@ -14,6 +14,7 @@ from puckbench.core.seeding import generator
 from puckbench.geometry.morton import Ints
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings import read_recording
+from puckbench.lidar.returns import Beams
 from puckbench.scenes.rooms import make_room
 
 UNIT_M = 0.001
@@ -31,10 +32,7 @@ class Turn(NamedTuple):
 def virtual_turn(
     name: str, errors: str = "vlp16", turns: int = 1, step_deg: float | None = None
 ) -> Turn:
-    """A level sensor of the given name in the middle of a generated office, in its coordinates.
-
-    The beams of a virtual sensor all leave its origin.
-    """
+    """A level sensor of the given name in the middle of a generated office, in its coordinates."""
     mesh, sensor = make_room("office_1", seed=1), load_sensor(name)
     hertz = sensor.rotation_hz
     level = {"pitch_start_deg": 0.0, "pitch_end_deg": 0.0, "azimuth_step_deg": step_deg}
@@ -45,9 +43,8 @@ def virtual_turn(
     points = np.rint(table.xyz_noisy / UNIT_M).astype(np.int64)
     x, y, z = position.tolist()
     steps = round(360 / (step_deg or sensor.azimuth_step_deg))
-    description = described(sensor, UNIT_M, (x, y, z), steps)
-    level_beams = replace(description, height=(0.0,) * len(description.height))
-    return Turn(f"virtual {name}", points, level_beams)
+    beams = Beams.of(sensor, is_virtual=True)
+    return Turn(f"virtual {name}", points, described(beams, UNIT_M, steps, (x, y, z)))
 
 
 def recorded_turns(path: Path) -> Iterator[Turn]:
@@ -55,7 +52,7 @@ def recorded_turns(path: Path) -> Iterator[Turn]:
     table = read_recording(path)
     points = np.stack([table[axis] for axis in "xyz"], axis=1)
     hertz = 1 / np.median(np.diff([table["timestamp"][table["turn"] == t][0] for t in (1, 2, 3)]))
-    sensor = described(load_sensor("vlp16"), UNIT_M, steps_per_turn=round(1e6 / 55.296 / hertz))
+    sensor = described(Beams.of(load_sensor("vlp16")), UNIT_M, round(1e6 / 55.296 / hertz))
     for number in range(1, int(table["turn"].max())):
         chosen = (table["turn"] == number) & (table["return_kind"] % 2 == 0)
         grid = np.rint(points[chosen] / UNIT_M).astype(np.int64)
@@ -65,7 +62,9 @@ def recorded_turns(path: Path) -> Iterator[Turn]:
 def odd_turns() -> Iterator[Turn]:
     """Clouds that no sensor measures, with a sensor nevertheless."""
     random = np.random.default_rng(0)
-    sensor = described(load_sensor("hdl32e"), UNIT_M)
+    data_sheet = load_sensor("hdl32e")
+    steps = round(360 / data_sheet.azimuth_step_deg)
+    sensor = described(Beams.of(data_sheet), UNIT_M, steps)
     one = SensorDescription((0.1,), (30.0,), 900, (40, -30, 10))
     two = SensorDescription((0.2, -0.1), (0.0, 5.0), 360)
     cube = random.integers(-3000, 3000, (3000, 3))

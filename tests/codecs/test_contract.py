@@ -65,7 +65,7 @@ class Case:
 
 def _cases() -> list[str]:
     """Names of codecs; those of clouds in metres with a word that says so."""
-    found = {name: own for name, own in codecs().items() if own.takes == "points"}
+    found = {name: own for name, own in codecs().items() if own.takes != "returns"}
     here = [name for name in found if open_codec(name).available().ok]
     scaled = [name for name in here if found[name].rates]
     return scaled + [name + METRES for name in here if found[name].metric_rates]

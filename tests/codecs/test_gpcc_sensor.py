@@ -6,6 +6,7 @@ import pytest
 from puckbench.codecs.gpcc.sensor import SensorDescription, described
 from puckbench.codecs.gpcc.syntax import Laser
 from puckbench.core.errors import InputError
+from puckbench.lidar.returns import Beams
 from puckbench.lidar.sensor import load_sensor
 
 # Tangents and heights in mm of the VLP-16's lasers upwards, as given to TMC13, and what it wrote.
@@ -25,12 +26,13 @@ def test_lasers_are_those_that_tmc13_writes() -> None:
 
 
 def test_a_data_sheet_gives_the_same_lasers_upwards() -> None:
-    lasers = described(load_sensor("vlp16"), 0.001).lasers()
+    beams = Beams.of(load_sensor("vlp16"))
+    lasers = described(beams, 0.001, 3600).lasers()
     assert [laser.z for laser in lasers[:8]] == list(ZS)
     # TMC13 was given tangents of six decimals.
     assert np.abs(np.subtract([laser.theta for laser in lasers[:8]], THETAS)).max() <= 1
     assert {laser.num_phi_per_turn for laser in lasers} == {3600}
-    coarse = described(load_sensor("vlp16"), 0.002, steps_per_turn=1809).lasers()
+    coarse = described(beams, 0.002, 1809).lasers()
     assert coarse[0].z == -45
     assert coarse[0].num_phi_per_turn == 1809
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
+Takes = Literal["points", "returns", "either"]
 LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 """Of the rates of clouds in metres, the smallest bitrate first."""
 
@@ -121,10 +122,9 @@ class Codec(ABC):
     """Of scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     """Of clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
-    takes: ClassVar[Literal["points", "returns"]] = "points"
-    """What is coded of a cloud: its points, or the returns of the sensor that measured it."""
-    uses_sensor: bool = False
-    """Whether a codec of points codes them better where it is given the returns with them."""
+    takes: ClassVar[Takes] = "points"
+    """What is coded of a cloud: its points, the returns of the sensor that measured it, or either:
+    returns of a cloud that has some, else points."""
     Options: type[Model] = Model
     """The model of its options; by default it has none."""
     options: Any
@@ -259,7 +259,7 @@ class Codec(ABC):
         InputError
             As for `encode`, and where the codec takes returns and the cloud has none.
         """
-        if self.takes == "points":
+        if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
             return self.encode(cloud.xyz, rate)
         if cloud.returns is None:
             raise InputError(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
-from puckbench.codecs.base import Codec, Parameters
+from puckbench.codecs.base import Codec, Parameters, Takes
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats, PointCloud
 
@@ -24,7 +24,7 @@ class ReturnsCodec(Codec):
     A subclass names its `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
 
-    takes: ClassVar[Literal["points", "returns"]] = "returns"
+    takes: ClassVar[Takes] = "returns"
     estimates: ClassVar[bool] = False
     """Whether decoded points are estimates of the surface, not those of the decoded returns."""
 

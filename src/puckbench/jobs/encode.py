@@ -23,7 +23,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: Frame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud for a codec, with its returns where the codec takes or uses those.
+    """Read a cloud for a codec, with its returns where the codec takes those.
 
     Parameters
     ----------
@@ -44,8 +44,7 @@ def to_code(
     cloud = read_cloud(path)
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
-    wanted = codec.takes == "returns" or codec.uses_sensor
-    return with_returns(cloud, path) if wanted else cloud
+    return cloud if codec.takes == "points" else with_returns(cloud, path)
 
 
 class Encoding(TimedJob):

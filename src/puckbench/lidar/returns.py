@@ -189,6 +189,18 @@ class Returns:
         fired = blocks[:, None, None] + rise[:, None, None] * share
         return np.asarray(np.radians(fired.reshape(-1, self.layout.lasers) / 100))
 
+    @property
+    def columns_per_turn(self) -> int:
+        """Firing columns of a whole turn, from how the azimuth rises between blocks."""
+        rises = [np.mod(np.diff(turn.azimuths.astype(int)), CENTIDEGREES) for turn in self.turns]
+        every = np.concatenate(rises) if rises else np.zeros(0, int)
+        rising = every[every > 0]
+        if not len(rising):
+            return 1
+        median = float(np.median(rising))
+        usual = rising[np.abs(rising - median) <= 0.5 * median]
+        return max(round(CENTIDEGREES * self.layout.columns_per_block / float(usual.mean())), 1)
+
     def split(self) -> Iterator[Returns]:
         """Each turn as returns of its own."""
         for turn in self.turns:

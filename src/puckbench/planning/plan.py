@@ -231,7 +231,7 @@ class Plan:
         data = self.datasets[dataset]
         wanted = data.settings.codecs
         is_wanted = wanted is None or codec in wanted
-        can = self.opened[codec].takes == "points" or data.has_returns
+        can = self.opened[codec].takes != "returns" or data.has_returns
         return is_wanted and can and bool(self.rates(codec, data.frame))
 
     @cached_property

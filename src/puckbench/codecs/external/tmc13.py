@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import subprocess
 from functools import cached_property
+from typing import TYPE_CHECKING
 
+from puckbench.codecs.base import Parameters
 from puckbench.codecs.external.program import ExternalCodec, folder, read_points, write_points
-from puckbench.codecs.gpcc.codec import GridCodec, GridOptions
+from puckbench.codecs.gpcc.codec import GridCodec, GridOptions, scale_of
 from puckbench.codecs.gpcc.grid import Frame, quantised
 from puckbench.codecs.registry import CODECS
 from puckbench.core.files import read_bytes
 from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
 
 PROFILES: dict[str, tuple[str, ...]] = {
     "minimal": (
@@ -67,7 +72,10 @@ class Tmc13(ExternalCodec, GridCodec):
         said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout
         return said.decode(errors="replace").partition("\n")[0]
 
-    def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        scale = scale_of(parameters)
         with folder() as at:
             if self.options.rounding == "truncate":  # the program does that by itself
                 write_points(at / "in.ply", (points - frame.offset) / frame.unit, "float64")

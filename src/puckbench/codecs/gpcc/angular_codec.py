@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-import numpy as np
 from pydantic import Field
 
-from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters
-from puckbench.codecs.gpcc.codec import GridOptions
+from puckbench.codecs.gpcc.codec import GridOptions, OnGrid
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.gpcc.sensor_codec import SensorCodec
 from puckbench.codecs.registry import CODECS
-
-if TYPE_CHECKING:
-    from puckbench.codecs.gpcc.sensor import SensorDescription
-    from puckbench.geometry.morton import Ints
 
 _SPARSE = {
     "max_num_qtbt_before_ot": 6,
@@ -50,32 +44,15 @@ class GpccAngular(SensorCodec):
     colour = "#B8860B"
     marker = "<"
     rank = 11
-    version = f"puckbench {__version__}"
     pace = Pace(0.05, 2.5)
     Options = AngularOptions
     options: AngularOptions
 
-    def load(self) -> None:
-        """Compile the coder, or take it from the cache."""
-        from puckbench.codecs.gpcc.coder import decode_geometry
-        from puckbench.codecs.gpcc.sensor import SensorDescription
-
-        points, zero = np.array([[0, 0, 0], [50, 30, 10]]), np.zeros(3, dtype=np.int64)
-        for sensor in (None, SensorDescription((0.0,), (0.0,), 100)):
-            decode_geometry(self._stream(points, zero, 1.0, {}, sensor))
-
-    def _stream(
-        self,
-        positions: Ints,
-        origin: Ints,
-        scale: float,
-        parameters: Parameters,
-        sensor: SensorDescription | None,
-    ) -> bytes:
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
         tools = self._tools(float(parameters.get("step_m", self.options.step)))
-        return encode_geometry(positions, tools, scale, origin, sensor)
+        return encode_geometry(given.positions, tools, given.scale, given.origin, given.sensor)
 
     def _tools(self, step: float) -> GpccOptions:
         """The coding tools on a grid of a step in metres: its low nodes are of one height in m."""

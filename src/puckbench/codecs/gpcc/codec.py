@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
 from puckbench import __version__
@@ -17,6 +18,11 @@ from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    from puckbench.codecs.gpcc.sensor import SensorDescription
+    from puckbench.geometry.morton import Ints
+    from puckbench.lidar.returns import Returns
 
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
@@ -83,12 +89,17 @@ class GridCodec(Codec):
         return "gpcc_as_run" if self.options.rounding == "truncate" else "gpcc"
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        scale = float(parameters.get("scale", 1.0))
-        frame = frame_of(points, float(parameters.get("step_m", self.options.step)), scale)
+        return self._encoded(points, parameters)
+
+    def _encoded(
+        self, points: Floats, parameters: Parameters, returns: Returns | None = None
+    ) -> bytes:
+        step = float(parameters.get("step_m", self.options.step))
+        frame = frame_of(points, step, scale_of(parameters))
         if self.options.raw and frame != Frame():
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):
-            stream = self._code(points, frame, scale)
+            stream = self._code(points, frame, parameters, returns)
         return stream if self.options.raw else packed(stream, frame)
 
     def _decode(self, stream: bytes) -> Floats:
@@ -97,16 +108,69 @@ class GridCodec(Codec):
             return in_frame(self._units(bare), frame)
 
     @abstractmethod
-    def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
-        """The bare stream of points (n, 3)."""
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        """The bare stream of points (n, 3); returns: those that the points are of, where given."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
         """Points (m, 3) of a bare stream, in units of the input's grid."""
 
 
+class OnGrid(NamedTuple):
+    """What our coder codes: (positions + origin) / scale, (n, 3), of a sensor where it is known."""
+
+    positions: Ints
+    origin: Ints
+    scale: float = 1.0
+    sensor: SensorDescription | None = None
+
+
+class OwnCodec(GridCodec):
+    """What the codecs that use our own coder have in common."""
+
+    version = f"puckbench {__version__}"
+
+    def load(self) -> None:
+        """Compile the coder, or take it from the cache."""
+        from puckbench.codecs.gpcc.sensor import SensorDescription
+
+        points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]])
+        sensors = (None, SensorDescription((0.0,), (0.0,), 100))
+        for sensor in sensors[: 1 if self.takes == "points" else 2]:
+            self._units(self._stream(OnGrid(points, np.zeros(3, np.int64), sensor=sensor), {}))
+
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        from puckbench.codecs.gpcc.sensor import described
+
+        scale = scale_of(parameters)
+        positions, origin = quantised(points, frame, scale, self.options.rounding)
+        sensor = None
+        if returns is not None:
+            x, y, z = (round(-offset / frame.unit) for offset in frame.offset)
+            sensor = described(returns.beams, frame.unit, returns.columns_per_turn, (x, y, z))
+        return self._stream(OnGrid(positions, origin, scale, sensor), parameters)
+
+    def _units(self, stream: bytes) -> Floats:
+        from puckbench.codecs.gpcc.coder import decode_geometry
+
+        return decode_geometry(stream).positions()
+
+    @abstractmethod
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+        """The bare stream of what is given, with a rate's parameters."""
+
+
+def scale_of(parameters: Parameters) -> float:
+    """What a rate multiplies coordinates by, in units of the grid."""
+    return float(parameters.get("scale", 1.0))
+
+
 @CODECS.register("gpcc")
-class Gpcc(GridCodec):
+class Gpcc(OwnCodec):
     """Our own coder of G-PCC's octree geometry, with the common test conditions' tools."""
 
     title = "G-PCC"
@@ -114,25 +178,12 @@ class Gpcc(GridCodec):
     colour = "#E69F00"
     marker = "s"
     rank = 10
-    version = f"puckbench {__version__}"
-
-    def load(self) -> None:
-        """Compile the coder, or take it from the cache."""
-        from puckbench.codecs.gpcc.coder import warm_up
-
-        warm_up(self._options())
 
     def _options(self) -> GpccOptions:
         merged = self.options.duplicates == "merged"
         return PROFILES[self.options.profile].model_copy(update={"merge_duplicates": merged})
 
-    def _code(self, points: Floats, frame: Frame, scale: float) -> bytes:
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
-        positions, origin = quantised(points, frame, scale, self.options.rounding)
-        return encode_geometry(positions, self._options(), scale=scale, origin=origin.tolist())
-
-    def _units(self, stream: bytes) -> Floats:
-        from puckbench.codecs.gpcc.coder import decode_geometry
-
-        return decode_geometry(stream).positions()
+        return encode_geometry(given.positions, self._options(), given.scale, given.origin)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -34,7 +34,6 @@ __all__ = [
     "GpccOptions",
     "decode_geometry",
     "encode_geometry",
-    "warm_up",
 ]
 
 MAX_POINTS = 1 << 24
@@ -114,40 +113,43 @@ def encode_geometry(
     InputError
         For an empty cloud, for points more than 21 bits apart, or for a sensor far away.
     """
-    points = np.ascontiguousarray(points, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError("G-PCC: no points to code")
-    low, high = bounds(points)
-    if (high - low >= 1 << MOST_BITS).any():
-        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
     gps = _geometry_parameter_set(options)
     if sensor is not None:
         gps = replace(gps, **sensor.syntax_elements(corner))
         gps.planar_buffer_disabled_flag = int(options.planar and not options.planar_buffer)
-    stream = [
-        syntax.encapsulate(
-            syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
-        ),
-        syntax.encapsulate(
-            syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
-        ),
-    ]
     slices = list(_partition(points, low, options, sensor is not None))
     if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
         raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
-    for number, slice_points in enumerate(slices):
-        data_unit = _data_unit(slice_points, number, sps, gps)
-        stream.append(syntax.encapsulate(syntax.GEOMETRY_DATA_UNIT, data_unit))
-    return b"".join(stream)
+    units = (_data_unit(part, number, sps, gps) for number, part in enumerate(slices))
+    return stream_of(sps, gps, units)
 
 
-def warm_up(options: GpccOptions) -> None:
-    """Compile what coding with `options` needs, or load it from the cache."""
-    decode_geometry(encode_geometry(np.array([[0, 0, 0], [5, 3, 1]]), options))
+def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
+    """Points (n, 3) as int64, and their least coordinates; InputError where none can be coded."""
+    points = np.ascontiguousarray(points, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InputError("G-PCC: no points to code")
+    low, high = bounds(points)
+    if (high - low >= 1 << MOST_BITS).any():
+        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    return points, low
+
+
+def stream_of(
+    sps: syntax.SequenceParameterSet, gps: syntax.GeometryParameterSet, units: Iterable[bytes]
+) -> bytes:
+    """A stream: its parameter sets, then geometry data units."""
+    payloads = [
+        (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),
+        (syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)),
+        *((syntax.GEOMETRY_DATA_UNIT, unit) for unit in units),
+    ]
+    return b"".join(syntax.encapsulate(kind, payload) for kind, payload in payloads)
 
 
 def sequence_parameter_set(

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
-from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
-from puckbench.codecs.gpcc.codec import GridOptions
+from puckbench.codecs.gpcc.codec import GridOptions, OnGrid
 from puckbench.codecs.gpcc.sensor_codec import SensorCodec
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
     from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions
-    from puckbench.codecs.gpcc.sensor import SensorDescription
-    from puckbench.geometry.morton import Ints
 
 _LEAST_QP = 58
 
@@ -50,7 +46,6 @@ class GpccPredictive(SensorCodec):
     colour = "#A65628"
     marker = ">"
     rank = 12
-    version = f"puckbench {__version__}"
     pace = Pace(0.05, 4.0)
     metric_rates: Mapping[str, Parameters] = {
         **_coarse(7, 7),
@@ -62,26 +57,10 @@ class GpccPredictive(SensorCodec):
     Options = TreeOptions
     options: TreeOptions
 
-    def load(self) -> None:
-        """Compile the coder, or take it from the cache."""
-        from puckbench.codecs.gpcc.coder import decode_geometry
-        from puckbench.codecs.gpcc.predictive_coder import encode_predictive
-        from puckbench.codecs.gpcc.sensor import SensorDescription
-
-        points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [9, 4, 2]])
-        for sensor in (None, SensorDescription((0.0,), (0.0,), 100)):
-            decode_geometry(encode_predictive(points, self._tools({}), sensor))
-
-    def _stream(
-        self,
-        positions: Ints,
-        origin: Ints,
-        scale: float,
-        parameters: Parameters,
-        sensor: SensorDescription | None,
-    ) -> bytes:
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.codecs.gpcc.predictive_coder import encode_predictive
 
+        positions, origin, scale, sensor = given
         tools = self._tools(parameters, angular=sensor is not None)
         return encode_predictive(positions, tools, sensor, scale, origin)
 

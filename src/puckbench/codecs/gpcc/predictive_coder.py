@@ -16,22 +16,24 @@ from puckbench.codecs.gpcc.coder import (
     MAX_POINTS,
     MAX_TREE_SLICES,
     bits_of,
+    checked_points,
     sequence_parameter_set,
     split_position,
+    stream_of,
 )
 from puckbench.codecs.gpcc.prediction_tree import Order, angular_tree, nearest_tree, ordered
 from puckbench.codecs.gpcc.predictive import MOST_QP, Tools, initial_probabilities
 from puckbench.codecs.gpcc.predictive_encoder import quantised
 from puckbench.codecs.gpcc.predictive_slices import encode_trees, tools_of
 from puckbench.codecs.gpcc.sensor import SensorDescription
-from puckbench.codecs.gpcc.tree import bounds
+from puckbench.codecs.gpcc.slices import CodedSlice, data_unit
+from puckbench.codecs.gpcc.syntax import Three
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.geometry.morton import MOST_BITS, Ints
 
 _AXES = (0, 1, 2)
 _WIDEST = (5, 5, 5)
-_Three = tuple[int, int, int]
 
 
 class PredictiveOptions(Model):
@@ -98,12 +100,7 @@ def encode_predictive(
     InputError
         For an empty cloud, points more than 21 bits apart, or a sensor too far away.
     """
-    points = np.ascontiguousarray(points, dtype=np.int64)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError("G-PCC: no points to code")
-    low, high = bounds(points)
-    if (high - low >= 1 << MOST_BITS).any():
-        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    points, low = checked_points(points)
     if options.merge_duplicates:
         points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
     if len(points) > MAX_POINTS:
@@ -111,25 +108,17 @@ def encode_predictive(
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
     gps = _geometry_parameter_set(options, sensor, corner)
-    stream = [
-        syntax.encapsulate(
-            syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)
-        ),
-        syntax.encapsulate(
-            syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)
-        ),
-    ]
     centre = _centre(sensor, corner)
     parts = list(_partition((points - low).astype(np.int32), options.slice_max_points))
     if len(parts) > MAX_TREE_SLICES:
         raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
-    for number, part in enumerate(parts):
-        unit = _data_unit(part, number, options, sps, gps, centre)
-        stream.append(syntax.encapsulate(syntax.GEOMETRY_DATA_UNIT, unit))
-    return b"".join(stream)
+    units = (
+        _data_unit(part, number, options, sps, gps, centre) for number, part in enumerate(parts)
+    )
+    return stream_of(sps, gps, units)
 
 
-def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> _Three:
+def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:
     """What azimuth and radius are around, from the sequence's origin."""
     x, y, z = (a - b for a, b in zip(sensor.position if sensor else (0, 0, 0), corner, strict=True))
     if sensor and max(map(abs, (x, y, z))) >= 1 << (MOST_BITS + 1):
@@ -185,7 +174,7 @@ def _data_unit(
     options: PredictiveOptions,
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
-    centre: _Three,
+    centre: Three,
 ) -> bytes:
     """A slice of points given from the sequence's origin."""
     x, y, z = points.min(axis=0).tolist()
@@ -199,13 +188,11 @@ def _data_unit(
         geom_qp_offset_intvl_log2_delta=delta,
     )
     data = _coded(points, header, gps, options.tree_max_points)
-    footer = syntax.GeometryFooter(geom_num_points_minus1=len(points) - 1)
-    head = syntax.written(syntax.geometry_header, header, sps, gps)
-    return head + data + syntax.footer_bytes(footer)
+    return data_unit(CodedSlice(header, data, len(points)), sps, gps)
 
 
 def _sorted(
-    points: NDArray[np.int32], options: PredictiveOptions, centre: _Three
+    points: NDArray[np.int32], options: PredictiveOptions, centre: Three
 ) -> NDArray[np.int32]:
     """The points of each tree in their order."""
     most = options.tree_max_points
@@ -239,7 +226,7 @@ def _coded(
     raise InputError("G-PCC: residuals are too large for a stream")
 
 
-def _residual_bits(points: NDArray[np.int32], tools: Tools) -> _Three:
+def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
     """Bits of the number of bits of residuals, as the reference software gives them."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
@@ -249,7 +236,7 @@ def _residual_bits(points: NDArray[np.int32], tools: Tools) -> _Three:
     return x, y, z
 
 
-def _angular_residual_bits(sides: list[int], tools: Tools) -> _Three:
+def _angular_residual_bits(sides: list[int], tools: Tools) -> Three:
     around = tools.sphere
     far = [
         max(abs(around.origin[k]), abs((1 << sides[k]) - 1 - around.origin[k])) for k in range(2)

@@ -9,7 +9,7 @@ from puckbench.codecs.gpcc.arithmetic import consumed, encoder, enlarged, finish
 from puckbench.codecs.gpcc.prediction_tree import Int32s, PredictionTree
 from puckbench.codecs.gpcc.predictive import Nodes, Probabilities, Tools
 from puckbench.codecs.gpcc.predictive_encoder import NODE_BYTES, Given
-from puckbench.codecs.gpcc.slices import CodedSlice, slice_decoder
+from puckbench.codecs.gpcc.slices import CodedSlice, sensor_position, slice_decoder
 from puckbench.codecs.gpcc.spherical import sphere
 from puckbench.codecs.gpcc.syntax import (
     GeometryHeader,
@@ -82,24 +82,8 @@ def tools_of(
         qp_multiplier_log2=multiplier,
         slice_qp=slice_qp,
         qp_interval=1 << min(interval, _MOST_INTERVAL_LOG2),
-        sphere=sphere(gps, _coded_axes(_sensor_position(header, gps, origin), axes)),
+        sphere=sphere(gps, sensor_position(header, gps, axes, origin)),
     )
-
-
-def _sensor_position(header: GeometryHeader, gps: GeometryParameterSet, origin: Three) -> Three:
-    """The sensor's position from the slice's origin, in x, y, z."""
-    if gps.geom_slice_angular_origin_present_flag:
-        return header.gdu_angular_origin_xyz
-    x, y, z = gps.gps_angular_origin_xyz
-    return x - origin[0], y - origin[1], z - origin[2]
-
-
-def _coded_axes(xyz: Three, axes: Three) -> Three:
-    """What is given for x, y, z in the order of coding."""
-    coded = [0, 0, 0]
-    for axis, value in zip(axes, xyz, strict=True):
-        coded[axis] = value
-    return coded[0], coded[1], coded[2]
 
 
 def empty_nodes(points: int, *, angular: bool) -> Nodes:

@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from puckbench.codecs.gpcc.syntax import MAX_LASERS, Laser
 from puckbench.core.errors import InputError
 
 if TYPE_CHECKING:
-    from puckbench.lidar.sensor import Sensor
+    from puckbench.lidar.returns import Beams
 
 _THETA_ONE = 1 << 18
 _Z_ONE = 1 << 3
@@ -79,25 +81,21 @@ class SensorDescription:
 
 
 def described(
-    sensor: Sensor,
-    unit_m: float,
-    position: tuple[int, int, int] = (0, 0, 0),
-    steps_per_turn: int | None = None,
+    beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
     """A sensor's description for points in steps of `unit_m` metres.
 
     Parameters
     ----------
-    position
-        Of the sensor, in the coordinates of the points.
-    steps_per_turn
-        How often each laser fires in a turn; by default what the sensor's azimuth step gives.
+    beams
+        Where its lasers point.
+    unit_m, steps_per_turn, position
+        As of `SensorDescription`.
     """
-    corrections = sensor.vertical_correction_mm or (0.0,) * len(sensor.laser_elevation_deg)
     return SensorDescription(
-        tuple(math.tan(math.radians(degrees)) for degrees in sensor.laser_elevation_deg),
-        tuple(millimetres / 1000 / unit_m for millimetres in corrections),
-        steps_per_turn or round(360 / sensor.azimuth_step_deg),
+        tuple(np.tan(np.radians(beams.elevations_deg)).tolist()),
+        tuple(height / 1000 / unit_m for height in beams.heights_mm),
+        steps_per_turn,
         position,
     )
 

@@ -72,9 +72,13 @@ def encode_slice(
     sensor: in angular mode, as the slice sees it.
     """
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
-    footer = GeometryFooter(geom_num_points_minus1=points - 1)
-    head = written(geometry_header, header, sps, gps)
-    return head + encode_octree(tree, header, gps, sensor) + footer_bytes(footer)
+    return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
+
+
+def data_unit(coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet) -> bytes:
+    """A geometry data unit of its parts."""
+    footer = GeometryFooter(geom_num_points_minus1=coded.points - 1)
+    return written(geometry_header, coded.header, sps, gps) + coded.data + footer_bytes(footer)
 
 
 def encode_octree(
@@ -311,12 +315,22 @@ def sensor_state(
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]
     elevation, height, turns = np.array(table, dtype=np.int64).T.copy()
-    coded = np.empty(3, dtype=np.int64)
-    if gps.geom_slice_angular_origin_present_flag:
-        coded[list(axes)] = header.gdu_angular_origin_xyz
-    else:
-        coded[list(axes)] = np.subtract(gps.gps_angular_origin_xyz, origin)
-    return angular.angular_state(elevation, height, turns, coded)
+    position = np.array(sensor_position(header, gps, axes, origin), dtype=np.int64)
+    return angular.angular_state(elevation, height, turns, position)
+
+
+def sensor_position(
+    header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
+) -> Three:
+    """The sensor's position from the slice's origin, along the coded axes.
+
+    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
+    """
+    x, y, z = header.gdu_angular_origin_xyz
+    if not gps.geom_slice_angular_origin_present_flag:
+        x, y, z = (a - b for a, b in zip(gps.gps_angular_origin_xyz, origin, strict=True))
+    (_, s), (_, t), (_, v) = sorted(zip(axes, (x, y, z), strict=True))
+    return s, t, v
 
 
 def _root_parent() -> octree.Nodes:
