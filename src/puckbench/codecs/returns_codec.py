@@ -55,7 +55,7 @@ class ReturnsCodec(Codec):
 
     def decode(self, stream: bytes) -> Floats:
         """Points (m, 3) in metres in the sensor's frame."""
-        return self.decode_returns(stream).points()
+        return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
         """Raise InputError where the codec cannot hold such returns: those of a sensor, say."""
@@ -74,4 +74,4 @@ class ReturnsCodec(Codec):
         )
 
     def _decode(self, stream: bytes) -> Floats:
-        return self._decode_returns(stream).points()
+        return self.decode(stream)

@@ -17,7 +17,7 @@ from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.puck.beams import packed_beams, unpacked_beams
 from puckbench.codecs.puck.layout import packed, unpacked
-from puckbench.codecs.puck.records import DAMAGED, MAGIC, Kind, Record, read_records, start
+from puckbench.codecs.puck.records import DAMAGED, MAGIC, Kind, Record, read_records, stream_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.core.errors import InputError
@@ -86,9 +86,8 @@ class Puck(ReturnsCodec):
             Record(Kind.LAYOUT, packed(returns.layout)),
             Record(Kind.BEAMS, packed_beams(returns)),
             *(Record(Kind.TURN, encoder.encode(turn)) for turn in returns.turns),
-            Record(Kind.END, b""),
         ]
-        return b"".join([start(), *(each.packed() for each in records)])
+        return stream_of(records)
 
     def _decode_returns(self, stream: bytes) -> Returns:
         return self._decode_with_steps(stream)[0]

@@ -7,7 +7,7 @@ sensor (`beams`), or the end.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import IO
@@ -49,6 +49,11 @@ def _check(kind: int, body: bytes) -> bytes:
 def start() -> bytes:
     """What a stream begins with."""
     return MAGIC + bytes([_VERSION])
+
+
+def stream_of(records: Iterable[Record]) -> bytes:
+    """A whole stream of records, which the end follows."""
+    return b"".join([start(), *(each.packed() for each in (*records, Record(Kind.END, b"")))])
 
 
 def read_records(stream: IO[bytes]) -> Iterator[Record]:

@@ -8,7 +8,7 @@ from puckbench.codecs.base import Pace, lengths
 from puckbench.codecs.puck.codec import Puck
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import PointCloud
 from puckbench.lidar.returns import Returns
 
 _MAGIC = b"SMOOTH"
@@ -53,10 +53,3 @@ class PuckSmoothed(Puck):
             for turn, step in zip(returns.turns, steps, strict=True)
         ]
         return PointCloud(returns.points(smoothed), returns=returns)
-
-    def decode(self, stream: bytes) -> Floats:
-        """Smoothed points (m, 3) in metres in the sensor's frame."""
-        return self.decode_cloud(stream).xyz
-
-    def _decode(self, stream: bytes) -> Floats:
-        return self.decode(stream)

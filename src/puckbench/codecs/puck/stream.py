@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from io import BytesIO
 
 from puckbench.codecs.puck.layout import packed, unpacked
-from puckbench.codecs.puck.records import DAMAGED, Kind, Record, read_records, start
+from puckbench.codecs.puck.records import DAMAGED, Kind, Record, read_records, stream_of
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder, is_key
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import Layout, Turn
@@ -43,7 +43,7 @@ def encode(turns: Iterable[Turn], layout: Layout, settings: Settings | None = No
     encoder = TurnEncoder(layout, settings)
     records = [Record(Kind.LAYOUT, packed(layout))]
     records += [Record(Kind.TURN, encoder.encode(turn)) for turn in turns]
-    return b"".join([start(), *(each.packed() for each in [*records, Record(Kind.END, b"")])])
+    return stream_of(records)
 
 
 def decode(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:

@@ -10,7 +10,7 @@ stream is framed (`common.framing`):
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,13 +19,17 @@ from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.common.framing import Framing
 from puckbench.codecs.returns_codec import ReturnsCodec
 from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.packet_turns import (
+    SENSORS,
+    PacketKind,
+    packet_kind,
+    packets_of,
+    turn_of,
+)
+from puckbench.lidar.recordings.packets import DUAL_MODE, PACKET_BYTES, STRONGEST_MODE
+from puckbench.lidar.returns import Returns
+from puckbench.lidar.turns import Turn
 
-if TYPE_CHECKING:
-    from puckbench.lidar.recordings.packet_turns import PacketKind
-    from puckbench.lidar.returns import Returns
-    from puckbench.lidar.turns import Turn
-
-_STRONGEST, _BOTH = 0x37, 0x39
 _FEW_PACKETS = 1024
 
 
@@ -59,8 +63,6 @@ class PacketsCodec(ReturnsCodec):
             raise InputError("a turn is not of whole data packets")
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        from puckbench.lidar.recordings.packet_turns import packets_of
-
         kind = _kind(returns)
         parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]
         counts = [len(parts), *(len(part) for part in parts)]
@@ -69,8 +71,6 @@ class PacketsCodec(ReturnsCodec):
         return self._framing.framed(b"".join(map(base_128, counts)) + packed)
 
     def _decode_returns(self, stream: bytes) -> Returns:
-        from puckbench.lidar.recordings.packets import PACKET_BYTES
-
         reader = Reader(self._framing.unframed(stream)[1])
         turns = reader.number()
         if turns > len(stream):
@@ -92,24 +92,16 @@ def _check_packets(count: int, packed: bytes) -> None:
 
 def _kind(returns: Returns) -> PacketKind:
     """The kind of packets that hold returns; InputError where there is none."""
-    from puckbench.lidar.recordings.packet_turns import SENSORS, packet_kind
-    from puckbench.lidar.recordings.packets import DISTANCE_UNIT_M
-    from puckbench.lidar.returns import Beams
-    from puckbench.lidar.sensor import load_sensor
-
-    mode = _BOTH if returns.layout.kinds == 2 else _STRONGEST
-    for product, name in SENSORS.items():
+    mode = DUAL_MODE if returns.layout.kinds == 2 else STRONGEST_MODE
+    for product in SENSORS:
         kind = packet_kind(product, mode)
-        is_of_it = returns.layout == kind.layout and returns.quantum_m == DISTANCE_UNIT_M
-        if is_of_it and returns.beams == Beams.of(load_sensor(name)):
+        if replace(returns, turns=(), sensor="") == replace(kind.returns(()), sensor=""):
             return kind
     raise InputError("holds recordings of a VLP-16, Puck Hi-Res or HDL-32E, no other returns")
 
 
 def _completed(turn: Turn, kind: PacketKind) -> Turn:
     """A turn with times and reflectivities, 0 where it has none."""
-    from dataclasses import replace
-
     times, reflectivities = turn.times, turn.reflectivities
     if times is None:
         times = np.zeros(len(turn.azimuths) // kind.layout.blocks_per_time, np.uint32)
@@ -120,15 +112,7 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
     """Returns of packets (p, 1206), so many in each turn; InputError where they are no packets."""
-    from puckbench.lidar.recordings.packet_turns import SENSORS, packet_kind, turn_of
-    from puckbench.lidar.recordings.packets import DISTANCE_UNIT_M
-    from puckbench.lidar.returns import Beams, Returns
-    from puckbench.lidar.sensor import load_sensor
-
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))
-    sensor = load_sensor(SENSORS[kind.product])
-    parts = np.split(payloads, np.cumsum(counts)[:-1])
-    turns = tuple(turn_of(kind, part) for part in parts)
-    return Returns(Beams.of(sensor), kind.layout, turns, DISTANCE_UNIT_M, sensor.name)
+    return kind.returns(turn_of(kind, part) for part in np.split(payloads, np.cumsum(counts)[:-1]))

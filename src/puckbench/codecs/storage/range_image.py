@@ -15,8 +15,8 @@ Times and reflectivities are not in it.
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +25,12 @@ from puckbench.codecs.base import Availability, Pace, Parameters, lengths
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.common.framing import Framing
 from puckbench.codecs.common.zstandard import compressed, decompressed
+from puckbench.codecs.puck.beams import packed_beams, unpacked_beams
+from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.core.errors import InputError
-
-if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
-    from puckbench.lidar.turns import Layout, Turn
+from puckbench.lidar.returns import Returns
+from puckbench.lidar.turns import Layout, Turn
 
 Image = NDArray[np.uint16]
 _MOST_QUANTA = 1 << 15
@@ -73,9 +73,6 @@ class RangeImageCodec(ReturnsCodec):
         return Framing(self.magic, 1, self.title)
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        from puckbench.codecs.puck.beams import packed_beams
-        from puckbench.codecs.puck.layout import packed
-
         layout = returns.layout
         quanta = min(step_in_quanta(returns, parameters), _MOST_QUANTA)
         numbers = [quanta, len(returns.turns), *(len(turn.azimuths) for turn in returns.turns)]
@@ -92,11 +89,6 @@ class RangeImageCodec(ReturnsCodec):
         return self._framing.framed(body)
 
     def _decode_returns(self, stream: bytes) -> Returns:
-        from dataclasses import replace
-
-        from puckbench.codecs.puck.beams import unpacked_beams
-        from puckbench.codecs.puck.layout import unpacked
-
         reader = Reader(self._framing.unframed(stream)[1])
         layout = unpacked(_part(reader))[0]
         bare = unpacked_beams(_part(reader), layout)
@@ -153,8 +145,6 @@ def _swapped(image: Image, first: Image) -> Image:
 
 def _turn(images: list[Image], azimuths: NDArray[np.uint16], layout: Layout, quanta: int) -> Turn:
     """The turn of images, ranges in the middle of their cells."""
-    from puckbench.lidar.turns import Turn
-
     cells = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
     middle = (cells.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
     ranges = np.zeros((layout.kinds, cells.shape[2], layout.lasers), np.uint16)

@@ -10,7 +10,7 @@ VLP-16 User Manual 63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -24,6 +24,7 @@ from puckbench.lidar.recordings.packets import (
     BLOCK,
     BLOCKS,
     DISTANCE_UNIT_M,
+    DUAL_MODE,
     FLAG,
     MODES,
     PACKET,
@@ -38,7 +39,6 @@ SENSORS = {0x21: "hdl32e", **PUCKS}
 """Sensors by the product byte of their packets."""
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
-_DUAL = 0x39
 
 Payloads = NDArray[np.uint8]
 
@@ -51,6 +51,11 @@ class PacketKind:
     mode: int
     layout: Layout
 
+    def returns(self, turns: Iterable[Turn]) -> Returns:
+        """The returns of turns of such packets."""
+        sensor = load_sensor(SENSORS[self.product])
+        return Returns(Beams.of(sensor), self.layout, tuple(turns), DISTANCE_UNIT_M, sensor.name)
+
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
@@ -59,7 +64,7 @@ def packet_kind(product: int, mode: int) -> PacketKind:
         raise InputError(f"no known packets: product 0x{product:02X}, return mode 0x{mode:02X}")
     sensor = load_sensor(SENSORS[product])
     order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
-    kinds = 2 if mode == _DUAL else 1
+    kinds = 2 if mode == DUAL_MODE else 1
     return PacketKind(
         product, mode, Layout(order, _CHANNELS // sensor.lasers, BLOCKS // kinds, kinds)
     )
@@ -81,7 +86,7 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     for byte in (2, 3):  # both blocks of a pair have the same azimuth
         at = found[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
         alike = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
-        found = found[alike | (data[found + PACKET_BYTES - 2] != _DUAL)]
+        found = found[alike | (data[found + PACKET_BYTES - 2] != DUAL_MODE)]
     return _apart(found)
 
 
@@ -138,13 +143,10 @@ def returns_of_packets(payloads: Payloads) -> Returns:
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
-    kinds, turns = zip(
-        *((kind, turn_of(kind, part)) for kind, part in split_turns(payloads)), strict=True
-    )
-    if len(set(kinds)) > 1:
+    parts = list(split_turns(payloads))
+    if len({kind for kind, _ in parts}) > 1:
         raise InputError("packets of more than one sensor or return mode")
-    sensor = load_sensor(SENSORS[kinds[0].product])
-    return Returns(Beams.of(sensor), kinds[0].layout, turns, DISTANCE_UNIT_M, sensor.name)
+    return parts[0][0].returns(turn_of(kind, part) for kind, part in parts)
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:

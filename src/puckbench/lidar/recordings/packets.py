@@ -57,7 +57,8 @@ LASERS = 16
 FLAG = 0xEEFF
 DISTANCE_UNIT_M = 0.002
 HOUR_S = 3600.0
-MODES = {0x37: "strongest", 0x38: "last", 0x39: "dual"}
+STRONGEST_MODE, LAST_MODE, DUAL_MODE = 0x37, 0x38, 0x39
+MODES = {STRONGEST_MODE: "strongest", LAST_MODE: "last", DUAL_MODE: "dual"}
 PRODUCTS = {
     0x21: "HDL-32E",
     0x22: "VLP-16",

@@ -22,6 +22,7 @@ from puckbench.lidar.recordings.packets import (
     PACKET,
     PACKET_BYTES,
     RETURN,
+    STRONGEST_MODE,
     VLP16,
     PacketLog,
 )
@@ -70,7 +71,7 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 
 
 def pack_blocks(
-    azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = 0x37
+    azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
     """Data packets of blocks: azimuth (b,) in 0.01 degrees, returns (b, 2, 16), times (b,) in s.
 
