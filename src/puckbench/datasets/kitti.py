@@ -1,22 +1,33 @@
-"""KITTI (Geiger 2012): frames of a real HDL-64E on a car, as binary float32 clouds."""
+"""KITTI (Geiger 2012): frames of a real HDL-64E on a car, as binary float32 clouds.
+
+References
+----------
+A. Geiger and others, "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III, and the
+raw data's development kit, readme.txt: float32 x (forward), y (left), z (up) and reflectance, "row-
+aligned". Frames show the rest: rings follow each other from the highest laser down, each from
+azimuth 0 on, and azimuths are steps of 0.09 degrees beyond each laser's own angle.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import PositiveInt
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.datasets.base import FolderSet, Provenance, chosen
 from puckbench.datasets.counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
+
+if TYPE_CHECKING:
+    from puckbench.lidar.recordings.rings import Recovered
 
 _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
     "*/velodyne",
@@ -33,6 +44,9 @@ _EXPECTED = (
     "<date>/<drive>/velodyne_points/data in it; registration at cvlibs.net/datasets/kitti"
 )
 _POINT_BYTES = 16
+_RINGS = 64
+_STEP_DEG = 0.09
+"""Of the sensor's rotary encoder; firings are two steps apart, sometimes one."""
 
 
 @LOADERS.register("kitti")
@@ -40,7 +54,9 @@ class Kitti(FolderSet):
     """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at the origin.
 
     The folder is that of the object benchmark, the odometry or the raw drives. Scenes are called
-    training_000000 and grouped by part. Intensity is left out.
+    training_000000 and grouped by part. Intensity is left out. With `returns` a frame is the turn
+    that its sensor measured: every point as laser, step of the encoder and range in steps of 2 mm,
+    from which points follow to about a millimetre. Then x is right and y forward.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -54,6 +70,13 @@ class Kitti(FolderSet):
     """Names of parts to keep (training, 00, 2011_09_26_drive_0001_sync); all by default."""
     every: PositiveInt = 1
     """Step between the frames that are used, as neighbouring frames are nearly alike."""
+    returns: bool = False
+    """Whether frames are the sensor's returns, recovered from its points (clouds in metres)."""
+
+    @property
+    def of_returns(self) -> bool:
+        """Whether scenes are a sensor's returns."""
+        return self.returns
 
     def load(self, name: str) -> Scene:
         """Read the frame; `about` has the number of points that were not finite and dropped."""
@@ -67,6 +90,11 @@ class Kitti(FolderSet):
         part = _part_of(name)
         dropped = int(np.count_nonzero(~finite))
         about = self._about(f"KITTI {part}/{path.name}", dropped_points=dropped)
+        if self.returns:
+            with naming(path):
+                found = _recovered(xyz[finite])
+            about |= {"sensor": found.returns.sensor, **found.about()}
+            return Scene(name, part, returns=found.returns, about=about)
         cloud = PointCloud(xyz[finite], about=about)
         return Scene(name, part, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
 
@@ -87,6 +115,20 @@ class Kitti(FolderSet):
         if not table:
             raise self._missing("frames (.bin)")
         return table
+
+
+def _recovered(xyz: Floats) -> Recovered:
+    """The returns of a frame's points (n, 3), x forward and y left."""
+    from puckbench.lidar.recordings.rings import recovered_returns, split_rings
+
+    turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
+    rings = split_rings(np.mod(np.arctan2(xyz[:, 1], xyz[:, 0]), 2 * np.pi))
+    if len(rings) != _RINGS:
+        raise InputError(
+            f"{len(rings)} rings, not {_RINGS}: not a whole frame in its own order, from which "
+            "returns can be recovered"
+        )
+    return recovered_returns(turned, rings, _STEP_DEG, "HDL-64E")
 
 
 def _part(folder: Path) -> str:

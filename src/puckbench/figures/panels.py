@@ -226,7 +226,7 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 
 
 def add_legend(
-    figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Line2D] = ()
+    figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Artist] = ()
 ) -> None:
     """Add one legend above all panels, in as many rows as the width asks for.
 
@@ -239,7 +239,7 @@ def add_legend(
     style
         Gives titles, colours and markers.
     others
-        Lines with a label of their own, which stand last.
+        Lines or patches with a label of their own, which stand last.
     """
     handles = [*codec_handles(codecs, style), *others]
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5

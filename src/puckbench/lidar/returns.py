@@ -44,12 +44,18 @@ class Beams:
     clockwise
         Whether the sensor turns clockwise seen from above, as real ones do; azimuths always count
         in the direction in which it turns, from forward (y).
+    azimuths_deg
+        (lasers,) by which each laser is turned against the column, in that direction; empty: 0.
+    sideways_mm
+        (lasers,) by which each beam passes the axis, in that direction; empty: 0.
     """
 
     elevations_deg: tuple[float, ...]
     heights_mm: tuple[float, ...]
     delays: tuple[float, ...]
     clockwise: bool = True
+    azimuths_deg: tuple[float, ...] = ()
+    sideways_mm: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, sensor: Sensor, firing: Firing = "own_moment", is_virtual: bool = False) -> Self:
@@ -131,6 +137,9 @@ class Returns:
     def __post_init__(self) -> None:
         if self.beams.lasers != self.layout.lasers:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
+        more = (self.beams.azimuths_deg, self.beams.sideways_mm)
+        if any(len(one) not in (0, self.layout.lasers) for one in more):
+            raise InputError("azimuths or offsets of other lasers than the layout's")
         for turn in self.turns:
             check_turn(turn, self.layout)
 
@@ -167,10 +176,20 @@ class Returns:
         azimuth = self.azimuths(turn)[columns, lasers]
         elevation = np.radians(self.beams.elevations_deg)[lasers]
         level = distance * np.cos(elevation)
-        side = np.sin(azimuth) if self.beams.clockwise else -np.sin(azimuth)
+        right, forward = level * np.sin(azimuth), level * np.cos(azimuth)
+        if self.beams.sideways_mm:
+            sideways = np.asarray(self.beams.sideways_mm)[lasers] / 1000
+            right, forward = (
+                right + sideways * np.cos(azimuth),
+                forward - sideways * np.sin(azimuth),
+            )
         height = np.asarray(self.beams.heights_mm)[lasers] / 1000
         return np.column_stack(
-            [level * side, level * np.cos(azimuth), distance * np.sin(elevation) + height]
+            [
+                right if self.beams.clockwise else -right,
+                forward,
+                distance * np.sin(elevation) + height,
+            ]
         )
 
     def azimuths(self, turn: Turn) -> Floats:
@@ -186,8 +205,10 @@ class Returns:
         rise = np.where(usual, rise, np.median(rise[usual]) if usual.any() else 0.0)
         per_block = self.layout.columns_per_block
         share = (np.arange(per_block)[:, None] + np.asarray(self.beams.delays)) / per_block
-        fired = blocks[:, None, None] + rise[:, None, None] * share
-        return np.asarray(np.radians(fired.reshape(-1, self.layout.lasers) / 100))
+        fired = (blocks[:, None, None] + rise[:, None, None] * share) / 100
+        if self.beams.azimuths_deg:
+            fired = fired + np.asarray(self.beams.azimuths_deg)
+        return np.asarray(np.radians(fired.reshape(-1, self.layout.lasers)))
 
     @property
     def columns_per_turn(self) -> int:

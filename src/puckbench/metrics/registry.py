@@ -31,6 +31,8 @@ SEVERAL_CODECS = "codecs"
 """Needed of a configuration: a codec beside the anchor of Bjontegaard deltas."""
 SPINS_OR_RECORDINGS = "metric"
 """Needed of a configuration: clouds in metres that carry the returns of a sensor."""
+OCTREE_AND_SENSOR = "octree"
+"""Needed of a configuration: the codec ``gpcc``, and one that the sensor helps."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,8 @@ class TableEntry:
         Number of the thesis's table; empty for others.
     needs
         What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
-        `SPINS_OR_RECORDINGS`, or the table's own name where only a plan can tell.
+        `SPINS_OR_RECORDINGS`, `OCTREE_AND_SENSOR`, or the table's own name where only a plan can
+        tell.
     rule
         The rule of the workflow that makes the table, where it has one of its own.
     """

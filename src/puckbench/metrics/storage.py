@@ -57,20 +57,23 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
         row |= {
             name: finest[column].median() for name, column in _MEDIANS.items() if column in finest
         }
-        at_error = [_bits_at(curve["bpp"], curve["d1_rms_mm"]) for curve in curves]
+        at_error = [bits_at_error(curve["bpp"], curve["d1_rms_mm"], ERROR_MM) for curve in curves]
         rows.append({**row, "bits_at_5_mm": float(np.median(at_error)), "clouds": len(curves)})
     table = pd.DataFrame(rows)
     order = table["dataset"].map({name: k for k, name in enumerate(table["dataset"].unique())})
     return table.assign(order=order).sort_values(["order", "bits_per_return"]).drop(columns="order")
 
 
-def _bits_at(bits: pd.Series[float], error_mm: pd.Series[float]) -> float:
-    """Bits at `ERROR_MM`, between rates in the logarithms of both; nan beyond the rates."""
+def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
+    """Bits at an error, between rates in the logarithms of both; nan beyond the rates.
+
+    Rates without error have no place on such a scale, and are left out.
+    """
     error, known = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0
     error, known = error[lossy], known[lossy]
-    if len(error) < 2 or not error.min() <= ERROR_MM <= error.max():
+    if len(error) < 2 or not error.min() <= at_mm <= error.max():
         return float("nan")
     order = np.argsort(error)
-    found = np.interp(np.log(ERROR_MM), np.log(error[order]), np.log(known[order]))
+    found = np.interp(np.log(at_mm), np.log(error[order]), np.log(known[order]))
     return float(np.exp(found))

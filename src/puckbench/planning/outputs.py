@@ -27,7 +27,9 @@ from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
+from puckbench.metrics.against_octree import OCTREE
 from puckbench.metrics.registry import (
+    OCTREE_AND_SENSOR,
     SENSOR,
     SEVERAL_CODECS,
     SPINS_OR_RECORDINGS,
@@ -317,6 +319,8 @@ class OutputJobs:
         there |= set(self._verdicts)
         if plan.datasets and len(plan.codecs) > 1:
             there.add(SEVERAL_CODECS)
+        if OCTREE in plan.codecs and any(codec.uses_sensor for codec in plan.opened.values()):
+            there.add(OCTREE_AND_SENSOR)
         there |= _of_spins(plan)
         if plan.study is None:
             return there

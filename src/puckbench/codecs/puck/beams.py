@@ -54,7 +54,12 @@ def packed_beams(returns: Returns) -> bytes:
 
 
 def _angles(beams: Beams) -> bytes:
-    return np.array([beams.elevations_deg, beams.heights_mm, beams.delays], "<f8").tobytes()
+    """Three numbers of each laser; five where any is turned, or passes the axis."""
+    rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
+    if beams.azimuths_deg or beams.sideways_mm:
+        none = (0.0,) * beams.lasers
+        rows += [beams.azimuths_deg or none, beams.sideways_mm or none]
+    return np.array(rows, "<f8").tobytes()
 
 
 def unpacked_beams(body: bytes, layout: Layout) -> Returns:
@@ -71,8 +76,12 @@ def unpacked_beams(body: bytes, layout: Layout) -> Returns:
             raise InputError(f"the stream was made with other angles of the sensor {name}")
         return Returns(beams, layout, (), quantum, sensor)
     clockwise = reader.take(1)[0] == 1
-    angles = np.frombuffer(reader.take(24 * layout.lasers), "<f8").reshape(3, -1)
+    kept = reader.rest()
+    if len(kept) not in (24 * layout.lasers, 40 * layout.lasers):
+        raise InputError(DAMAGED)
+    angles = np.frombuffer(kept, "<f8").reshape(-1, layout.lasers)
     if not np.isfinite(angles).all() or not quantum > 0:
         raise InputError(DAMAGED)
-    elevations, heights, delays = (tuple(row.tolist()) for row in angles)
-    return Returns(Beams(elevations, heights, delays, clockwise), layout, (), quantum, name)
+    elevations, heights, delays, *more = (tuple(row.tolist()) for row in angles)
+    beams = Beams(elevations, heights, delays, clockwise, *more)
+    return Returns(beams, layout, (), quantum, name)

@@ -1,0 +1,174 @@
+"""Returns recovered from frames of KITTI and nuScenes, which are written from known returns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.datasets.kitti import Kitti
+from puckbench.datasets.nuscenes import NuScenes
+from puckbench.datasets.scene import Scene, of_returns
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar import load_sensor
+from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
+from puckbench.lidar.turns import Layout, Turn
+from tests.support.files import put
+
+
+def hdl64(columns: int = 400) -> Returns:
+    """A turn of a sensor with each laser's own height, angle and offset, firing irregularly."""
+    random = np.random.default_rng(3)
+    lasers = 64
+    elevations = np.linspace(-23.5, 2.0, lasers)
+    order = tuple(range(lasers))
+    steps = np.sort(random.choice(4000, columns, replace=False))
+    sideways = np.where(np.arange(lasers) % 2, 26.0, -26.0) + random.uniform(-0.5, 0.5, lasers)
+    beams = Beams(
+        tuple(elevations.tolist()),
+        tuple(np.linspace(117, 209, lasers).tolist()),
+        (0.0,) * lasers,
+        clockwise=False,
+        azimuths_deg=tuple(random.uniform(-7, 7, lasers).tolist()),
+        sideways_mm=tuple(sideways.tolist()),
+    )
+    ranges = random.integers(2000, 30_000, (1, columns, lasers)).astype(np.uint16)
+    ranges[random.random(ranges.shape) < 0.1] = 0
+    turn = Turn(ranges, (steps * 9).astype(np.uint16))
+    return Returns(beams, Layout(order), (turn,), 0.002, "HDL-64E")
+
+
+def as_kitti(returns: Returns) -> bytes:
+    """The points in KITTI's axes and order, in whole millimetres."""
+    lasers = np.nonzero(returns.turns[0].ranges[0])[1]
+    x, y, z = returns.points().T
+    azimuth = np.mod(np.arctan2(-x, y), 2 * np.pi)
+    rows = np.lexsort([azimuth, -lasers])
+    table = np.column_stack([y, -x, z, np.zeros(len(x))])[rows]
+    return np.round(table, 3).astype("<f4").tobytes()
+
+
+def of_kitti(folder: Path, data: bytes) -> Scene:
+    put(folder / "training" / "velodyne" / "000000.bin", data)
+    return Kitti(path=str(folder), returns=True).load("training_000000")
+
+
+def test_the_lasers_of_kitti_s_frames_are_found_from_points(tmp_path: Path) -> None:
+    known = hdl64()
+    scene = of_kitti(tmp_path, as_kitti(known))
+    assert of_returns(Kitti(path=str(tmp_path), returns=True))
+    assert not of_returns(Kitti(path=str(tmp_path)))
+    found = scene.returns
+    assert found is not None
+    assert len(found) == len(known)
+    assert scene.about["points_left_out"] == 0
+    assert scene.about["moved_most_mm"] < 2  # half a step of the range, and of coordinates
+    lasers = np.argsort(found.beams.elevations_deg)
+    for name, tolerance in (("elevations_deg", 0.002), ("heights_mm", 0.3), ("sideways_mm", 0.3)):
+        own = np.array(getattr(found.beams, name))[lasers]
+        np.testing.assert_allclose(own, getattr(known.beams, name), atol=tolerance)
+    turned = np.array(found.beams.azimuths_deg)[lasers] - known.beams.azimuths_deg
+    # All of them are against an angle that only whole turns would tell.
+    assert np.ptp(turned) < 0.005
+    image = found.turns[0].ranges[0][:, lasers].astype(int)
+    shift = round(float(turned.mean()) * 100 / 9)
+    steps = (found.turns[0].azimuths.astype(int) // 9 + shift) % 4000
+    assert sorted(steps.tolist()) == (known.turns[0].azimuths // 9).tolist()
+    wanted = known.turns[0].ranges[0].astype(int)
+    rows = np.argsort(steps)
+    assert np.abs(image[rows] - wanted).max() <= 1
+
+
+def test_recovered_returns_survive_files_and_streams(tmp_path: Path) -> None:
+    found = of_kitti(tmp_path, as_kitti(hdl64(100))).returns
+    assert found is not None
+    write_firings(tmp_path / "turn.parquet", found)
+    again = read_firings(tmp_path / "turn.parquet")
+    assert again.beams == found.beams
+    decoded = open_codec("puck").decode_cloud(open_codec("puck").encode_returns(found, "2mm"))
+    np.testing.assert_array_equal(decoded.xyz, found.points())
+
+
+@pytest.mark.parametrize("order", ["shuffled", "cut"])
+def test_frames_in_another_order_are_refused(tmp_path: Path, order: str) -> None:
+    table = np.frombuffer(as_kitti(hdl64(60)), "<f4").reshape(-1, 4)
+    rows = np.random.default_rng(0).permutation(len(table)) if order == "shuffled" else slice(2000)
+    with pytest.raises(InputError, match=r"000000\.bin: \d+ rings, not 64"):
+        of_kitti(tmp_path, table[rows].tobytes())
+
+
+MOVED = np.array([-0.05, -0.45, -0.015])
+ROLLED = np.array([0.002, -0.001])
+
+
+def hdl32(columns: int = 120) -> Returns:
+    """A turn of an HDL-32E whose lasers stand at angles of their own."""
+    random = np.random.default_rng(4)
+    elevations = sorted(load_sensor("hdl32e").laser_elevation_deg)
+    turned = tuple(np.linspace(0, 0.25, 32).tolist())
+    beams = Beams(tuple(elevations), (0.0,) * 32, (0.0,) * 32, azimuths_deg=turned)
+    ranges = random.integers(1500, 20_000, (1, columns, 32)).astype(np.uint16)
+    ranges[random.random(ranges.shape) < 0.2] = 0
+    azimuths = (26_200 + np.arange(columns) * 36_000 // columns) % 36_000
+    turn = Turn(ranges, azimuths.astype(np.uint16))
+    return Returns(beams, Layout(tuple(range(32))), (turn,), 0.002, "HDL-32E")
+
+
+def as_nuscenes(returns: Returns) -> Floats:
+    """The file's rows: all firings, in the sensor's frame at the end of the turn."""
+    ranges = returns.turns[0].ranges[0]
+    columns = len(ranges)
+    xyz = np.zeros((columns, 32, 3))
+    xyz[ranges > 0] = returns.points()
+    left = 1 - np.arange(columns)[:, None] / (columns - 1)
+    xyz[..., 2] += left * (xyz[..., :2] @ ROLLED)
+    xyz += (left * MOVED)[:, None]
+    rings = np.broadcast_to(np.arange(32.0)[:, None], (columns, 32, 1))
+    return np.concatenate([xyz, np.zeros_like(rings), rings], axis=2).reshape(-1, 5)
+
+
+def of_nuscenes(folder: Path, rows: Floats, returns: bool = True) -> Scene:
+    name = "n015-2018__LIDAR_TOP__1532402927.pcd.bin"
+    put(folder / "samples" / "LIDAR_TOP" / name, rows.astype("<f4").tobytes())
+    sweeps = NuScenes(path=str(folder), returns=returns)
+    assert sweeps.names() == ["samples_n015-2018_1532402927"]
+    return sweeps.load(sweeps.names()[0])
+
+
+def test_the_motion_of_nuscenes_sweeps_is_undone(tmp_path: Path) -> None:
+    known = hdl32()
+    scene = of_nuscenes(tmp_path, as_nuscenes(known))
+    found = scene.returns
+    assert found is not None
+    assert scene.group == "n015-2018"
+    assert ((found.turns[0].ranges > 0) == (known.turns[0].ranges > 0)).all()
+    apart = found.turns[0].ranges.astype(int) - known.turns[0].ranges.astype(int)
+    assert np.abs(apart).max() <= 1
+    np.testing.assert_allclose(found.beams.elevations_deg, known.beams.elevations_deg, atol=0.003)
+    assert np.linalg.norm(found.points() - known.points(), axis=1).max() < 0.01
+    assert scene.about["moved_rms_mm"] < 4
+
+
+def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: Path) -> None:
+    rows = as_nuscenes(hdl32(40))
+    rows[5, 0] = np.nan
+    scene = of_nuscenes(tmp_path, rows, returns=False)
+    assert scene.cloud is not None
+    assert scene.about["dropped_points"] == 1
+    with pytest.raises(InputError, match=r"bin: not 32 rings in order"):
+        of_nuscenes(tmp_path, rows)
+
+
+def test_sweeps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no such folder .nuScenes should lie there"):
+        NuScenes(path=str(tmp_path / "none")).names()
+    with pytest.raises(InputError, match=r"no sweeps .samples/LIDAR_TOP"):
+        NuScenes(path=str(tmp_path)).names()
+    rows = as_nuscenes(hdl32(40))
+    with pytest.raises(InputError, match=r"bin: not 32 rings in order"):
+        of_nuscenes(tmp_path, rows[[1, 0, *range(2, len(rows))]])
+    put(tmp_path / "samples" / "LIDAR_TOP" / "n015-2018__LIDAR_TOP__1532402927.pcd.bin", b"\0" * 30)
+    sweeps = NuScenes(path=str(tmp_path))
+    with pytest.raises(InputError, match=r"bin: truncated: 30 bytes are not whole points of 20"):
+        sweeps.load(sweeps.names()[0])
