@@ -12,7 +12,7 @@ from puckbench.cli import main
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import catalogue
 from puckbench.codecs.learned.weights_file import read_weights, write_weights
-from puckbench.codecs.registry import codecs, entry, has_weights, open_codec
+from puckbench.codecs.registry import codec_of, codecs, entry, has_weights, open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256
 from puckbench.geometry.cloud import PointCloud
@@ -216,3 +216,19 @@ def test_the_record_of_a_stream_says_which_weights_made_it(together: Path, tmp_p
     assert main(["encode", f"{tmp_path}/a.ply", f"{tmp_path}/a.bin", *words, "--json"]) == 0
     digest = sha256(together / "sparse_octree_net.safetensors")[:16]
     assert read_json(tmp_path / "a.bin.json")["weights"] == f"sparse_octree_net {digest}"
+
+
+def test_a_stream_of_a_cloud_in_metres_holds_its_unit() -> None:
+    random = np.random.default_rng(2)
+    points = np.column_stack([random.uniform(0, 3, (4000, 2)), random.normal(0, 0.005, 4000)])
+    in_metres = open_codec("pcgcv2_plus_rooms", {"options": {"unit": 0.001}})
+    assert in_metres.rates_of("metric").keys() == in_metres.rates.keys()
+    stream = in_metres.encode(points, "r4")
+    bare = open_codec("pcgcv2_plus_rooms")
+    assert codec_of(stream) == "pcgcv2_plus"  # the first with their magic
+    decoded = bare.decode(stream)  # which was told no unit
+    np.testing.assert_allclose(decoded, bare.decode(bare.encode(points * 1000, "r4")) / 1000)
+    assert np.abs(decoded - decoded.mean(axis=0)).max() < 3
+    for damage in (stream[:9], stream[:4] + np.array([np.nan]).tobytes() + stream[12:]):
+        with pytest.raises(InputError, match=r"damaged .its unit"):
+            bare.decode(damage)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.returns import entropy_bits, keeping_up, range_errors
+from puckbench.metrics.returns import (
+    entropy_bits,
+    keeping_up,
+    range_errors,
+    range_errors_of_points,
+)
 from tests.support.returns import homemade
 
 
@@ -38,6 +43,30 @@ def test_other_firings_are_refused() -> None:
         range_errors(original, replace(original, turns=original.turns[:1]))
     with pytest.raises(InputError, match="other firings"):
         range_errors(original, homemade(columns=80))
+
+
+def test_points_without_lasers_are_compared_along_the_rays() -> None:
+    random = np.random.default_rng(0)
+    rays = random.normal(size=(300, 3))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    ranges = random.uniform(2, 40, 300)
+    original = ranges[:, None] * rays
+    errors = random.normal(0, 0.004, 300)
+    found = range_errors_of_points(original, (ranges + errors)[::-1, None] * rays[::-1])
+    assert found["range_rms_mm"] == pytest.approx(1000 * np.sqrt(np.mean(errors**2)))
+    assert found["range_max_mm"] == pytest.approx(1000 * np.abs(errors).max())
+    assert found["returns_lost"] == found["returns_added"] == 0
+
+
+def test_merged_points_are_lost_returns_and_points_of_no_return_are_added() -> None:
+    original = np.array([[4.0, 0, 0], [4.001, 0, 0], [0, 9, 0], [0, 9, 0]])
+    decoded = np.array([[4.0, 0, 0], [0, 9.003, 0], [0, 9.003, 0], [0, 0, 7], [4, 4, 0]])
+    assert range_errors_of_points(original, decoded) == {
+        "range_rms_mm": pytest.approx(np.sqrt((1 + 9 + 9) / 4)),
+        "range_max_mm": pytest.approx(3),
+        "returns_lost": 1,
+        "returns_added": 2,
+    }
 
 
 def test_a_codec_keeps_up_with_the_sensor() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from puckbench.codecs.base import Codec, Pace
 from puckbench.codecs.common.shift import unshifted
+from puckbench.codecs.common.unit import without_unit
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
 from puckbench.core.registry import Registry, load
@@ -135,7 +136,7 @@ def pace(name: str, changes: Entry | None = None) -> Pace:
 
 def codec_of(stream: bytes) -> str:
     """Name of the first codec by rank whose magic the stream begins with; else InputError."""
-    stream = unshifted(stream).stream
+    stream = without_unit(unshifted(stream).stream).stream
     for name, found in codecs().items():
         if found.magic and stream.startswith(found.magic):
             return name

@@ -21,7 +21,7 @@ from puckbench.lidar.returns import with_returns
 from puckbench.metrics.frames import FRAME
 from puckbench.metrics.further import further_metrics
 from puckbench.metrics.measures import measures, picture_measures
-from puckbench.metrics.returns import keeping_up, range_errors
+from puckbench.metrics.returns import keeping_up, range_errors, range_errors_of_points
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -89,8 +89,12 @@ class Evaluating(Decoding):
         reference = originals.reference.cloud
         points, record = self._decoded(decoded)
         returns = {}
-        if points.returns is not None and originals.returns is not None:
-            returns = range_errors(originals.returns, points.returns)
+        if originals.returns is not None:
+            returns = (
+                range_errors_of_points(reference.xyz, points.xyz)
+                if points.returns is None
+                else range_errors(originals.returns, points.returns)
+            )
         ready = DistinctPoints(points.xyz)
         found = measures(originals.reference, ready, self.peak)
         result = {

@@ -55,6 +55,41 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
     return {**rms, "returns_lost": lost, "returns_added": added}
 
 
+def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
+    """Errors of ranges where a codec gives back points alone: against the nearest of them.
+
+    The error of a return is how far its nearest decoded point is off along its ray. Returns whose
+    nearest point is that of more returns than there are points are lost (merged, most of all);
+    points that are the nearest of no return are added.
+
+    Parameters
+    ----------
+    original
+        (n, 3) of the returns, as the sensor at the origin sees them, m.
+    decoded
+        (m, 3) in any order, likewise.
+
+    Returns
+    -------
+    dict
+        As of `range_errors`.
+    """
+    from pykdtree.kdtree import KDTree
+
+    places, held = np.unique(decoded, axis=0, return_counts=True)
+    nearest = KDTree(places).query(np.ascontiguousarray(original))[1].astype(np.int64)
+    length = np.linalg.norm(original, axis=1)
+    along = np.einsum("ij,ij->i", places[nearest] - original, original)
+    error = 1000 * along / np.maximum(length, 1e-9)
+    taken = np.bincount(nearest, minlength=len(places))
+    return {
+        "range_rms_mm": float(np.sqrt(np.mean(error**2))),
+        "range_max_mm": float(np.abs(error).max()),
+        "returns_lost": int(np.maximum(taken - held, 0).sum()),
+        "returns_added": int(np.maximum(held - taken, 0).sum()),
+    }
+
+
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
     """Entropy of noise in whole steps: the bits that coding it takes at least.
 

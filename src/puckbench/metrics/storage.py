@@ -19,6 +19,9 @@ _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
     "rms_mm": "d1_rms_mm",
+    "range_rms_mm": "range_rms_mm",
+    "range_max_mm": "range_max_mm",
+    "returns_lost": "returns_lost",
     "encode_real_time": "encode_real_time",
     "decode_real_time": "decode_real_time",
 }
@@ -29,9 +32,10 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     """Every codec on clouds in metres: at its finest rate, and at an error of 5 mm.
 
     Medians over the clouds of a data set. Bits per return, megabits per second at the sensor's
-    rate, root mean square error (D1) in mm, speed of encoding and decoding in turns of the sensor
-    (2 is twice as fast as it turns; one thread), and ``bits_at_5_mm``, bits per return at an error
-    of 5 mm, interpolated between rates in the logarithms of both; empty where no rate is as coarse.
+    rate, root mean square error (D1) in mm, that of ranges and their largest, returns lost, speed
+    of encoding and decoding in turns of the sensor (2 is twice as fast as it turns; one thread),
+    and ``bits_at_5_mm``, bits per return at an error of 5 mm, interpolated between rates in the
+    logarithms of both; empty where no rate is as coarse.
 
     Parameters
     ----------

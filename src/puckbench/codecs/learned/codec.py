@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
+from puckbench.codecs.common.unit import multiplied, with_unit, without_unit
 from puckbench.codecs.learned.catalogue import SUFFIX, Network, header_of
 from puckbench.codecs.learned.device import DeviceName, why_not
 from puckbench.core.errors import InputError, naming
@@ -233,6 +234,12 @@ class ImprovedOptions(PublishedOptions):
     point_reconstruction: bool = Field(
         True, description="decode as many points as were coded, not one in each voxel's centre"
     )
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="length in metres that is one step of the finest grid, for clouds in metres; "
+        "by default coordinates are steps",
+    )
 
 
 class Improved(LearnedByLambda[R]):
@@ -250,6 +257,21 @@ class Improved(LearnedByLambda[R]):
         super().__init__(*arguments, **options)
         self.context_mixing = self.options.context_mixing
         self.point_reconstruction = self.options.point_reconstruction
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        unit = self.options.unit
+        if unit is None:
+            return super()._encode(points, parameters)
+        return with_unit(super()._encode(points / unit, parameters), unit)
+
+    def _decode(self, stream: bytes) -> Floats:
+        with naming(f"codec {self.name}"):
+            own, unit = without_unit(stream)
+        points = super()._decode(own)
+        if unit is None:
+            return points
+        with naming(f"codec {self.name}"):
+            return multiplied(points, unit)
 
     def _as_read(self, points: Floats) -> Floats:
         return points
