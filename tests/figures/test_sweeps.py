@@ -72,3 +72,33 @@ def test_nothing_to_draw_is_an_input_error() -> None:
         noise_bits_table(sweeps_table(2), pd.DataFrame(recordings))
     with pytest.raises(InputError, match="carries no returns"):
         draw("spin_images", example_spin=PointCloud(recorded().points()))
+
+
+def _modes(datasets: tuple[str, ...]) -> pd.DataFrame:
+    """Spins by the octree, by its angular mode for three quarters of the bits, and by another."""
+    octree = sweeps_table(2).query("codec == 'gpcc'")
+    found = [octree.assign(dataset=name) for name in datasets]
+    found += [one.assign(codec="gpcc_angular", bpp=0.75 * one["bpp"]) for one in found]
+    found += [one.assign(codec="laz", bpp=9 * one["bpp"]) for one in found[:1]]
+    return pd.concat(found).reset_index(drop=True)
+
+
+def test_bits_are_drawn_as_shares_of_the_octrees() -> None:
+    metrics = _modes(("rooms", "rooms_vlp16"))
+    clouds = sweeps_clouds_table(2).assign(sensor="VLP-16")
+    figure = draw("handicap", metrics=metrics, clouds=clouds)
+    (axes,) = figure.axes  # the second data set differs in its errors alone
+    shares = [
+        np.asarray(line.get_ydata(), float)
+        for line in axes.get_lines()
+        if line.get_color() == codec_style("gpcc_angular").colour
+    ]
+    drawn = shares[0][np.isfinite(shares[0])]
+    assert len(drawn) > 10
+    np.testing.assert_allclose(drawn, 75)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert codec_style("gpcc_angular").title in texts
+    assert codec_style("laz").title not in texts
+    alone = metrics[metrics["codec"] != "gpcc"]
+    with pytest.raises(InputError, match="coded by gpcc and by another"):
+        draw("handicap", metrics=alone, clouds=clouds)

@@ -125,6 +125,8 @@ class Codec(ABC):
     takes: ClassVar[Takes] = "points"
     """What is coded of a cloud: its points, the returns of the sensor that measured it, or either:
     returns of a cloud that has some, else points."""
+    packets_alone: ClassVar[bool] = False
+    """Whether it codes returns of data packets alone, not those of virtual scans."""
     Options: type[Model] = Model
     """The model of its options; by default it has none."""
     options: Any

@@ -31,6 +31,7 @@ class Recordings(DataSet):
 
     of_clouds: ClassVar[bool] = True
     of_returns: ClassVar[bool] = True
+    of_packets: ClassVar[bool] = True
 
     path: str
     """A recording, or a folder with recordings."""

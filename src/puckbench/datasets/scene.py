@@ -54,7 +54,8 @@ class SceneSet(Protocol):
 
     A data set whose meshes name the geometric primitive of each triangle in their labels says so by
     a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``, and
-    one whose clouds are a sensor's returns by ``of_returns`` as well.
+    one whose clouds are a sensor's returns by ``of_returns`` as well, and by ``of_packets`` where
+    these are those of data packets.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -83,6 +84,11 @@ def of_clouds(scenes: SceneSet) -> bool | None:
 def of_returns(scenes: SceneSet) -> bool:
     """Whether the scenes of a data set are a real sensor's returns."""
     return bool(getattr(scenes, "of_returns", False))
+
+
+def of_packets(scenes: SceneSet) -> bool:
+    """Whether the returns of a data set's scenes are those of a recording's data packets."""
+    return bool(getattr(scenes, "of_packets", False))
 
 
 def safe_name(text: str) -> str:

@@ -319,7 +319,7 @@ class OutputJobs:
         there |= set(self._verdicts)
         if plan.datasets and len(plan.codecs) > 1:
             there.add(SEVERAL_CODECS)
-        if OCTREE in plan.codecs and any(codec.uses_sensor for codec in plan.opened.values()):
+        if OCTREE in plan.codecs and any(c.takes == "either" for c in plan.opened.values()):
             there.add(OCTREE_AND_SENSOR)
         there |= _of_spins(plan)
         if plan.study is None:

@@ -18,7 +18,7 @@ from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds, of_returns
+from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds, of_packets, of_returns
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -57,7 +57,7 @@ class DataSetPlan:
     """A data set of the configuration and the clouds in it.
 
     points: how many a cloud is expected to have, for the estimates of resources. has_returns:
-    whether its clouds carry the returns of a sensor.
+    whether its clouds carry the returns of a sensor; has_packets: those of data packets.
     """
 
     name: str
@@ -67,6 +67,7 @@ class DataSetPlan:
     points: int
     settings: DataSetConfig
     has_returns: bool = False
+    has_packets: bool = False
 
     @property
     def frame(self) -> Frame:
@@ -231,7 +232,9 @@ class Plan:
         data = self.datasets[dataset]
         wanted = data.settings.codecs
         is_wanted = wanted is None or codec in wanted
-        can = self.opened[codec].takes != "returns" or data.has_returns
+        opened = self.opened[codec]
+        can = opened.takes != "returns" or data.has_returns
+        can &= not opened.packets_alone or data.has_packets
         return is_wanted and can and bool(self.rates(codec, data.frame))
 
     @cached_property
@@ -307,7 +310,8 @@ class Plan:
         if of_returns(scenes.scenes):
             points = _RETURNS
         clouds = self._usable(name, scenes)
-        return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns)
+        packets = has_returns and of_packets(scenes.scenes)
+        return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns, packets)
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
         """The scenes that a data set can use; InputError where none is left, or all must be."""

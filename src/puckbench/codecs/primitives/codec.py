@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import naming
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
@@ -27,6 +29,17 @@ _RATES = {
 _SURFACES: dict[str, dict[str, float]] = {
     name: dict(zip(_SURFACE_PARAMETERS, row, strict=True)) for name, row in _RATES.items()
 }
+
+
+class PrimitivesOptions(Model):
+    """Whether clouds in metres are coded."""
+
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="any length says that clouds in metres are to be coded too, by the same rates, "
+        "which are shares of a cloud's extent",
+    )
 
 
 @CODECS.register("primitives")
@@ -50,6 +63,8 @@ class Primitives(Codec):
             for k in (1, 2, 3)
         },
     }
+    Options: type[PrimitivesOptions] = PrimitivesOptions
+    options: PrimitivesOptions
     magic = b"PBPR"
     surfaces = True
     version = "4"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class PacketsCodec(ReturnsCodec):
     """
 
     metric_rates = lengths(2)
+    packets_alone: ClassVar[bool] = True
     pace = Pace(0.1, 4.0)
     line = ":"
 
