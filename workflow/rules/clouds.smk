@@ -5,17 +5,17 @@ rule sample:
     output:
         cloud=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
-    params:
-        record=lambda w: clouds.sample(w.dataset).record,
-        code=lambda w: clouds.sample(w.dataset).code,
+    log:
+        f"{RESULTS}/logs/samples/{{dataset}}/{{cloud}}.log",
     priority: 1
+    conda:
+        "../../envs/puckbench.yaml"
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
-    log:
-        f"{RESULTS}/logs/samples/{{dataset}}/{{cloud}}.log",
-    conda:
-        "../../envs/puckbench.yaml"
+    params:
+        record=lambda w: clouds.sample(w.dataset).record,
+        code=lambda w: clouds.sample(w.dataset).code,
     shell:
         "python -m puckbench.jobs sample {params.record:q} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
 
@@ -29,20 +29,20 @@ rule prepare:
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
         truth=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.ply",
         truth_about=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.json",
+    log:
+        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
+    wildcard_constraints:
+        dataset=one_of(clouds.prepared(has_returns=False)),
+    priority: 1
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
+        runtime=10,
     params:
         record=lambda w: clouds.prepare(w.dataset).record,
         code=lambda w: clouds.prepare(w.dataset).code,
         box=lambda w, input: files_of({"box": input.about} if clouds.is_cropped(w.dataset) else {}),
-    wildcard_constraints:
-        dataset=one_of(clouds.prepared(has_returns=False)),
-    priority: 1
-    resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=10,
-    log:
-        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
-    conda:
-        "../../envs/puckbench.yaml"
     shell:
         "python -m puckbench.jobs prepare {params.record:q} source={input.source:q} cloud={output.cloud:q}"
         " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"
@@ -59,19 +59,19 @@ rule prepare_returns:
         returns=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.parquet",
         truth=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.ply",
         truth_about=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.json",
-    params:
-        record=lambda w: clouds.prepare(w.dataset).record,
-        code=lambda w: clouds.prepare(w.dataset).code,
+    log:
+        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
     wildcard_constraints:
         dataset=one_of(clouds.prepared(has_returns=True)),
     priority: 1
+    conda:
+        "../../envs/puckbench.yaml"
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
-    log:
-        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
-    conda:
-        "../../envs/puckbench.yaml"
+    params:
+        record=lambda w: clouds.prepare(w.dataset).record,
+        code=lambda w: clouds.prepare(w.dataset).code,
     shell:
         "python -m puckbench.jobs prepare_returns {params.record:q} source={input.source:q} cloud={output.cloud:q}"
         " returns={output.returns:q} truth={output.truth:q} about={input.about:q} > {log:q} 2>&1"

@@ -10,21 +10,21 @@ for curve in coding.curves:
             cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         output:
             streams=curve.files(f"{RESULTS}/coded", ".bin"),
-        params:
-            record=coding.encode(curve).record,
-            code=coding.encode(curve).code,
-            timed=coding.threads_environment,
-        priority: priority_of(curve)
-        threads: coding.cores(CORES)
-        resources:
-            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
         log:
             f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{curve.log}.log",
         wildcard_constraints:
             dataset=one_of(coding.datasets(curve)),
+        priority: priority_of(curve)
         conda:
             "../../envs/puckbench.yaml"
+        threads: coding.cores(CORES)
+        resources:
+            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+        params:
+            record=coding.encode(curve).record,
+            code=coding.encode(curve).code,
+            timed=coding.threads_environment,
         shell:
             "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
             " streams={output.streams:q} > {log:q} 2>&1"
@@ -41,19 +41,19 @@ for curve in [*coding.shown, *coding.not_shown]:
         output:
             clouds=curve.files(f"{RESULTS}/decoded", ".ply"),
             about=curve.files(f"{RESULTS}/decoded", ".json"),
-        params:
-            record=coding.decode(curve).record,
-            code=coding.decode(curve).code,
-            streams=curve.files(f"{RESULTS}/coded", ".bin"),
-        resources:
-            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
         log:
             f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{curve.log}.log",
         wildcard_constraints:
             dataset=one_of(coding.datasets(curve)),
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+        params:
+            record=coding.decode(curve).record,
+            code=coding.decode(curve).code,
+            streams=curve.files(f"{RESULTS}/coded", ".bin"),
         shell:
             "python -m puckbench.jobs decode_curve {params.record:q} streams={params.streams:q}"
             " clouds={output.clouds:q} > {log:q} 2>&1"

@@ -16,7 +16,14 @@ from puckbench.core.errors import InputError
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import job_seconds
-from puckbench.planning.running import check_room, check_storage, failures, hold_results, left_out_lines, now
+from puckbench.planning.running import (
+    check_room,
+    check_storage,
+    failures,
+    hold_results,
+    left_out_lines,
+    now,
+)
 from puckbench.planning.workflow import Workflow, run_jobs_with
 
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
@@ -54,7 +61,9 @@ def files_of(*named):
     """Words `key=FILE ...` of a job's inputs and outputs by name."""
     files = {key: file for each in named for key, file in each.items()}
     lists = {key: [file] if isinstance(file, str) else [*file] for key, file in files.items()}
-    return shlex.join(word for key, (first, *more) in lists.items() for word in (f"{key}={first}", *more))
+    return shlex.join(
+        word for key, (first, *more) in lists.items() for word in (f"{key}={first}", *more)
+    )
 
 
 def priority_of(curve):
@@ -66,7 +75,8 @@ bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
-CORES = workflow.resource_settings.cores  # not workflow.cores, an error where nothing runs (--report)
+# Not workflow.cores, an error where nothing runs (--report).
+CORES = workflow.resource_settings.cores
 
 
 or_stop(check_storage, workflow.storage_settings.default_storage_provider)
@@ -98,6 +108,10 @@ onerror:
     end_bar()
     for line in failures(plan.results / "logs", BEGUN):
         print(line, file=sys.stderr, flush=True)
+
+
+# Only with --software-deployment-method apptainer (envs/apptainer.def makes the image).
+container: bench.config.container
 
 
 wildcard_constraints:

@@ -12,16 +12,16 @@ for figure, inputs in outputs.figures.items():
             png=report(
                 f"{RESULTS}/figures/{figure}.png", category=category, labels={"figure": title}
             ),
-        params:
-            record=outputs.figure(figure).record,
-            code=outputs.figure(figure).code,
-        resources:
-            mem_mb=1500,
-            runtime=10,
         log:
             f"{RESULTS}/logs/figures/{figure}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        params:
+            record=outputs.figure(figure).record,
+            code=outputs.figure(figure).code,
         shell:
             "python -m puckbench.jobs figure {params.record:q} out={output.pdf:q} {output.png:q} > {log:q} 2>&1"
 
@@ -35,23 +35,23 @@ if FIRST_LOOK:
             rows=FIRST_LOOK.files,
         output:
             **FIRST_LOOK.outputs,
+        log:
+            f"{RESULTS}/logs/first_look.log",
+        priority: 2
+        conda:
+            "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1500,
+            runtime=10,
         params:
             job=FIRST_LOOK.job.name,
             record=FIRST_LOOK.job.record,
             code=FIRST_LOOK.job.code,
-        priority: 2
-        resources:
-            mem_mb=1500,
-            runtime=10,
-        log:
-            f"{RESULTS}/logs/first_look.log",
-        conda:
-            "../../envs/puckbench.yaml"
         script:
             "../scripts/job.py"
 
 
-FIGURES = [f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")]
-SENSOR_FIGURES = [
-    file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"
+FIGURES = [
+    f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")
 ]
+SENSOR_FIGURES = [file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"]

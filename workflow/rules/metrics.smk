@@ -13,29 +13,37 @@ for curve in coding.curves:
             input:
                 curve.first(f"{RESULTS}/coded", ".bin"),
                 unpack(lambda w: coding.truth(w.dataset, w.cloud)),
-                unpack(lambda w, surfaces=surfaces: coding.labels(w.dataset, w.cloud) if surfaces else {}),
+                unpack(
+                    lambda w, surfaces=surfaces: (
+                        coding.labels(w.dataset, w.cloud) if surfaces else {}
+                    )
+                ),
                 cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
             output:
-                rows=curve.files(f"{RESULTS}/metrics", ".json"),
                 **recovered,
-            params:
-                job="evaluate_surfaces" if surfaces else "evaluate_curve",
-                record=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).record,
-                code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(w.dataset, c, surfaces).code,
-                files=lambda w, input, output: files_of(input, output),
-                streams=curve.files(f"{RESULTS}/coded", ".bin"),
-                timed=coding.threads_environment,
-            priority: priority_of(curve)
-            threads: coding.cores(CORES)
-            resources:
-                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-                runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+                rows=curve.files(f"{RESULTS}/metrics", ".json"),
             log:
                 f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{curve.log}.log",
             wildcard_constraints:
                 dataset=one_of(measured),
+            priority: priority_of(curve)
             conda:
                 "../../envs/puckbench.yaml"
+            threads: coding.cores(CORES)
+            resources:
+                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+                runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
+            params:
+                job="evaluate_surfaces" if surfaces else "evaluate_curve",
+                record=lambda w, c=curve, surfaces=surfaces: coding.evaluate(
+                    w.dataset, c, surfaces
+                ).record,
+                code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(
+                    w.dataset, c, surfaces
+                ).code,
+                files=lambda w, input, output: files_of(input, output),
+                streams=curve.files(f"{RESULTS}/coded", ".bin"),
+                timed=coding.threads_environment,
             shell:
                 "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
                 " streams={params.streams:q} > {log:q} 2>&1"
@@ -49,17 +57,17 @@ rule scan_error:
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:
         f"{RESULTS}/scan_errors/{{dataset}}/{{cloud}}.json",
-    params:
-        record=lambda w: coding.scan_error(w.dataset).record,
-        code=lambda w: coding.scan_error(w.dataset).code,
-        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
-    resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=30,
     log:
         f"{RESULTS}/logs/scan_errors/{{dataset}}/{{cloud}}.log",
     conda:
         "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
+        runtime=30,
+    params:
+        record=lambda w: coding.scan_error(w.dataset).record,
+        code=lambda w: coding.scan_error(w.dataset).code,
+        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
     shell:
         "python -m puckbench.jobs evaluate {params.record:q} cloud={input.cloud:q} decoded={input.cloud:q}"
         " row={output:q} {params.truth} > {log:q} 2>&1"

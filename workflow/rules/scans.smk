@@ -5,16 +5,16 @@ rule scan:
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
-    params:
-        record=lambda w: clouds.scan(w.dataset, w.cloud).record,
-        code=lambda w: clouds.scan(w.dataset, w.cloud).code,
+    log:
+        f"{RESULTS}/logs/scans/{{dataset}}/{{cloud}}.log",
     priority: 1
+    conda:
+        "../../envs/puckbench.yaml"
     resources:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
-    log:
-        f"{RESULTS}/logs/scans/{{dataset}}/{{cloud}}.log",
-    conda:
-        "../../envs/puckbench.yaml"
+    params:
+        record=lambda w: clouds.scan(w.dataset, w.cloud).record,
+        code=lambda w: clouds.scan(w.dataset, w.cloud).code,
     shell:
         "python -m puckbench.jobs scan {params.record:q} mesh={input.scene:q} table={output:q} > {log:q} 2>&1"

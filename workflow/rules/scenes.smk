@@ -5,19 +5,19 @@ rule scene:
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
         about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
-    params:
-        record=lambda w: clouds.scene(w.scenes, w.scene).record,
-        code=lambda w: clouds.scene(w.scenes, w.scene).code,
+    log:
+        f"{RESULTS}/logs/scenes/{{scenes}}/{{scene}}.log",
     wildcard_constraints:
         scenes=one_of(set(plan.scenes) - set(clouds.of_returns)),
     priority: 1
+    conda:
+        "../../envs/puckbench.yaml"
     resources:
         mem_mb=2000,
         runtime=10,
-    log:
-        f"{RESULTS}/logs/scenes/{{scenes}}/{{scene}}.log",
-    conda:
-        "../../envs/puckbench.yaml"
+    params:
+        record=lambda w: clouds.scene(w.scenes, w.scene).record,
+        code=lambda w: clouds.scene(w.scenes, w.scene).code,
     shell:
         "python -m puckbench.jobs scene {params.record:q} scene={output.scene:q} > {log:q} 2>&1"
 

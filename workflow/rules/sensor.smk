@@ -4,16 +4,16 @@ if plan.study is not None:
     rule residuals:
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
-        params:
-            record=lambda w: study.residuals(w.model).record,
-            code=lambda w: study.residuals(w.model).code,
-        resources:
-            mem_mb=1500,
-            runtime=20,
         log:
             f"{RESULTS}/logs/residuals/models/{{model}}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1500,
+            runtime=20,
+        params:
+            record=lambda w: study.residuals(w.model).record,
+            code=lambda w: study.residuals(w.model).code,
         shell:
             "python -m puckbench.jobs residuals {params.record:q} table={output:q} > {log:q} 2>&1"
 
@@ -22,32 +22,32 @@ if plan.study is not None:
             lambda w: plan.study.captures[w.capture][0],
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
-        params:
-            record=lambda w: study.capture_residuals(w.capture).record,
-            code=lambda w: study.capture_residuals(w.capture).code,
-        resources:
-            mem_mb=2000,
-            runtime=20,
         log:
             f"{RESULTS}/logs/residuals/captures/{{capture}}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=2000,
+            runtime=20,
+        params:
+            record=lambda w: study.capture_residuals(w.capture).record,
+            code=lambda w: study.capture_residuals(w.capture).code,
         shell:
             "python -m puckbench.jobs capture_residuals {params.record:q} capture={input:q} table={output:q} > {log:q} 2>&1"
 
     rule wall_points:
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
-        params:
-            record=lambda w: study.wall_points(w.model).record,
-            code=lambda w: study.wall_points(w.model).code,
-        resources:
-            mem_mb=1500,
-            runtime=10,
         log:
             f"{RESULTS}/logs/wall_points/{{model}}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        params:
+            record=lambda w: study.wall_points(w.model).record,
+            code=lambda w: study.wall_points(w.model).code,
         shell:
             "python -m puckbench.jobs wall_points {params.record:q} table={output:q} > {log:q} 2>&1"
 
@@ -57,15 +57,15 @@ if plan.study is not None:
             study.capture_files(),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
-        params:
-            code=study.calibrate().code,
-        resources:
-            mem_mb=2000,
-            runtime=20,
         log:
             f"{RESULTS}/logs/residuals/calibrated.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=2000,
+            runtime=20,
+        params:
+            code=study.calibrate().code,
         shell:
             "python -m puckbench.jobs calibrate {{}} residuals={input:q} model={output:q} > {log:q} 2>&1"
 
@@ -79,16 +79,16 @@ if plan.study is not None:
                 rows=joined.files,
             output:
                 **joined.outputs,
-            params:
-                job=joined.job.name,
-                record=joined.job.record,
-                code=joined.job.code,
-            resources:
-                mem_mb=3000,
-                runtime=20,
             log:
                 f"{RESULTS}/logs/tables/{table}.log",
             conda:
                 "../../envs/puckbench.yaml"
+            resources:
+                mem_mb=3000,
+                runtime=20,
+            params:
+                job=joined.job.name,
+                record=joined.job.record,
+                code=joined.job.code,
             script:
                 "../scripts/job.py"

@@ -8,17 +8,17 @@ for table, joined in outputs.joined_tables().items():
             rows=joined.files,
         output:
             **joined.outputs,
-        params:
-            job=joined.job.name,
-            record=joined.job.record,
-            code=joined.job.code,
-        resources:
-            mem_mb=1000,
-            runtime=10,
         log:
             f"{RESULTS}/logs/tables/{table}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        params:
+            job=joined.job.name,
+            record=joined.job.record,
+            code=joined.job.code,
         script:
             "../scripts/job.py"
 
@@ -34,16 +34,16 @@ for table, inputs in outputs.tables.items():
         output:
             csv=report(f"{RESULTS}/tables/{table}.csv", category=outputs.table_category(table)),
             parquet=f"{RESULTS}/tables/{table}.parquet",
-        params:
-            record=outputs.table(table).record,
-            code=outputs.table(table).code,
-        resources:
-            mem_mb=1500,
-            runtime=10,
         log:
             f"{RESULTS}/logs/tables/{table}.log",
         conda:
             "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        params:
+            record=outputs.table(table).record,
+            code=outputs.table(table).code,
         shell:
             "python -m puckbench.jobs table {params.record:q} out={output.csv:q} {output.parquet:q} > {log:q} 2>&1"
 
@@ -55,5 +55,7 @@ STUDY_TABLES = [
 ]
 TABLES = [file for joined in outputs.joined_tables().values() for file in joined.outputs.values()]
 TABLES += [
-    f"{RESULTS}/tables/{table}.{suffix}" for table in outputs.tables for suffix in ("csv", "parquet")
+    f"{RESULTS}/tables/{table}.{suffix}"
+    for table in outputs.tables
+    for suffix in ("csv", "parquet")
 ]

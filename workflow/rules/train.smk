@@ -9,17 +9,17 @@ rule weights:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
         card=f"{RESULTS}/weights/{{trained}}.json",
-    params:
-        record=lambda w: training.train(w.trained).record,
-        code=lambda w: training.train(w.trained).code,
-    threads: 64  # or all that there are: one training at a time
-    resources:
-        mem_mb=lambda w: training.memory_mb(w.trained),
-        runtime=24 * 60,
     log:
         f"{RESULTS}/logs/weights/{{trained}}.log",
     conda:
         "../../envs/puckbench.yaml"
+    threads: 64  # or all that there are: one training at a time
+    resources:
+        mem_mb=lambda w: training.memory_mb(w.trained),
+        runtime=24 * 60,
+    params:
+        record=lambda w: training.train(w.trained).record,
+        code=lambda w: training.train(w.trained).code,
     shell:
         "python -m puckbench.jobs train {params.record:q} clouds={input.clouds:q} weights={output.weights:q}"
         " validate={input.validate:q} > {log:q} 2>&1"

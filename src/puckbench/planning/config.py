@@ -430,6 +430,12 @@ class Config(Model):
     report: ReportConfig = Field(
         ReportConfig(), description="What the report page shows of the example clouds."
     )
+    container: str = Field(
+        "puckbench.sif",
+        pattern=r"^\S+$",
+        description="Image that jobs run in with `--software-deployment-method apptainer`: a file "
+        "or `docker://...`.",
+    )
 
     @model_validator(mode="before")
     @classmethod
