@@ -14,6 +14,7 @@ if SOURCE.is_dir():
 
 from puckbench.core.errors import InputError
 from puckbench.planning.closing import closing_lines
+from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
@@ -29,6 +30,7 @@ from puckbench.planning.workflow import Workflow, run_jobs_with
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
+plan_faster()
 
 
 def or_stop(step, *arguments):

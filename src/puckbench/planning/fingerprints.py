@@ -16,7 +16,7 @@ import hashlib
 import importlib.util
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +112,7 @@ class Sources:
     def _module(self, name: str) -> _Module | None:
         if name not in self._modules:
             path = self._path(name)
-            self._modules[name] = None if path is None else _Module(path)
+            self._modules[name] = None if path is None else _Module.read(path)
         return self._modules[name]
 
     def _path(self, name: str) -> Path | None:
@@ -138,41 +138,33 @@ class Import:
 
 @dataclass(frozen=True)
 class _Module:
-    """One source file."""
+    """What counts of one source file; its syntax tree, of some 300 KiB, is not kept.
 
-    path: Path
+    imports: what the module's code imports; of a package, what its own code uses of that.
+    re_exports: where a package's names come from that it does not define. digest: of the code and
+    of the numbers beside it.
+    """
 
-    @property
-    def is_package(self) -> bool:
-        return self.path.name == "__init__.py"
+    is_package: bool
+    imports: tuple[Import, ...]
+    re_exports: dict[str, Import]
+    digest: str
 
-    @cached_property
-    def _tree(self) -> ast.Module:
-        tree = ast.parse(self.path.read_text(encoding="utf-8"))
-        code: ast.Module = _Code().visit(tree)
-        return code
-
-    @cached_property
-    def imports(self) -> tuple[Import, ...]:
-        """What the module's code imports; of a package, what its own code uses of that."""
-        used = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
-        bound = imports(self._tree)
-        return tuple(found for name, found in bound if name in used or not self.is_package)
-
-    @cached_property
-    def re_exports(self) -> dict[str, Import]:
-        """Where a package's names come from that it does not define."""
-        return dict(imports(self._tree)) if self.is_package else {}
-
-    @cached_property
-    def digest(self) -> str:
-        """Digest of the code and of the numbers beside it."""
-        tree = self._tree
-        if self.is_package:
+    @classmethod
+    def read(cls, path: Path) -> _Module:
+        """The module of a source file."""
+        tree: ast.Module = _Code().visit(ast.parse(path.read_text(encoding="utf-8")))
+        is_package = path.name == "__init__.py"
+        bound = tuple(imports(tree))
+        used = tuple(found for _, found in bound)
+        if is_package:
+            names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+            used = tuple(found for name, found in bound if name in names)
             tree = ast.Module([node for node in tree.body if not _is_import(node)], [])
-        numbers = self.path.with_suffix(".yaml")
+        numbers = path.with_suffix(".yaml")
         data = numbers.read_bytes() if numbers.is_file() else b""
-        return hashlib.sha256(ast.dump(tree).encode() + data).hexdigest()
+        digest = hashlib.sha256(ast.dump(tree).encode() + data).hexdigest()
+        return cls(is_package, used, dict(bound) if is_package else {}, digest)
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, Import]]:
