@@ -13,7 +13,7 @@ from puckbench.jobs.encode import Encode
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("cloud", type=Path, help="cloud to code (.ply)")
+    parser.add_argument("cloud", type=Path, help="cloud to code (PLY, PCD, LAS, ...)")
     parser.add_argument("out", type=Path, help="stream to write; what it cost goes beside it")
     parser.add_argument(
         "--rate",

@@ -13,8 +13,8 @@ from puckbench.jobs.evaluate import Evaluate
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("reference", type=Path, help="reference cloud (.ply)")
-    parser.add_argument("decoded", type=Path, help="decoded cloud (.ply) or stream to decode")
+    parser.add_argument("reference", type=Path, help="reference cloud (PLY, PCD, LAS, ...)")
+    parser.add_argument("decoded", type=Path, help="decoded cloud (but .bin) or stream to decode")
     parser.add_argument(
         "--truth",
         type=Path,

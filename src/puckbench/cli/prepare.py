@@ -34,7 +34,10 @@ _SHOWN = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
-        "cloud", type=Path, help="cloud (.ply), scan table (.parquet), or recording (.pcap, ...)"
+        "cloud",
+        type=Path,
+        help="cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), "
+        "or recording (.pcap, ...)",
     )
     parser.add_argument("out", type=Path, help="PLY file to write; its description goes beside it")
     parser.add_argument(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,6 +38,8 @@ class PointCloud:
         cube that it is scaled to (0: metres), and more.
     returns
         The returns of a spinning sensor whose points these are, row by row, or None.
+    fields
+        Further values of every point by name, (n,) each: intensity, time, classification.
     """
 
     xyz: Floats
@@ -45,6 +48,7 @@ class PointCloud:
     labels: NDArray[np.int32] | None = None
     about: dict[str, Any] = field(default_factory=dict)
     returns: Returns | None = None
+    fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -77,6 +81,7 @@ class PointCloud:
             colours=None if self.colours is None else self.colours[rows],
             labels=None if self.labels is None else self.labels[rows],
             returns=None,
+            fields={name: values[rows] for name, values in self.fields.items()},
         )
 
     def to_metres(self, points: Floats) -> Floats:

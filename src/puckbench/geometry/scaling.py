@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 GRID = "grid"
 """In place of a size: the cloud's own voxel grid, from its description."""
 METRIC = "metric"
 """In place of a size: metres in the frame that the cloud came in."""
+FAR_M = 1000.0
+"""Clouds in metres are shifted along an axis where all of their points lie beyond this."""
 _OFF_GRID = 1e-3
 """Tolerance in voxels, far above the rounding of coordinates to metres and back."""
 
@@ -27,6 +29,18 @@ class Scaling(NamedTuple):
     def apply(self, points: Floats) -> Floats:
         """Transform points (n, 3) from metres to the scaled frame."""
         return (points - self.offset) * self.scale
+
+
+def far_shift(points: Floats) -> Floats:
+    """Whole metres (3,) to subtract from points (n, 3) of surveyed coordinates; 0 of near axes.
+
+    Of each axis it is the whole part of the coordinate that is nearest to 0. A difference of that
+    kind has no more binary digits than the coordinate itself: nothing is rounded, and adding the
+    shift gives back every bit.
+    """
+    low, high = bounds(points)
+    nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
+    return np.where(np.abs(nearest) > FAR_M, np.trunc(nearest), 0.0)
 
 
 def to_cube(points: Floats, size: int = 1024) -> Scaling:

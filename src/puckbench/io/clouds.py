@@ -1,16 +1,26 @@
-"""Files of point clouds: binary PLY with double coordinates and a JSON beside it."""
+"""Files of point clouds: written as binary PLY with double coordinates and a JSON beside it.
+
+Read are all formats of `SUFFIXES`, by their suffix.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_json, write_json, written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.io.cloud_arrays import read_frame, read_npy
+from puckbench.io.cloud_text import read_text
+from puckbench.io.e57 import read_e57
+from puckbench.io.las import read_las_points
+from puckbench.io.pcd import is_gap, read_pcd
 from puckbench.io.ply import has_faces, read_ply, write_vertices
+from puckbench.io.point_columns import Columns, cloud_of, storable
 
 
 def sidecar(path: Path) -> Path:
@@ -18,7 +28,7 @@ def sidecar(path: Path) -> Path:
     return path.with_suffix(".json")
 
 
-_FIELDS = {
+_COLUMNS = {
     "xyz": (("x", "y", "z"), "<f8"),
     "normals": (("nx", "ny", "nz"), "<f4"),
     "colours": (("red", "green", "blue"), "u1"),
@@ -27,43 +37,72 @@ _FIELDS = {
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a binary little-endian PLY (double coordinates, float normals) and its JSON.
+    """Write a binary little-endian PLY (double coordinates, float normals, fields) and its JSON.
 
     Both appear when both are written, the JSON first, so that a PLY that exists is complete.
     """
     columns = {
         axis: column.astype(kind)
-        for name, (axes, kind) in _FIELDS.items()
+        for name, (axes, kind) in _COLUMNS.items()
         if (values := getattr(cloud, name)) is not None
         for axis, column in zip(axes, np.atleast_2d(values.T), strict=True)
     }
     with written_whole(path) as temporary:
-        write_vertices(temporary, columns)
+        write_vertices(temporary, {**columns, **storable(cloud.fields)})
         if describe:
             write_json(sidecar(path), {**cloud.about, "points": len(cloud)})
 
 
 def read_cloud(path: str | Path) -> PointCloud:
-    """Read the points of any PLY file, and the JSON beside it where there is one.
+    """Read a point cloud of any format in `SUFFIXES`; of a PLY file also the JSON beside it.
 
-    Raises InputError when the file is missing, damaged, empty, a mesh, or has points that are not
-    finite.
+    Raises InputError when the file is missing, damaged, empty, a mesh, of another format, or has
+    points that are not finite.
     """
-    path = Path(path)
+    cloud = read_points(Path(path))
+    check_points(cloud.xyz, str(path))
+    return cloud
+
+
+def read_points(path: Path) -> PointCloud:
+    """As `read_cloud`, of a cloud that may be empty or have points that are not finite."""
+    suffix = path.suffix.lower()
+    if suffix not in _READERS and path.exists() and not _begins_as_ply(path):
+        raise InputError(f"{path}: not a point cloud by its name ({', '.join(SUFFIXES)})")
+    columns = _READERS.get(suffix, _read_ply_points)(path)
+    with naming(path):
+        cloud = cloud_of(columns)
+    about = {}
+    if (beside := sidecar(path)).exists() and suffix not in _FOREIGN:
+        about = read_json(beside)
+    return replace(cloud, about=about if isinstance(about, dict) else {})
+
+
+def _begins_as_ply(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(3) == b"ply"
+
+
+def _read_ply_points(path: Path) -> Columns:
     if has_faces(path):
         raise InputError(f"{path}: a mesh, not a cloud: sample or scan it first")
-    vertices = read_ply(path)
-    values: dict[str, Any] = {}
-    for name, (axes, kind) in _FIELDS.items():
-        if vertices.keys() >= set(axes):
-            stacked = np.column_stack([vertices[axis] for axis in axes])
-            values[name] = np.ascontiguousarray(stacked, dtype=np.dtype(kind).newbyteorder("="))
-    if "xyz" not in values:
-        raise InputError(f"{path}: the vertices have no x, y, z")
-    if "labels" in values:
-        values["labels"] = values["labels"][:, 0]
-    if "normals" in values:
-        values["normals"] = values["normals"].astype(np.float64)
-    check_points(values["xyz"], str(path))
-    about = read_json(sidecar(path)) if sidecar(path).exists() else {}
-    return PointCloud(**values, about=about)
+    return read_ply(path)
+
+
+def _read_pcd_points(path: Path) -> Columns:
+    return {name: part for name, part in read_pcd(path).items() if not is_gap(name)}
+
+
+_FOREIGN: dict[str, Callable[[Path], Columns]] = {
+    ".pcd": _read_pcd_points,
+    ".las": read_las_points,
+    ".laz": read_las_points,
+    ".e57": read_e57,
+    **dict.fromkeys((".xyz", ".txt", ".csv", ".asc", ".pts"), read_text),
+    ".npy": read_npy,
+    ".npz": read_npy,
+    ".bin": read_frame,
+}
+_READERS = {".ply": _read_ply_points, **_FOREIGN}
+SUFFIXES = (*_READERS,)
+"""Of the formats that are read."""

@@ -52,6 +52,34 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
     InputError
         The file is missing or damaged.
     """
+    points = _read_points(path)
+    dimensions = set(points.point_format.dimension_names)
+    known = {name for name in _NAMES if name in dimensions}
+    return {**_coordinates(points), **{_NAMES[name]: np.asarray(points[name]) for name in known}}
+
+
+def read_las_points(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the points of a LAS or LAZ file with all of their dimensions that are not 0 throughout.
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged.
+    """
+    points = _read_points(path)
+    others = {
+        name: np.asarray(points[name])
+        for name in points.point_format.dimension_names
+        if name not in {"X", "Y", "Z"}
+    }
+    return {**_coordinates(points), **{name: part for name, part in others.items() if part.any()}}
+
+
+def _coordinates(points: Any) -> dict[str, NDArray[np.float64]]:
+    return {axis: np.asarray(points[axis], dtype=np.float64) for axis in "xyz"}
+
+
+def _read_points(path: Path) -> Any:
     import laspy
     from lazrs import LazrsError
 
@@ -62,12 +90,11 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
             if header.point_count * header.point_format.size > _MOST_COMPRESSION * len(data):
                 raise InputError(f"{path}: not a readable LAS file (it is cut short)")
             points = reader.read()
-        xyz = {axis: np.asarray(points[axis], dtype=np.float64) for axis in "xyz"}
-        known = {name for name in _NAMES if name in header.point_format.dimension_names}
-        return {**xyz, **{_NAMES[name]: np.asarray(points[name]) for name in known}}
+            _coordinates(points)
     except (laspy.LaspyException, LazrsError, struct.error, ValueError, OverflowError) as error:
         fault = " ".join(str(error).split())
         raise InputError(f"{path}: not a readable LAS file ({fault})") from error
+    return points
 
 
 def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:

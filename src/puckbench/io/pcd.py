@@ -71,6 +71,11 @@ def parse_pcd(data: bytes) -> dict[str, NDArray[Any]]:
     return {name: rows[name][:points] for name in kind.names or ()}
 
 
+def is_gap(name: str) -> bool:
+    """Whether `read_pcd` calls a gap between fields so."""
+    return re.fullmatch(r"_\d+", name) is not None
+
+
 def _fields(header: dict[str, list[str]]) -> Iterator[Any]:
     letters = {"F": "f", "U": "u", "I": "i"}
     fields, sizes, types = header["FIELDS"], header["SIZE"], header["TYPE"]

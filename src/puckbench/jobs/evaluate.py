@@ -12,7 +12,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import read_cloud
+from puckbench.io.clouds import SUFFIXES, read_cloud
 from puckbench.jobs.codecs import record_file
 from puckbench.jobs.decode import Decoding
 from puckbench.jobs.registry import JOBS
@@ -83,7 +83,7 @@ class Evaluating(Decoding):
     metrics: tuple[str, ...] = ()
 
     def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
-        """The result row of a decoded cloud (.ply), or of a stream."""
+        """The result row of a decoded cloud, or of a stream (.bin)."""
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
@@ -130,7 +130,7 @@ class Evaluating(Decoding):
         return {**self.work(points, len(rows), seconds), "truth": originals.truth is not None}
 
     def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
-        if path.suffix == ".ply":
+        if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
             return read_cloud(path), {}
         decoded, record = self.decoded(path)
         beside = record_file(path)
@@ -158,7 +158,7 @@ class Evaluate(Evaluating):
         Parameters
         ----------
         decoded
-            A decoded cloud (.ply), or a stream.
+            A decoded cloud, or a stream (.bin, or of a suffix that no cloud has).
         cloud, truth, visible, clean
             As `Originals` takes them.
         """

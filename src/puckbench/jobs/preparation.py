@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside
 from puckbench.geometry.normals import estimate_normals
-from puckbench.geometry.scaling import GRID, Scaling, to_cube, to_grid
+from puckbench.geometry.scaling import GRID, Scaling, far_shift, to_cube, to_grid
 from puckbench.metrics.density import density, in_metres
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.elongation import elongation, oriented_elongation
@@ -38,13 +38,15 @@ class Returns:
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
     """A cloud in metres, with normals estimated and scaled to [0, size - 1].
 
-    size: 0 for a cloud that is not scaled, `GRID` for voxels as they came: whole numbers.
+    size: 0 for a cloud that is not scaled, but shifted by whole metres where its coordinates are
+    large (`far_shift`); `GRID` for voxels as they came: whole numbers.
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
     `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
     the scaled frame, as the thesis does.
     """
     scaling, xyz, side = _scaled(cloud, size)
+    local = cloud.xyz - far_shift(cloud.xyz)  # whose moments are not lost in large coordinates
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
@@ -52,8 +54,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         "size": side,
         "neighbours": neighbours,
         "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
-        "elongation": elongation(cloud.xyz),
-        "elongation_oriented": oriented_elongation(cloud.xyz),
+        "elongation": elongation(local),
+        "elongation_oriented": oriented_elongation(local),
         **in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
     }
@@ -66,5 +68,5 @@ def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
         scaling = to_grid(cloud.xyz, cloud.about)
         return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])
     side = int(size)
-    scaling = to_cube(cloud.xyz, side) if side else Scaling(1.0, np.zeros(3))
+    scaling = to_cube(cloud.xyz, side) if side else Scaling(1.0, far_shift(cloud.xyz))
     return scaling, scaling.apply(cloud.xyz), side

@@ -50,7 +50,7 @@ class Prepare(Job):
         Parameters
         ----------
         source
-            A cloud (.ply) or a scan table (.parquet).
+            A cloud (`puckbench.io.clouds.SUFFIXES`) or a scan table (.parquet).
         box
             JSON file that has the ``box`` to crop to, in m.
         about
@@ -89,7 +89,8 @@ def _returns(path: Path, clean: bool) -> Returns:
 
     if path.suffix != ".parquet":
         cloud = read_cloud(path)
-        if cloud.frame == "scaled":
+        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
+        if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
         return Returns(cloud, clean=cloud)
     from puckbench.lidar.export import read_source

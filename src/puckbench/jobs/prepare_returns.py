@@ -10,7 +10,7 @@ from pydantic import Field
 
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
+from puckbench.io.clouds import SUFFIXES, write_cloud
 from puckbench.io.columns import metadata_of
 from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
@@ -119,7 +119,7 @@ class PrepareReturns(Job):
 
 def is_recording(path: Path) -> bool:
     """Whether a file or folder is no table and no cloud, and so a recording, if anything."""
-    return path.suffix.lower() not in (".parquet", ".ply")
+    return path.suffix.lower() not in (".parquet", *SUFFIXES)
 
 
 def _read_returns(path: Path) -> tuple[Returns, tuple[int, int]]:

@@ -8,7 +8,7 @@ from puckbench.core.errors import InputError
 from puckbench.datasets.captured_rooms import read_capture
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import read_cloud
+from puckbench.io.clouds import SUFFIXES, read_cloud
 from puckbench.io.meshes import read_mesh
 from puckbench.io.ply import has_faces
 
@@ -22,7 +22,8 @@ def read_surface(path: Path) -> Mesh:
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:
-    """A surface, or the points of a PLY file without faces."""
-    if path.suffix == ".ply" and not has_faces(path):
+    """A surface, or the points of a file of a cloud: of PLY files, one without faces."""
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES and not (suffix == ".ply" and has_faces(path)):
         return read_cloud(path)
     return read_surface(path)

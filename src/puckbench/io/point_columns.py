@@ -1,0 +1,178 @@
+"""Columns of points, as formats name them, and clouds with their attributes and further fields."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, PointCloud
+
+Columns = dict[str, NDArray[Any]]
+
+_XYZ = (("x", "y", "z"), ("cartesianx", "cartesiany", "cartesianz"))
+_NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+_COLOURS = (
+    ("red", "green", "blue"),
+    ("r", "g", "b"),
+    ("colorred", "colorgreen", "colorblue"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+)
+_PACKED = ("rgb", "rgba")
+_OWN = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
+_HIGHEST = 255
+_WHOLE_DOUBLES = 2**53
+
+
+def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
+    """The cloud of columns (n,) by name, whatever their case; raises InputError without x, y, z.
+
+    Normals and colours are known by the names that PLY, PCD, LAS and E57 files give them. What
+    else there is becomes a field: whole numbers and floating-point numbers as they are, colours of
+    more than 8 bits beside the colours made of them.
+    """
+    left = {name: np.asarray(values) for name, values in columns.items()}
+    xyz = _taken(left, _XYZ)
+    if xyz is None:
+        named = ", ".join(columns) or "none"
+        raise InputError(f"the points have no x, y, z (their columns: {named})")
+    normals, colours = _taken(left, _NORMALS), _taken(left, _COLOURS)
+    if colours is None:
+        colours = _unpacked(left)
+    fields = dict(_fields(left))
+    shown = None
+    if colours is not None:
+        shown, is_whole = _eight_bits(colours)
+        if not is_whole:
+            wide = {f"{name}_16": colours[:, axis] for axis, name in enumerate(_COLOURS[0])}
+            fields |= wide
+    labels = _labels(left)
+    if labels is None and "label" in fields:
+        fields["label_"] = fields.pop("label")
+    return PointCloud(
+        np.ascontiguousarray(xyz, dtype=np.float64),
+        None if normals is None else np.ascontiguousarray(normals, dtype=np.float64),
+        shown,
+        labels,
+        fields=fields if labels is None else {n: v for n, v in fields.items() if n != "label"},
+    )
+
+
+def named_columns(rows: NDArray[Any]) -> Columns:
+    """Columns of rows (n, 3 or more) without names, by what is customary at their number.
+
+    The fourth of four is the intensity; six end in colours where these are whole numbers from 0 to
+    255, else in normals; seven have intensity and colours in either order. Others are numbered.
+    """
+    names = ["x", "y", "z"]
+    colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
+    count = rows.shape[1]
+    if count == 4:
+        names += ["intensity"]
+    elif count == 6:
+        names += colours if _are_colours(rows[:, 3:]) else normals
+    elif count == 7 and _are_colours(rows[:, 4:]):
+        names += ["intensity", *colours]
+    elif count == 7 and _are_colours(rows[:, 3:6]):
+        names += [*colours, "intensity"]
+    names += [f"column_{place + 1}" for place in range(len(names), count)]
+    return {name: rows[:, place] for place, name in enumerate(names)}
+
+
+def storable(fields: Mapping[str, NDArray[Any]]) -> Columns:
+    """Fields in types and under names that a PLY file can have, without loss.
+
+    Whole numbers of 64 bits get the least type that holds them all; where only 64 bits do, they
+    are split (``_high`` and ``_low``). Fields of no numbers are left out.
+    """
+    found: Columns = {}
+    for name, values in fields.items():
+        plain = re.sub(r"\W+", "_", name)
+        plain = f"{plain}_" if plain in _OWN else plain
+        if values.dtype.kind == "b":
+            found[plain] = values.astype(np.uint8)
+        elif values.dtype.kind == "f":
+            found[plain] = values.astype("<f4" if values.dtype.itemsize <= 4 else "<f8")
+        elif values.dtype.kind in "iu":
+            found |= _whole_numbers(plain, values)
+    return found
+
+
+def _whole_numbers(name: str, values: NDArray[Any]) -> Columns:
+    if values.dtype.itemsize < 8 or not len(values):
+        return {name: values}
+    low, high = int(values.min()), int(values.max())
+    for kind in (np.int32, np.uint32):
+        if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max:
+            return {name: values.astype(kind)}
+    if max(-low, high) <= _WHOLE_DOUBLES:
+        return {name: values.astype(np.float64)}
+    bits = np.ascontiguousarray(values).view(np.uint64)
+    halves = (bits >> np.uint64(32), bits & np.uint64(0xFFFFFFFF))
+    return {
+        f"{name}_{half}": part.astype(np.uint32)
+        for half, part in zip(("high", "low"), halves, strict=True)
+    }
+
+
+def _taken(columns: Columns, known: tuple[tuple[str, str, str], ...]) -> NDArray[Any] | None:
+    """The first known triple of columns, side by side (n, 3), removed from the others."""
+    places = {name.lower().strip().lstrip("/#"): name for name in columns}
+    for names in known:
+        if all(name in places for name in names):
+            return np.column_stack([columns.pop(places[name]) for name in names])
+    return None
+
+
+def _unpacked(columns: Columns) -> NDArray[np.uint8] | None:
+    """Colours (n, 3) of a number with red, green and blue in its lowest 24 bits, as in PCD."""
+    for name in _PACKED:
+        if name in columns and columns[name].dtype.itemsize == 4:
+            bits = np.ascontiguousarray(columns.pop(name)).view(np.uint32)
+            shifted = bits[:, None] >> np.array([16, 8, 0], dtype=np.uint32)
+            return (shifted & np.uint32(_HIGHEST)).astype(np.uint8)
+    return None
+
+
+def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
+    """Colours (n, 3) as whole numbers to 255, and whether nothing is lost by that."""
+    if colours.dtype.kind == "f":
+        high = np.nanmax(colours, initial=0)
+        scaled = np.clip(np.nan_to_num(colours * (_HIGHEST if high <= 1 else 1)), 0, _HIGHEST)
+        return np.rint(scaled).astype(np.uint8), bool(high > 1 and (scaled == colours).all())
+    if colours.max(initial=0) <= _HIGHEST:
+        return colours.astype(np.uint8), True
+    high_bytes = (np.clip(colours, 0, 0xFFFF).astype(np.uint16) >> 8).astype(np.uint8)
+    whole = (colours % 256 == 0).all() or (colours == high_bytes * np.int64(257)).all()
+    return high_bytes, bool(whole)
+
+
+def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name, values in columns.items():
+        if values.ndim == 1 and values.dtype.kind in "fiub":
+            yield name, values
+        elif values.ndim == 2 and values.dtype.kind in "fiub":
+            yield from ((f"{name}_{part}", values[:, part]) for part in range(values.shape[1]))
+
+
+def _labels(columns: Columns) -> NDArray[np.int32] | None:
+    """The column ``label``, where 32 bits hold its whole numbers."""
+    values = columns.get("label")
+    if values is None or values.ndim != 1 or values.dtype.kind not in "iuf":
+        return None
+    limits = np.iinfo(np.int32)
+    whole: Floats = np.asarray(values, dtype=np.float64)
+    fits = (whole == np.rint(whole)) & (whole >= limits.min) & (whole <= limits.max)
+    return values.astype(np.int32) if fits.all() else None
+
+
+def _are_colours(values: NDArray[Any]) -> bool:
+    """Whether numbers (n, 3) are whole, from 0 to 255, and not all 0 or 1."""
+    if not len(values) or not np.isfinite(values).all():
+        return False
+    whole = (values == np.rint(values)).all()
+    return bool(whole and values.min() >= 0 and 1 < values.max() <= _HIGHEST)

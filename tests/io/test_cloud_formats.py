@@ -1,0 +1,215 @@
+"""Clouds in other programs' formats, each written by a library that is not ours."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import SUFFIXES, read_cloud, write_cloud
+
+RNG = np.random.default_rng(5)
+POINTS = RNG.random((40, 3)) * [50, 30, 10]
+UTM = np.rint(POINTS * 1000) / 1000 + [500_000.0, 5_400_000.0, 250.0]
+COLOURS = RNG.integers(0, 256, (40, 3)).astype(np.uint8)
+INTENSITY = RNG.integers(0, 60_000, 40).astype(np.uint16)
+
+
+def write_las(path: Path, scale: int = 256) -> None:
+    header = laspy.LasHeader(point_format=3, version="1.4")
+    header.scales, header.offsets = [0.001] * 3, [500_000, 5_400_000, 0]
+    header.add_extra_dim(laspy.ExtraBytesParams("amplitude", np.float32))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = UTM.T
+    las.intensity, las.gps_time = INTENSITY, np.arange(40) + 0.25
+    las.classification, las.amplitude = np.full(40, 6), POINTS[:, 0]
+    las.red, las.green, las.blue = COLOURS.T.astype(np.uint16) * scale
+    las.write(path)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_a_surveyed_cloud_keeps_millimetres_colours_and_fields(tmp_path: Path, suffix: str) -> None:
+    write_las(tmp_path / f"a{suffix}")
+    cloud = read_cloud(tmp_path / f"a{suffix}")
+    assert np.abs(cloud.xyz - UTM).max() < 2e-9
+    assert np.array_equal(cloud.colours, COLOURS)
+    assert set(cloud.fields) == {
+        *("intensity", "classification", "gps_time", "amplitude"),
+        *(set(cloud.fields) & {"return_number", "number_of_returns"}),
+    }
+    assert np.array_equal(cloud.fields["intensity"], INTENSITY)
+    assert np.array_equal(cloud.fields["amplitude"], POINTS[:, 0].astype(np.float32))
+
+
+def test_colours_of_16_bits_stand_beside_those_of_8(tmp_path: Path) -> None:
+    write_las(tmp_path / "a.las", scale=255)
+    cloud = read_cloud(tmp_path / "a.las")
+    assert np.array_equal(cloud.fields["red_16"], COLOURS[:, 0] * np.uint16(255))
+    assert np.array_equal(cloud.colours, (COLOURS.astype(int) * 255) >> 8)
+
+
+def test_fields_come_back_from_the_clouds_own_file(tmp_path: Path) -> None:
+    fields = {
+        "intensity": INTENSITY,
+        "gps time": np.arange(40) + 0.125,
+        "stamp": np.arange(40, dtype=np.uint64) + np.uint64(2**60),
+        "ring": np.arange(40, dtype=np.int64),
+        "is_ground": np.arange(40) % 2 == 0,
+        "label": np.full(40, 2**40),
+    }
+    write_cloud(tmp_path / "a.ply", PointCloud(UTM, colours=COLOURS, fields=fields))
+    back = read_cloud(tmp_path / "a.ply")
+    assert np.array_equal(back.xyz, UTM)
+    assert np.array_equal(back.fields["gps_time"], fields["gps time"])
+    halves = back.fields["stamp_high"].astype(np.uint64) << np.uint64(32)
+    assert np.array_equal(halves | back.fields["stamp_low"], fields["stamp"])
+    for name in ("intensity", "ring", "is_ground"):
+        assert np.array_equal(back.fields[name], fields[name])
+    assert np.array_equal(back.fields["label_"], fields["label"])
+    assert list(back.select(np.array([3])).fields["ring"]) == [3]
+
+
+def test_coloured_pcd_of_open3d(tmp_path: Path) -> None:
+    from puckbench.core.open3d_library import open3d
+
+    o3d = open3d()
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
+    cloud.colors = o3d.utility.Vector3dVector(COLOURS / 255)
+    cloud.normals = o3d.utility.Vector3dVector(np.tile([0.0, 0, 1], (40, 1)))
+    for name, ascii_ in (("a.pcd", False), ("b.pcd", True)):
+        o3d.io.write_point_cloud(str(tmp_path / name), cloud, write_ascii=ascii_)
+        back = read_cloud(tmp_path / name)
+        assert np.abs(back.xyz - POINTS).max() < 1e-5
+        assert np.array_equal(back.colours, COLOURS)
+        assert back.normals is not None
+    o3d.io.write_point_cloud(str(tmp_path / "c.ply"), cloud)
+    assert np.array_equal(read_cloud(tmp_path / "c.ply").xyz, POINTS)
+    assert np.array_equal(read_cloud(tmp_path / "c.ply").colours, COLOURS)
+    o3d.io.write_point_cloud(str(tmp_path / "d.xyz"), cloud)
+    assert np.abs(read_cloud(tmp_path / "d.xyz").xyz - POINTS).max() < 1e-9
+
+
+def test_text_of_numpy_is_read_to_the_last_bit(tmp_path: Path) -> None:
+    exact = UTM + RNG.random((40, 3))
+    np.savetxt(tmp_path / "a.xyz", exact, fmt="%.17g")
+    assert np.array_equal(read_cloud(tmp_path / "a.xyz").xyz, exact)
+
+
+@pytest.mark.parametrize(
+    ("text", "colours", "fields"),
+    [
+        ("1 2 3 0.5\n4 5 6 0.25\n", None, {"intensity": [0.5, 0.25]}),
+        ("1,2,3,10,20,30\n4,5,6,255,0,0\n", [[10, 20, 30], [255, 0, 0]], {}),
+        ("2\n1 2 3 -7 1 2 9\n4 5 6 8 0 0 9\n", [[1, 2, 9], [0, 0, 9]], {"intensity": [-7, 8]}),
+        ("//X Y Z R G B T\n1 2 3 1 2 3 9\n4 5 6 0 0 1 8", [[1, 2, 3], [0, 0, 1]], {"T": [9, 8]}),
+        ("# made by hand\ny;x;z;who\n2;1;3;Ann\n5;4;6;Bob\n", None, {}),
+        ("\ufeffx, y, z\n1, 2, 3\n4, 5, 6", None, {}),
+        ("1 2 3 \r\n4 5 6 \r\n", None, {}),
+    ],
+)  # fmt: skip
+def test_kinds_of_text(tmp_path: Path, text: str, colours: object, fields: object) -> None:
+    (tmp_path / "a.txt").write_text(text, encoding="utf-8")
+    cloud = read_cloud(tmp_path / "a.txt")
+    assert cloud.xyz.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert (None if cloud.colours is None else cloud.colours.tolist()) == colours
+    assert {name: values.tolist() for name, values in cloud.fields.items()} == fields
+
+
+def test_arrays_of_numpy(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", POINTS.astype(np.float32))
+    assert np.array_equal(read_cloud(tmp_path / "a.npy").xyz, POINTS.astype(np.float32))
+    np.savez_compressed(
+        tmp_path / "a.npz", points=UTM, rgb=COLOURS, intensity=INTENSITY, pose=np.eye(4)
+    )
+    cloud = read_cloud(tmp_path / "a.npz")
+    assert np.array_equal(cloud.xyz, UTM)
+    assert np.array_equal(cloud.colours, COLOURS)
+    assert np.array_equal(cloud.fields["intensity"], INTENSITY)
+    assert set(cloud.fields) == {"intensity"}
+    named = np.zeros(40, dtype=[("x", "f8"), ("y", "f8"), ("z", "f8"), ("ring", "u1")])
+    named["x"] = UTM[:, 0]
+    np.save(tmp_path / "b.npy", named)
+    assert np.array_equal(read_cloud(tmp_path / "b.npy").xyz[:, 0], UTM[:, 0])
+
+
+def test_frames_of_kitti_and_nuscenes(tmp_path: Path) -> None:
+    rows = np.column_stack([POINTS, INTENSITY / 60_000, INTENSITY % 32]).astype("<f4")
+    (tmp_path / "a.bin").write_bytes(rows[:, :4].tobytes())
+    assert np.array_equal(read_cloud(tmp_path / "a.bin").fields["intensity"], rows[:, 3])
+    (tmp_path / "a.pcd.bin").write_bytes(rows.tobytes())
+    cloud = read_cloud(tmp_path / "a.pcd.bin")
+    assert np.array_equal(cloud.xyz, rows[:, :3])
+    assert np.array_equal(cloud.fields["ring"], rows[:, 4])
+
+
+def test_scans_of_an_e57_file_are_moved_to_their_poses(tmp_path: Path) -> None:
+    pye57 = pytest.importorskip("pye57")
+    near = POINTS.astype(np.float32).astype(np.float64)
+    columns = {f"cartesian{axis}": near[:, place] for place, axis in enumerate("XYZ")}
+    columns |= {f"color{name}": COLOURS[:, n] for n, name in enumerate(("Red", "Green", "Blue"))}
+    with pye57.E57(str(tmp_path / "a.e57"), mode="w") as file:
+        file.write_scan_raw({**columns, "intensity": INTENSITY / 60_000})
+        turned = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])  # a quarter turn about z
+        place = np.array([500_000.0, 5_400_000.0, 250.0])
+        file.write_scan_raw(columns, rotation=turned, translation=place)
+    cloud = read_cloud(tmp_path / "a.e57")
+    assert np.array_equal(cloud.xyz[:40], near)
+    expected = np.column_stack([-near[:, 1], near[:, 0], near[:, 2]]) + place
+    assert np.abs(cloud.xyz[40:] - expected).max() < 2e-9
+    assert np.array_equal(cloud.colours, np.tile(COLOURS, (2, 1)))
+    assert cloud.fields["scan"].tolist() == [0] * 40 + [1] * 40
+
+
+def test_without_pye57_one_line_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pye57", None)
+    (tmp_path / "a.e57").write_bytes(b"ASTM-E57")
+    with pytest.raises(InputError, match=r"a\.e57: .*pip install 'puckbench\[e57\]'"):
+        read_cloud(tmp_path / "a.e57")
+
+
+BAD = {
+    "a.xyz": b"",
+    "b.xyz": b"1 2 3\n4 5 six\n",
+    "c.csv": b"a,b,c\n1,2,3\n",
+    "d.xyz": b"1 2\n3 4\n",
+    "e.txt": b"1 2 3\n4 5 6 7 8\n",
+    "f.npy": b"\x93NUMPY\x01\x00damaged",
+    "g.npz": b"PK\x03\x04damaged",
+    "h.bin": struct.pack("<4f", 1, 2, 3, 4)[:-1],
+    "i.bin": struct.pack("<4f", 1, 1e9, 3, 4),
+    "j.las": b"LASF",
+    "k.pcd": b"# .PCD v0.7\n",
+    "l.xyz": b"1 2 nan\n3 4 5\n",
+    "m.xyz": b"x y z\n",
+    "n.ply": b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n",
+    "o.jpg": b"\xff\xd8",
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_named_in_one_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(BAD[name])
+    with pytest.raises(InputError, match=name):
+        read_cloud(path)
+    assert (
+        main(["encode", str(path), str(tmp_path / "o.out"), "--codec", "draco", "--rate", "r1"])
+        == 2
+    )
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_every_format_has_a_test() -> None:
+    source = Path(__file__).read_text(encoding="utf-8")
+    assert all(suffix in source for suffix in set(SUFFIXES) - {".asc", ".pts"})
