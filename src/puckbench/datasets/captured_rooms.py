@@ -54,7 +54,7 @@ class CapturedRooms(FolderSet):
         return read_capture(self._file(name), name)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        paths = sorted(path for path in folder.glob("*.json") if _is_capture(path))
+        paths = sorted(path for path in folder.glob("*.json") if is_capture(path))
         if not paths:
             raise self._missing("captured rooms (.json with spatialEntities)")
         return dict(sorted(zip(unique_names(path.stem for path in paths), paths, strict=True)))
@@ -120,7 +120,8 @@ class _Placed:
         return np.asarray(inside)
 
 
-def _is_capture(path: Path) -> bool:
+def is_capture(path: Path) -> bool:
+    """Whether a file is a captured room, by its first lines."""
     with path.open("rb") as stream:
         return b'"spatialEntities"' in stream.read(1 << 16)
 

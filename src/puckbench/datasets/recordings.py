@@ -13,12 +13,12 @@ from pydantic import Field, PositiveInt
 from puckbench.core.errors import InputError, naming
 from puckbench.datasets.base import DataSet, found
 from puckbench.datasets.registry import LOADERS
-from puckbench.datasets.scene import Scene, safe_name
+from puckbench.datasets.scene import Scene, safe_name, unique_names
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
-_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap")
+RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap")
 
 
 @LOADERS.register("recordings")
@@ -33,8 +33,8 @@ class Recordings(DataSet):
     of_returns: ClassVar[bool] = True
     of_packets: ClassVar[bool] = True
 
-    path: str
-    """A recording, or a folder with recordings."""
+    path: str | tuple[str, ...]
+    """A recording, a folder with recordings, or a list of such."""
     turns: PositiveInt = 1
     """Turns that make one cloud."""
     every: PositiveInt = 1
@@ -48,11 +48,11 @@ class Recordings(DataSet):
 
     def files(self, name: str) -> list[Path]:
         """The recording that a cloud is taken from."""
-        return [found(self._table, name, self.path)[0]]
+        return [found(self._table, name, str(self.path))[0]]
 
     def load(self, name: str) -> Scene:
         """The returns of a cloud's turns."""
-        path, first = found(self._table, name, self.path)
+        path, first = found(self._table, name, str(self.path))
         whole = _returns(path, self.start_s)
         about = {"source": path.name, "first_turn": first, "sensor": whole.sensor}
         chosen = replace(whole, turns=whole.turns[first : first + self.turns])
@@ -61,11 +61,13 @@ class Recordings(DataSet):
     @cached_property
     def _table(self) -> Mapping[str, tuple[Path, int]]:
         """Recording and first turn of each cloud; turn 0 and the last are parts of one."""
-        table = {}
-        for path in _files(Path(self.path)):
+        table: dict[str, tuple[Path, int]] = {}
+        given = (self.path,) if isinstance(self.path, str) else self.path
+        paths = [path for one in given for path in _files(Path(one))]
+        for path, name in zip(paths, unique_names(path.stem for path in paths), strict=True):
             count = len(_returns(path, self.start_s).turns)
             for first in range(1, count - self.turns, self.turns * self.every):
-                table[f"{safe_name(path.stem)}_{first:04d}"] = (path, first)
+                table[f"{name}_{first:04d}"] = (path, first)
         if not table:
             raise InputError(f"{self.path}: no whole turn in the recording")
         return table
@@ -77,9 +79,9 @@ def _files(path: Path) -> list[Path]:
         raise InputError(f"{path}: no such file or folder (recordings should lie there)")
     if not path.is_dir() or (path / "metadata.yaml").exists():
         return [path]
-    inside = [one for one in sorted(path.iterdir()) if one.suffix.lower() in _SUFFIXES]
+    inside = [one for one in sorted(path.iterdir()) if one.suffix.lower() in RECORDING_SUFFIXES]
     if not inside:
-        raise InputError(f"{path}: no recording there ({', '.join(_SUFFIXES)})")
+        raise InputError(f"{path}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
     return inside
 
 

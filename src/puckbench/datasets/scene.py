@@ -55,7 +55,9 @@ class SceneSet(Protocol):
     A data set whose meshes name the geometric primitive of each triangle in their labels says so by
     a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``, and
     one whose clouds are a sensor's returns by ``of_returns`` as well, and by ``of_packets`` where
-    these are those of data packets.
+    these are those of data packets; ``read_first`` has its clouds read before a run. A method
+    ``options_of(name)`` may give the options of a set of one scene, so that it is not made again
+    when others come and go.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -89,6 +91,11 @@ def of_returns(scenes: SceneSet) -> bool:
 def of_packets(scenes: SceneSet) -> bool:
     """Whether the returns of a data set's scenes are those of a recording's data packets."""
     return bool(getattr(scenes, "of_packets", False))
+
+
+def read_first(scenes: SceneSet) -> bool:
+    """Whether the clouds of a data set are read before a run, to leave out those not usable."""
+    return bool(getattr(scenes, "read_first", False))
 
 
 def safe_name(text: str) -> str:

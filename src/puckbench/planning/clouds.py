@@ -70,7 +70,7 @@ class CloudJobs:
         """Write a scene of a scene set."""
         chosen = self.plan.scenes[scenes]
         record = WriteScene(
-            loader=chosen.loader, name=name, options=chosen.options, seed=chosen.seed
+            loader=chosen.loader, name=name, options=chosen.options_of(name), seed=chosen.seed
         )
         return planned(record, LOADERS.module_of(chosen.loader))
 

@@ -18,7 +18,14 @@ from puckbench.codecs.learned.training.settings import open_training
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import SceneSet, has_primitives, of_clouds, of_packets, of_returns
+from puckbench.datasets.scene import (
+    SceneSet,
+    has_primitives,
+    of_clouds,
+    of_packets,
+    of_returns,
+    read_first,
+)
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -32,7 +39,7 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
-from puckbench.planning.scene_checks import scene_faults
+from puckbench.planning.scene_checks import most_points, scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -50,6 +57,11 @@ class ScenePlan:
     def files(self, scene: str) -> list[str]:
         """Files that the scene is read from; none for generated scenes."""
         return [str(path) for path in self.scenes.files(scene)]
+
+    def options_of(self, scene: str) -> dict[str, Any]:
+        """Options of the loader with which it loads a scene."""
+        narrowed = getattr(self.scenes, "options_of", None)
+        return self.options if narrowed is None else dict(narrowed(scene))
 
 
 @dataclass(frozen=True)
@@ -310,15 +322,21 @@ class Plan:
         if of_returns(scenes.scenes):
             points = _RETURNS
         clouds = self._usable(name, scenes)
+        if read_first(scenes.scenes):
+            points = most_points(self._checks(name), clouds) or points
         packets = has_returns and of_packets(scenes.scenes)
         return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns, packets)
+
+    def _checks(self, dataset: str) -> Path:
+        """The file of what was found of a data set's scenes."""
+        return self.results / "checks" / f"{dataset}.json"
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
         """The scenes that a data set can use; InputError where none is left, or all must be."""
         if not self._check_scenes:
             return scenes.chosen
-        kept = self.results / "checks" / f"{name}.json"
-        faults = scene_faults(scenes.scenes, scenes.chosen, self.config.datasets[name], kept)
+        settings, kept = self.config.datasets[name], self._checks(name)
+        faults = scene_faults(scenes.scenes, scenes.chosen, settings, kept)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
         if faults and (self.config.strict or not usable):
             scene, fault = next(iter(faults.items()))

@@ -1,7 +1,8 @@
 """Scenes that a data set cannot use, found before anything runs.
 
-A scene that is read from mesh files may be damaged, or leave a sensor no room. Each is looked at
-once: what was found is kept beside the results until its files or the scan's settings change.
+A scene that is read from mesh files may be damaged, or leave a sensor no room; a user's cloud may
+hold no points. Each is looked at once: what was found is kept beside the results until its files or
+the settings change.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
+from puckbench.core.models import Model
 from puckbench.core.progress import Progress
-from puckbench.datasets.scene import SceneSet
+from puckbench.datasets.scene import SceneSet, read_first
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -41,45 +43,68 @@ def scene_faults(
     Parameters
     ----------
     chosen
-        Names of the scenes. Generated ones and captured clouds are not looked at.
+        Names of the scenes. Generated ones, and captured clouds of published sets, are not looked
+        at.
     kept
         File of what was found before.
     """
-    if settings.make == "cloud":
+    if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {
-        name: _state(files, settings, name) for name in chosen if (files := scenes.files(name))
+        name: _state(scenes, files, settings, name)
+        for name in chosen
+        if (files := scenes.files(name))
     }
     known = read_json(kept) if states and kept.exists() else {}
     stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
-    progress = Progress(f"{kept.stem}: meshes looked at:")
+    what = "meshes"
+    if settings.make == "cloud":  # a package that reads its format may have been installed since
+        what, faulty = "clouds", {name for name in states if known.get(name, {}).get("fault")}
+        stale = [name for name in states if name in faulty or name in stale]
+    progress = Progress(f"{kept.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        known[name] = {"state": states[name], "fault": _fault(scenes, name, settings)}
+        fault, points = _found(scenes, name, settings)
+        counted = {} if points is None else {"points": points}
+        known[name] = {"state": states[name], "fault": fault, **counted}
         progress(done, len(stale))
     if stale:
         write_json(kept, known)
     return {name: known[name]["fault"] for name in states if known[name]["fault"]}
 
 
-def _state(files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
+def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
+    """Points of the largest of some clouds that were read; None where none was."""
+    known = read_json(kept) if kept.exists() else {}
+    return max(
+        (known[name]["points"] for name in scenes if "points" in known.get(name, {})), default=None
+    )
+
+
+def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
-    job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
+    if settings.make == "cloud":
+        options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
+        job: object = (settings.make, options)
+    else:
+        job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
     stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in files if (stat := path.stat())]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
 
-def _fault(scenes: SceneSet, name: str, settings: DataSetConfig) -> str | None:
+def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | None, int | None]:
+    """Why a scene cannot be used, if so; and the points of a cloud that can."""
     from puckbench.geometry.mesh import check_mesh
 
     try:
         scene = scenes.load(name)
+        if scene.cloud is not None and settings.make == "cloud":
+            return None, len(scene.cloud)
         if scene.mesh is None:
-            return (
-                f"it holds points, which are taken as they are (make: cloud, not {settings.make})"
-            )
+            how = f"make: cloud, not {settings.make}"
+            return f"it holds points, which are taken as they are ({how})", None
         check_mesh(scene.mesh, "its mesh")
         if settings.is_scan:
             scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
     except InputError as error:
-        return " ".join(str(error).split())
-    return None
+        return " ".join(str(error).split()), None
+    return None, None
