@@ -68,9 +68,9 @@ def test_nothing_to_draw_is_an_input_error() -> None:
     with pytest.raises(InputError, match="no rows, nothing to draw"):
         draw("sweeps_rd", metrics=sweeps_table(1).iloc[:0])
     recordings = sweeps_clouds_table(2).query("dataset == 'recording'")
-    with pytest.raises(InputError, match="no cloud tells the entropy"):
+    with pytest.raises(InputError, match="no cloud has the entropy"):
         noise_bits_table(sweeps_table(2), pd.DataFrame(recordings))
-    with pytest.raises(InputError, match="carries no returns"):
+    with pytest.raises(InputError, match="has no returns"):
         draw("spin_images", example_spin=PointCloud(recorded().points()))
 
 

@@ -39,9 +39,9 @@ def test_ranges_are_compared_firing_by_firing() -> None:
 
 def test_other_firings_are_refused() -> None:
     original = homemade()
-    with pytest.raises(InputError, match="other firings"):
+    with pytest.raises(InputError, match="other numbers of turns"):
         range_errors(original, replace(original, turns=original.turns[:1]))
-    with pytest.raises(InputError, match="other firings"):
+    with pytest.raises(InputError, match="other numbers of turns"):
         range_errors(original, homemade(columns=80))
 
 

@@ -1,4 +1,4 @@
-"""`puckbench conformance`: which of the stored G-PCC streams a decoder decodes to their points."""
+"""`puckbench conformance`: which of the stored G-PCC streams a decoder decodes correctly."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
         "decoder",
-        help="a codec (gpcc), the path of tmc3, or a command with {stream} and {points}, a .ply",
+        help="a codec (gpcc), the path of tmc3, or a command with {stream} and {points} (.ply)",
     )
     parser.add_argument("--streams", type=Path, help="folder of other streams with a manifest.json")
     parser.add_argument("--tools", choices=TOOLS, action="append", help="only streams with these")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode every stream; how many came out right, and what became of the others."""
+    """Decode every stream; count those decoded, refused and failed, and list the last two."""
     from puckbench.codecs.gpcc.conformance import FOLDER, conformance_streams, program, verdicts
     from puckbench.codecs.registry import codecs, open_codec
 

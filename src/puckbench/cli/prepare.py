@@ -63,8 +63,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--turns",
         metavar="FIRST-LAST",
-        help="turns of a scan or a recording, as the sensor reports them: in metres, in its frame, "
-        "with the returns beside the cloud; of a recording the first whole turn if not given",
+        help="take these turns of a scan or a recording, in metres in the sensor's frame, and "
+        "write their returns beside the cloud (default for a recording: its first whole turn)",
     )
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """What preparing a cloud found; how a scan was made stands in the file."""
+    """What is printed of a cloud's description; its file has all."""
     return found if options.json else {name: found[name] for name in _SHOWN if name in found}
 
 
@@ -104,7 +104,7 @@ def _returns(options: argparse.Namespace) -> dict[str, Any]:
 def _turns(text: str) -> tuple[int, int]:
     first, _, last = text.partition("-")
     if not first.isdecimal() or not (last or first).isdecimal():
-        raise InputError(f"--turns: a number, or two with a hyphen between, not '{text}'")
+        raise InputError(f"--turns: a number, or two joined by a hyphen, not '{text}'")
     return int(first), int(last or first)
 
 

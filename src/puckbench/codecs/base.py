@@ -40,7 +40,7 @@ Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
 Takes = Literal["points", "returns", "either"]
 LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
-"""Of the rates of clouds in metres, the smallest bitrate first."""
+"""Usual rates of clouds in metres, the smallest bitrate first."""
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
@@ -133,7 +133,7 @@ class Codec(ABC):
     magic: bytes = b""
     """What its streams begin with, by which they are recognised."""
     bare_magic: bytes = b""
-    """What streams of the program that it follows begin with, too little to recognise them by."""
+    """First bytes of the reference program's streams, too few to recognise them by."""
     surfaces: bool = False
     """Whether `decode_mesh` gives surfaces with labelled primitives."""
     memory: Memory = Memory()
@@ -200,20 +200,20 @@ class Codec(ABC):
         return None
 
     def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
-        """The rates of a cloud of a frame, none where the codec has none: lengths of one in metres.
+        """The rates for clouds of a frame: lengths for those in metres; empty where it has none.
 
-        With an option `unit` all rates are of clouds in metres.
+        With an option `unit` all rates are for clouds in metres.
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
-        """Refuse a cloud whose frame is not that of the rates; None: it is not known.
+        """Refuse a cloud whose frame is not that of the rates.
 
         Parameters
         ----------
         frame
-            Of the cloud.
+            Of the cloud; None if it is not known.
         rate
             The one that is wanted; all of the frame's if not given.
 

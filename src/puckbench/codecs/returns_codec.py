@@ -58,7 +58,7 @@ class ReturnsCodec(Codec):
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError where the codec cannot hold such returns: those of a sensor, say."""
+        """Raise InputError for returns that the codec cannot hold; by default it holds all."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:

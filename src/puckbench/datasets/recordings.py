@@ -25,8 +25,8 @@ RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap")
 class Recordings(DataSet):
     """Turns of recordings: packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    Sensors are the VLP-16, the Puck Hi-Res and the HDL-32E, with one return of a beam or two. Only
-    whole turns are taken. Scenes are called after the file and the first turn (drive_0012).
+    Of the VLP-16, the Puck Hi-Res or the HDL-32E, with one or two returns of each beam. Only whole
+    turns are taken. Scenes are named after the file and the first turn (drive_0012).
     """
 
     of_clouds: ClassVar[bool] = True
@@ -38,7 +38,7 @@ class Recordings(DataSet):
     turns: PositiveInt = 1
     """Turns that make one cloud."""
     every: PositiveInt = 1
-    """Step between the clouds that are used: each n-th, from the first."""
+    """Take each n-th of the clouds that follow one another, from the first."""
     start_s: float = Field(0.0, ge=0)
     """Seconds of each recording to leave out at its start."""
 
@@ -60,7 +60,7 @@ class Recordings(DataSet):
 
     @cached_property
     def _table(self) -> Mapping[str, tuple[Path, int]]:
-        """Recording and first turn of each cloud; turn 0 and the last are parts of one."""
+        """Recording and first turn of each cloud; turn 0 and the last may be cut off."""
         table: dict[str, tuple[Path, int]] = {}
         given = (self.path,) if isinstance(self.path, str) else self.path
         paths = [path for one in given for path in _files(Path(one))]

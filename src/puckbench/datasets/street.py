@@ -16,8 +16,8 @@ from puckbench.scenes.street.layout import free_way, make_street, street_origin
 class Street(GeneratedSet):
     """Streets with houses, trees, parked cars and a free lane along x.
 
-    Scenes are called street_1. `about` says from where to where along x, from its origin, a sensor
-    can go: ``free_way_m``.
+    Scenes are named street_1, street_2, ... ``free_way_m`` of `about` is the range of x, from the
+    scene's origin, that a sensor can be driven along.
     """
 
     of_clouds: ClassVar[bool] = False

@@ -69,8 +69,8 @@ def draw_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureSt
     """Root mean square distance to the true surface (point to plane, the larger of both
     directions) in millimetres against bits per return, of virtual spins.
 
-    Dashed: the scan itself, which a codec that gives back exactly what the sensor measured levels
-    off at. Below it decoded points are nearer to the truth than what was coded.
+    Dashed: the scan itself, where codecs that lose nothing level off. Below it decoded points are
+    nearer to the truth than what was coded.
     """
     own = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
     known = _in_millimetres(metrics)
@@ -119,10 +119,10 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     """Bits per return of every codec at its finest rate (exact, or 1 mm), under the sensor's error
     models; the rays and the surfaces are the same. Medians over the clouds.
 
-    Dashed: the entropy of the noise that the model added, in steps of the sensor's ranges. A codec
-    cannot need less than that for what it codes exactly; what lies above is the cost of the scene,
-    and of what the codec does not know of the sensor. (The mean error of each laser in each turn is
-    not counted as noise: it can be learnt.)
+    Dashed: the entropy of the noise that the model added, in steps of the sensor's ranges. No exact
+    codec can need less; what lies above is the cost of the scene, and of what a codec does not know
+    about the sensor. (The mean error of each laser in each turn is not counted as noise: a codec
+    can learn it.)
     """
     bits = noise_bits_table(metrics, clouds)
     order = bits.groupby("error_model")["noise_bits"].median().sort_values().index
@@ -170,7 +170,7 @@ def noise_bits_table(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFram
     Raises
     ------
     InputError
-        No cloud tells the entropy of its noise.
+        No cloud has the entropy of its noise.
     """
     needed = ("dataset", "cloud", "error_model", "noise_bits")
     require_rows(clouds, ("dataset", "cloud"), "clouds")
@@ -178,7 +178,7 @@ def noise_bits_table(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFram
     is_told = {*needed, "sensor"} <= set(clouds)
     known = clouds.dropna(subset=["noise_bits"]) if is_told else clouds.iloc[:0]
     if known.empty:
-        raise InputError("clouds table: no cloud tells the entropy of its noise")
+        raise InputError("clouds table: no cloud has the entropy of its noise (noise_bits)")
     models = known.groupby(["cloud", "sensor"])["error_model"].transform("nunique")
     known = known.loc[models == models.max(), list(needed)]
     finest = metrics.loc[metrics.groupby(["dataset", "cloud", "codec"])["bpp"].idxmax()]
@@ -201,7 +201,7 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
     returns = example_spin.returns
     if returns is None:
-        raise InputError("the example spin carries no returns")
+        raise InputError("the example spin has no returns (figures.examples.spin)")
     codec, rate = open_codec("puck"), "100mm"
     codec.load()
     decoded = codec.decode_cloud(codec.encode_returns(returns, rate)).returns

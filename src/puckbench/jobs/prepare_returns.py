@@ -18,15 +18,15 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
 PEAK_M = 30.0
-"""Of PSNRs of clouds in metres: 30,000 steps of 1 mm, MPEG's for such data."""
+"""Peak of PSNRs of clouds in metres: 30,000 steps of 1 mm, as in MPEG's test conditions."""
 
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
     """Take a scan's or a recording's returns as a cloud in the sensor's frame, with normals.
 
-    clean: take a scan's true ranges. turns: the first and the last to take, from 0; all by default,
-    of a recording the first whole one. error_model: name of the scan's, for tables.
+    clean: take a scan's true ranges. turns: first and last turn to take, counted from 0; by default
+    all of a scan, and the first whole one of a recording. error_model: the scan's, for tables.
     """
 
     neighbours: int = Field(30, ge=3)
@@ -50,16 +50,17 @@ class PrepareReturns(Job):
             A scan table of whole turns or a table of firings (both .parquet), or a recording
             (packet capture or ROS bag).
         truth
-            Of a scan its true points in the sensor's frame; of a recording the points themselves.
+            Where to write a scan's true points in the sensor's frame; a recording has none, and
+            its own points are written.
         about
-            Descriptions whose name and group are kept.
+            Descriptions (JSON) whose name and group are kept.
         """
         from puckbench.jobs.preparation import prepare
 
         found, true, described = self._read(source)
         points = found.points()
         if len(points) == 0:
-            raise InputError(f"{source}: there is no return")
+            raise InputError(f"{source}: holds no return")
         named = {"error_model": self.error_model} if self.error_model else {}
         described = {**kept_descriptions(about), **described, **named, **_timing(found)}
         described["peak"] = PEAK_M
@@ -86,7 +87,7 @@ class PrepareReturns(Job):
         first, last = self.turns or whole
         if not 0 <= first <= last < len(returns.turns):
             most = len(returns.turns) - 1
-            raise InputError(f"no turns {first} to {last} (it has 0 to {most})")
+            raise InputError(f"has turns 0 to {most}, not {first} to {last}")
         return replace(returns, turns=returns.turns[first : last + 1])
 
     def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
@@ -111,19 +112,19 @@ class PrepareReturns(Job):
             "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, chosen.quantum_m),
         }
         true = PointCloud(true_points(table, found))
-        if found.still_at is not None:  # of a moving sensor the world's normals turn with each step
+        if found.still_at is not None:  # a moving sensor's frame turns against the world's normals
             known["origin"] = found.still_at.tolist()
             true = replace(true, normals=rows.normals, labels=rows.primitive_id)
         return chosen, true, known
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file or folder is no table and no cloud, and so a recording, if anything."""
+    """Whether a path is read as a recording: its ending is no table's and no cloud's."""
     return path.suffix.lower() not in (".parquet", *SUFFIXES)
 
 
 def _read_returns(path: Path) -> tuple[Returns, tuple[int, int]]:
-    """Returns of a table of firings or a recording; first and last of the turns to take of it."""
+    """Returns of a table of firings or of a recording; first and last turn to take by default."""
     from puckbench.lidar.recordings.packet_turns import returns_of_packets
     from puckbench.lidar.recordings.reading import read_packets
 
@@ -131,12 +132,12 @@ def _read_returns(path: Path) -> tuple[Returns, tuple[int, int]]:
         returns = read_firings(path)
         return returns, (0, len(returns.turns) - 1)
     returns = returns_of_packets(read_packets(path).payloads)
-    first = min(1, len(returns.turns) - 1)  # the turn before began with the recording
+    first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
     return returns, (first, first)
 
 
 def _timing(returns: Returns) -> dict[str, Any]:
-    """Turns, firings and how long they took."""
+    """Numbers of turns and firings, and how long they took."""
     seconds = returns.seconds
     return {
         "turns": len(returns.turns),

@@ -1,4 +1,4 @@
-"""Returns of a spinning sensor, real or virtual, in the numbers and the frame that are its own.
+"""Returns of a spinning sensor, real or virtual, in its own numbers and frame.
 
 One type for recordings and virtual scans: turns as images of firing columns and lasers, and where
 the lasers point. On disk it is a Parquet file with a row for each firing.
@@ -24,7 +24,7 @@ from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
 USUAL_QUANTUM_M = 0.002
 """Step of Velodyne's ranges, for sensors that state none."""
 _GREATEST_RISE = 100
-"""Of the azimuth from block to block, in 0.01 degrees: more means that blocks are missing."""
+"""Of the azimuth from block to block, in 0.01 degrees; a greater one shows missing blocks."""
 
 Firing = Literal["own_moment", "together"]
 
@@ -66,7 +66,7 @@ class Beams:
         sensor
             The sensor.
         firing
-            Whether its lasers fire one after the other, as they do, or together, as BlenSor has it.
+            Whether its lasers fire one after the other, as real ones do, or together, as BlenSor's.
         is_virtual
             All rays start at the sensor's origin, and it turns counter-clockwise.
         """
@@ -125,7 +125,7 @@ class Returns:
     Raises
     ------
     InputError
-        A turn has not the layout's shapes, or the beams are not as many as its lasers.
+        A turn's arrays have not the layout's shapes, or beams and lasers differ in number.
     """
 
     beams: Beams
@@ -144,7 +144,7 @@ class Returns:
             check_turn(turn, self.layout)
 
     def __len__(self) -> int:
-        """Number of returns; one that a beam gave twice counts once."""
+        """Number of returns; two equal ones of a beam count once."""
         return sum(int(np.count_nonzero(_returned(turn))) for turn in self.turns)
 
     @property

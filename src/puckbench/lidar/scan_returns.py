@@ -1,4 +1,4 @@
-"""A virtual scan as what the sensor itself would report: its returns, in its own numbers."""
+"""Returns of a virtual scan, in the numbers that the sensor itself would report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_QUANTA = 0xFFFF
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, and what of the scan they come from.
+    """Returns of a scan, and the rows of the scan that they come from.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class ScanReturns:
     rows
         (n,) rows of the scan table, in the order of ``returns.points()``.
     still_at
-        Position (3,) of a sensor that stays level and in its place, in m; None for one that moves.
+        Position (3,) of a sensor that stays level and in its place, m; None for a moving one.
     """
 
     returns: Returns

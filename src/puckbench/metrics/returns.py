@@ -1,4 +1,4 @@
-"""What a sensor's returns suffered from a codec, and how it keeps up with the sensor."""
+"""Errors of a codec in a sensor's returns, and its speed in turns of the sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Errors of ranges, firing by firing, and returns that were lost or made up.
+    """Errors of ranges, firing by firing, and returns that were lost or added.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
     Raises
     ------
     InputError
-        The firings are not the same in number.
+        The numbers of turns, columns or lasers differ.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
         one.ranges.shape != other.ranges.shape for one, other in pairs
     ):
-        raise InputError("the decoded returns are of other firings")
+        raise InputError("the decoded returns have other numbers of turns, columns or lasers")
     squared, most, both, lost, added = 0.0, 0.0, 0, 0, 0
     for one, other in pairs:
         was, is_now = one.ranges > 0, other.ranges > 0
@@ -98,15 +98,15 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
     noise
         (n,) in the unit of `step`.
     groups
-        (n,) at least 0; the mean of each group (of a laser in a turn) can be learnt, and is taken
-        off.
+        (n,) numbers from 0 on. The mean of each group (of a laser in a turn) is subtracted first:
+        a codec can learn it.
     step
         What it is rounded to.
 
     References
     ----------
-    G. A. Miller, "Note on the bias of information estimates", 1955: half a nat for each value but
-    one over the number of samples is added.
+    G. A. Miller, "Note on the bias of information estimates", 1955: (number of values - 1) / 2n
+    nats are added.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -118,12 +118,12 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 
 
 def keeping_up(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Bits and times of a stream in those of the sensor.
+    """Bitrate of a stream at the sensor's speed, and speed of the codec in turns of the sensor.
 
     Parameters
     ----------
     about
-        Of the cloud that was coded: ``turns`` and ``seconds``, without which there is nothing.
+        Of the cloud that was coded: ``turns`` and ``seconds``; without them nothing is returned.
     row
         The result row so far: ``bytes``, ``encode_s``, ``decode_s``.
 

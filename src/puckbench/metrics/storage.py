@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ERROR_MM = 5.0
-"""At which codecs with loss are compared: D1 of 25 mm²."""
+"""Root mean square error (D1) at which lossy codecs are compared."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
@@ -33,9 +33,9 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
 
     Medians over the clouds of a data set. Bits per return, megabits per second at the sensor's
     rate, root mean square error (D1) in mm, that of ranges and their largest, returns lost, speed
-    of encoding and decoding in turns of the sensor (2 is twice as fast as it turns; one thread),
-    and ``bits_at_5_mm``, bits per return at an error of 5 mm, interpolated between rates in the
-    logarithms of both; empty where no rate is as coarse.
+    of encoding and decoding against the sensor's (2 is twice as fast as it turns; one thread), and
+    ``bits_at_5_mm``, bits per return at an error of 5 mm, interpolated between rates in the
+    logarithms of both; empty where all rates are finer, or all coarser.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ class CodecConfig(Model):
         "of the codec's if not given.",
     )
     metric_rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
-        None, description="The same of clouds in metres (`size: metric`), as `10mm`."
+        None, description="As `rates`, for clouds in metres (`size: metric`): names such as `10mm`."
     )
 
     def changes(self) -> Options:

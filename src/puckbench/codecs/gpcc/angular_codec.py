@@ -26,17 +26,19 @@ class AngularOptions(GridOptions):
 
     duplicates: Literal["merged", "kept"] = "kept"
     direct_coding: Literal[0, 1, 2, 3] = Field(
-        1, description="of points: never, of isolated nodes, of those without neighbours, of any"
+        1,
+        description="points are coded directly 0 never, 1 in isolated nodes, 2 in nodes without "
+        "neighbours, 3 in any node",
     )
 
 
 @CODECS.register("gpcc_angular")
 class GpccAngular(SensorCodec):
-    """G-PCC's octree with MPEG's common test conditions for spinning sensors, but for one thing.
+    """G-PCC's octree, of a cloud with returns in the contexts of its sensor's lasers.
 
-    Where the cloud has returns, contexts come from the lasers of its sensor. Only points of
-    isolated nodes are coded directly, which takes fewer bits; with `direct_coding` 3, those of any
-    node, as in the test conditions. Rates of clouds in metres are steps of the grid.
+    The tools are those of MPEG's common test conditions for spinning sensors, but that only points
+    of isolated nodes are coded directly, which takes fewer bits (`direct_coding` 3: those of any
+    node, as in the conditions). Rates of clouds in metres are steps of the grid.
     """
 
     title = "G-PCC (angular octree)"

@@ -26,7 +26,7 @@ from puckbench.io.clouds import read_cloud
 
 FOLDER = Path(__file__).parent / "vectors"
 SECONDS = 60
-"""What a program may take for a stream."""
+"""Time that a program may take for a stream."""
 
 Decode = Callable[[bytes], Floats]
 

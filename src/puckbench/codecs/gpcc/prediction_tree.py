@@ -57,7 +57,7 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
 
 
 def empty_tree(points: int) -> PredictionTree:
-    """Room for the nodes of so many points, none of which has a child yet."""
+    """Room for the nodes of a number of points, none of which has a child yet."""
     return PredictionTree(
         np.full(points, ROOT, dtype=np.int32),
         np.empty((points, MOST_CHILDREN), dtype=np.int32),

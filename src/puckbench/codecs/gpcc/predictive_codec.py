@@ -1,4 +1,4 @@
-"""Predictive geometry as a codec: with a sensor's lasers where a cloud says them."""
+"""Predictive geometry as a codec, with the sensor of a cloud that has returns."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
 
 @CODECS.register("gpcc_predictive")
 class GpccPredictive(SensorCodec):
-    """G-PCC's predictive geometry; of a spinning sensor's returns in spherical coordinates.
+    """G-PCC's predictive geometry, of a cloud with returns in its sensor's spherical coordinates.
 
-    Of clouds in metres, rates from 4 mm on are steps of the radius; without a sensor, of x, y and
-    z. Nothing is lost on grids of 2 and 1 mm.
+    Of clouds in metres, rates of 4 mm and more are steps of the radius, without a sensor of x, y
+    and z; on the grids of 2 mm and 1 mm nothing is lost.
     """
 
     title = "G-PCC (predictive)"

@@ -43,13 +43,13 @@ class PredictiveOptions(Model):
         "azimuth", description="of the points, in which trees are built: as they come, or sorted"
     )
     azimuth_sort_precision: float = Field(
-        1024.0, ge=0, description="steps of the azimuth in a radian, within which radii order"
+        1024.0, ge=0, description="steps of the azimuth in a radian; within one, radii order points"
     )
     azimuth_scale_log2: int = Field(
         12, ge=0, le=18, description="a turn has 2^(12 + this) steps of the azimuth"
     )
     azimuth_speed: int | None = Field(
-        None, ge=1, description="of them between two shots; by default the sensor's"
+        None, ge=1, description="steps of the azimuth between two firings; by default the sensor's"
     )
     radius_inv_scale_log2: int = Field(
         0, ge=0, le=20, description="a step of the radius has 2^this coding units"
@@ -207,7 +207,7 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> bytes:
-    """Entropy-coded trees; the header is told the bits of residuals, and the least radius."""
+    """Entropy-coded trees; the bits of residuals and the least radius are set in the header."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:

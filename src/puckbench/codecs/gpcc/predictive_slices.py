@@ -87,7 +87,7 @@ def tools_of(
 
 
 def empty_nodes(points: int, *, angular: bool) -> Nodes:
-    """Room for the nodes of a slice of so many points."""
+    """Room for the nodes of a slice with a number of points."""
     return Nodes(
         np.empty((points, 3), dtype=np.int32),
         np.empty((points if angular else 0, 3), dtype=np.int32),

@@ -1,4 +1,4 @@
-"""The sensor that angular coding is told of: lasers, steps of a turn, position."""
+"""The sensor as angular coding describes it: lasers, steps of a turn, position."""
 
 from __future__ import annotations
 

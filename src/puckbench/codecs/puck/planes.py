@@ -151,7 +151,7 @@ def _solve(sums: Floats, variance: float, plane: Floats) -> float:
 
 
 @inlined
-def _error(row: Floats, target: float, plane: Floats) -> float:
+def range_error(row: Floats, target: float, plane: Floats) -> float:
     """How much farther the plane is than the range, m."""
     error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
     return error
@@ -355,7 +355,7 @@ def _fit(
                 continue
             weight = 1.0
             if weighted:
-                error = _error(rows[laser, column], ranges[laser, column], planes[plane])
+                error = range_error(rows[laser, column], ranges[laser, column], planes[plane])
                 square = error * error / variance
                 if square > _FITS:
                     weight = np.sqrt(_FITS / square) if square < _COUNTS else 0.0
@@ -413,7 +413,8 @@ def _border(
     cost, best, border = 0.0, 0.0, low
     for at in range(low, high + 1):
         if ranges[at] > 0:
-            one, other = _error(rows[at], ranges[at], left), _error(rows[at], ranges[at], right)
+            one = range_error(rows[at], ranges[at], left)
+            other = range_error(rows[at], ranges[at], right)
             cost += min(one * one / variance, _FAR) - min(other * other / variance, _FAR)
             if cost < best:
                 best, border = cost, at + 1

@@ -3,12 +3,12 @@
 Where a plane fits returns side by side in the image, a return takes the plane's range along its own
 ray: the error falls with the root of the number of returns. Biases of the lasers are estimated from
 the planes that several of them see, and taken away. The standard deviation of a range is estimated
-from the turn itself, or follows from the step of quantisation. No return is moved by more than the
-stream and three standard deviations allow, and where returns scatter about their plane by more
-than noise explains (leaves, say) by that much less. A return without support on any plane loses the
-bias of its laser alone.
+from the turn itself, or follows from the step of quantisation. No return leaves the interval that
+the stream gives for its range by more than three standard deviations. Where returns scatter about
+their plane by more than noise explains (leaves), they are moved less, in proportion. Of a return
+that no plane supports, the bias of its laser alone is removed.
 
-In floating point: the same on a machine, but the last bits may differ between machines.
+Results are the same on one machine; between machines the last bits may differ.
 """
 
 from __future__ import annotations
@@ -17,16 +17,23 @@ from functools import partial
 
 import numpy as np
 
-from puckbench.codecs.puck.planes import Labels, Places, Planes, RangeImage, fitted_planes
+from puckbench.codecs.puck.planes import (
+    Labels,
+    Places,
+    Planes,
+    RangeImage,
+    fitted_planes,
+    range_error,
+)
 from puckbench.core.compiling import compiled_in_place
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.turns import Turn
 
 _TOLERANCE = 0.5
-"""Of merging planes, see `fitted_planes`."""
+"""Of `fitted_planes`, once biases are known."""
 _FIRST_TOLERANCE = 3.0
-"""The same while biases are not known, at least; squares of four biases if that is more."""
+"""The same before, at least; more where biases are assumed to be larger than the noise."""
 _PASSES = 3
 _WIDEN = 3.0
 """Standard deviations that a return may leave its interval by."""
@@ -35,15 +42,15 @@ _WIDEN_STEPS = 0.1
 _MOST_NOISE_M = 0.05
 """Noise of a sensor, at most: more is taken for leaves."""
 _SCATTER = 5.0
-"""Standard deviations that a return may be off its plane by, to be taken for one of it."""
+"""Standard deviations that a return of a plane may be off it by."""
 _SUPPORT = 5
-"""Returns of a plane that is made use of, at least."""
+"""Returns of a plane that returns are moved to, at least."""
 _BIAS_M = 0.02
-"""Standard deviation of a laser's bias that is assumed."""
+"""Assumed standard deviation of a laser's bias."""
 _BIAS_SUPPORT = 50
 """Returns of a plane that biases are estimated from, at least."""
 _CORRELATED = 100.0
-"""Returns beside each other that count as one, of whose errors most is common."""
+"""Neighbouring returns that count as one, since most of their errors is common."""
 _HUGE = 1e30
 
 _loop = partial(compiled_in_place, error_model="numpy")
@@ -188,8 +195,7 @@ def _count(
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
             if plane >= 0:
-                row, m = rows[laser, column], planes[plane]
-                error = ranges[laser, column] - row[0] * m[0] - row[1] * m[1] - row[2] * m[2]
+                error = range_error(rows[laser, column], ranges[laser, column], planes[plane])
                 if abs(error) < most:
                     counts[plane] += 1
 
@@ -213,8 +219,8 @@ def _sum_by_laser(
             plane = labels[laser, column]
             if plane < 0 or places[plane] < 0:
                 continue
-            row, m, target = rows[laser, column], planes[plane], ranges[laser, column]
-            error = target - row[0] * m[0] - row[1] * m[1] - row[2] * m[2]
+            row, target = rows[laser, column], ranges[laser, column]
+            error = range_error(row, target, planes[plane])
             if not abs(error) < most:
                 continue
             place = places[plane]

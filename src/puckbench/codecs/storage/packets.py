@@ -52,7 +52,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """At most so many bytes; InputError when damaged, or where there are more."""
+        """The bytes of `_packed`; InputError when damaged, or where there are more than `most`."""
 
     @property
     def _framing(self) -> Framing:
@@ -113,7 +113,7 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    """Returns of packets (p, 1206), so many in each turn; InputError where they are no packets."""
+    """Returns of packets (p, 1206), given their numbers in each turn; InputError for others."""
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))

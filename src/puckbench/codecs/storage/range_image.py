@@ -50,7 +50,7 @@ class RangeImageCodec(ReturnsCodec):
 
     @abstractmethod
     def _image_encoded(self, image: Image, quanta: int) -> bytes:
-        """Numbers (rows, columns) of cells of so many quanta, without loss."""
+        """Numbers (rows, columns) of cells of a number of quanta, without loss."""
 
     @abstractmethod
     def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image:
