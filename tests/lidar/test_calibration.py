@@ -173,6 +173,15 @@ def test_the_interval_of_the_lasers_sigma_is_that_of_sixteen_known_numbers() -> 
     assert [sigma.low / sigma.value, sigma.high / sigma.value] == pytest.approx(ends, rel=0.002)
 
 
+@pytest.mark.parametrize("seed", [10, 13])
+def test_lasers_far_apart_and_hardly_any_noise_are_calibrated(seed: int) -> None:
+    """The search goes to sigmas of a hundred metres on its way, where numbers tell nothing."""
+    found = calibrate([residuals(seed, laser=0.02, ray=(0.0005, 0, 0))])
+    hidden = 0.02 * np.random.default_rng(seed).standard_normal(16)
+    assert found.sigmas["laser_sigma_m"].value == pytest.approx(hidden.std(ddof=1), rel=0.01)
+    assert found.sigmas["ray_sigma_m"].value == pytest.approx(0.0005, rel=0.1)
+
+
 def test_the_interval_of_one_sigma_follows_the_others_that_are_fitted_to_it() -> None:
     """That of a one-way analysis of variance, of four scans of each laser."""
     table = residuals(2, laser=0.006, scan=0.01, ray=(0.0005, 0, 0), planes=False)

@@ -28,6 +28,10 @@ _SHARP = 0.1
 _MM = 1e-3
 # Of what a ray's sigma depends on, each scaled to the length of one: beyond it they are the same.
 _MOST_CONDITION = 1e4
+# Deviance of a step of the search so far off that rounding hides the planes: it is never taken.
+_TOO_FAR = 1e9
+# Searches at most after the first, each of which lowers the deviance by more than this.
+_SEARCHES, _NO_GAIN = 10, 1e-3
 
 
 @dataclass(frozen=True)
@@ -106,27 +110,48 @@ def fit(
     Raises
     ------
     InputError
-        The search does not end.
+        The residuals do not separate the planes from the biases.
     """
-    from scipy import optimize
-
-    minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
     first = start or _start(likelihood, free)
     if not free:
         return first
     deviance = _in_millimetres(likelihood, free, first)
-    bounds = [(0.0, None) if name in BIASES else (None, None) for name in free]
     lowest = deviance(_values(first, free))
+
+    def above(values: Floats) -> float:
+        try:
+            return deviance(values) - lowest
+        except InputError:  # the first sigmas did tell the planes from the biases
+            return _TOO_FAR
+
+    bounds = [(0.0, None) if name in BIASES else (None, None) for name in free]
+    best = _searched(above, _values(first, free), np.ones(len(free)), bounds)
+    for _ in range(_SEARCHES):
+        # In millimetres some sigmas are known ten thousand times better than others: a search may
+        # end on a slope that it does not see. In steps that raise the deviance alike it goes on.
+        steps = np.array([_step(above, best, i) for i in range(len(free))])
+        again = _searched(above, best, steps, bounds)
+        if above(again) > above(best) - _NO_GAIN:
+            break
+        best = again
+    return _sigmas(best, free, first)
+
+
+def _searched(
+    above: Deviance, start: Floats, units: Floats, bounds: Sequence[tuple[float | None, None]]
+) -> Floats:
+    """The least of a function that a search from `start` finds, in such units of its variables."""
+    from scipy import optimize
+
+    minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
     found = minimize(
-        lambda values: deviance(values) - lowest,
-        _values(first, free),
+        lambda values: above(values * units),
+        start / units,
         method="L-BFGS-B",
         bounds=bounds,
         options={"ftol": 1e-10, "gtol": 0.02, "eps": 1e-4, "maxiter": 200},
     )
-    if not np.isfinite(found.fun):
-        raise InputError("the likelihood of the residuals has no maximum")
-    return _sigmas(found.x, free, first)
+    return np.asarray(found.x * units)
 
 
 def intervals(
