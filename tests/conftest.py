@@ -7,9 +7,13 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
+from puckbench.core.compiling import NOTICE
+
 # No test depends on time: the first example compiles, and machines are busy.
 settings.register_profile("any machine", deadline=None, suppress_health_check=list(HealthCheck))
 settings.load_profile("any machine")
+
+NOTICE.told = True  # tests compare what else stands on standard error
 
 
 @pytest.fixture(scope="module")

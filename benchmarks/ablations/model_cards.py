@@ -19,13 +19,13 @@ from pathlib import Path
 import yaml
 
 from puckbench.codecs.learned.catalogue import header_of, shipped
-from puckbench.codecs.learned.training.validation import validation
+from puckbench.codecs.learned.training.validation import peak_of, validation
 from puckbench.codecs.registry import open_codec
 from puckbench.core.files import write_json
+from puckbench.io.clouds import read_cloud
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
-PEAK = 1023.0
 
 
 def main() -> None:
@@ -37,11 +37,12 @@ def main() -> None:
     for name in options.sets:
         path, plan = shipped()[name], workflow.training(name)
         codec = open_codec(plan.codec, {"options": {"weights": name}})
-        clouds = [Path(file) for file in workflow.cloud_files(plan.validate)]
-        found = validation(codec, clouds, PEAK)
+        files = [Path(file) for file in workflow.cloud_files(plan.validate)]
+        clouds = [read_cloud(file) for file in files]
+        found = validation(codec, clouds, peak_of(clouds))
         for rate, means in found["rates"].items():
             print(name, rate, {key: float(f"{value:.4g}") for key, value in means.items()})
-        data = [f"{cloud.parent.name}/{cloud.name}" for cloud in clouds]
+        data = [f"{file.parent.name}/{file.name}" for file in files]
         card = {**header_of(path).card, "validation": {"data": data, **found}}
         write_json(path.with_suffix(".json"), card)
 

@@ -16,8 +16,9 @@ from puckbench.codecs.learned.pcgcv2.training_settings import Training
 from puckbench.codecs.learned.pcgcv2.weights import load_weights
 from puckbench.codecs.learned.sparse.thread_pool import thread_pool
 from puckbench.codecs.learned.training.settings import open_training
-from puckbench.codecs.learned.training.validation import faults
+from puckbench.codecs.learned.training.validation import faults, peak_of, validation
 from puckbench.codecs.learned.weights_file import read_weights
+from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import PointCloud
@@ -120,7 +121,10 @@ def test_measuring_on_the_way_changes_nothing(
     state = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     cloud.with_name("set.pt").unlink()
     assert _train(cloud, "pcgcv2_plus", 2, "--validate", str(cloud), "--validate-every", "1") == 0
-    assert "step 1, r4: bpp" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "step 1, r4: bpp" in told
+    assert "no d1_psnr without --peak" in told
+    assert "d1_psnr" not in read_json(cloud.with_name("set.json"))["validation"]["rates"]["r1"]
     again = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     assert all(torch.equal(again[name], value) for name, value in state.items())
     assert not list(cloud.parent.glob(".*"))
@@ -188,3 +192,23 @@ def test_a_training_of_ones_own_is_named_in_the_codecs_entry(cloud: Path) -> Non
     )
     entry = {"training": f"{cloud.parent}/mine.py:Mine"}
     assert type(open_training("draco", entry, {"steps": 7})).__name__ == "Mine"
+
+
+def _of_size(size: int | None) -> PointCloud:
+    return PointCloud(_plane(), about={} if size is None else {"size": size})
+
+
+@pytest.mark.parametrize(
+    ("sizes", "peak"), [([512, 512], 511), ([512, 1024], None), ([512, None], None), ([None], None)]
+)
+def test_the_peak_of_psnrs_is_that_of_all_clouds(
+    sizes: list[int | None], peak: float | None
+) -> None:
+    assert peak_of([_of_size(size) for size in sizes]) == peak
+
+
+def test_a_psnr_without_a_peak_is_left_out() -> None:
+    draco, clouds = open_codec("draco"), [_of_size(512)]
+    with_peak, without = (validation(draco, clouds, peak)["rates"]["r1"] for peak in (511.0, None))
+    expected = 10 * np.log10(3 * 511**2 / without["d1_mse"])
+    assert with_peak == {**without, "d1_psnr": pytest.approx(expected)}

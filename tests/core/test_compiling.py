@@ -5,10 +5,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from puckbench.core import compiling
+from puckbench.core.compiling import CompilingNotice
 from puckbench.core.loop_cache import loops_folder
 
 SOURCE = Path(__file__).parents[2] / "src"
@@ -161,3 +163,57 @@ def test_loops_are_kept_beside_their_sources_or_where_the_user_may_write(
     assert loops_folder(tmp_path) == Path("/home/someone/.cache/puckbench")
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
     assert loops_folder(tmp_path) == Path("/chosen")
+
+
+def test_long_compilation_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("puckbench.core.compiling.time.monotonic", lambda: now[0])
+    notice = CompilingNotice()
+    event: Any = None
+    for seconds in (1.0, 1.0, 2.0, 1.0):
+        assert not notice.told
+        notice.on_start(event)
+        notice.on_start(event)  # of a loop that the first one calls
+        now[0] += seconds
+        notice.on_end(event)
+        notice.on_end(event)
+        now[0] += 100.0  # work between compilations does not count
+    notice.on_start(event)
+    assert capsys.readouterr().err.splitlines() == [
+        "compiling loops for this machine, once: this takes up to two minutes"
+    ]
+
+
+TIMED = """
+import time
+from puckbench.core import compiling
+
+clock = time.monotonic
+compiling.time.monotonic = lambda: 10 * clock()
+compiling._SECONDS_UNTIL_NOTICE = 0.0
+
+@compiling.compiled
+def inner():
+    return 1
+
+@compiling.compiled
+def outer():
+    return inner()
+
+print(outer())
+"""
+
+
+def test_compiling_is_told_on_standard_error_and_loading_is_not(tmp_path: Path) -> None:
+    (tmp_path / "outer.py").write_text(TIMED)
+    environment = {**os.environ, "PYTHONPATH": str(SOURCE)}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    for told in (1, 0):
+        done = subprocess.run(
+            [sys.executable, tmp_path / "outer.py"],
+            env=environment, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert done.stdout == "1\n"
+        assert done.stderr.count("compiling") == told

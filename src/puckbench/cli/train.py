@@ -36,7 +36,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="steps between measurements (default: one at the end)",
     )
-    parser.add_argument("--peak", type=float, default=1023.0, help="of the PSNRs (default: 1023)")
+    parser.add_argument(
+        "--peak", type=float, help="of the PSNRs (default: size - 1 of the validation's JSON)"
+    )
     parser.add_argument(
         "--code", help="fingerprint of the code: begin anew where anything else made the checkpoint"
     )

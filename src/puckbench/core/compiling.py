@@ -13,6 +13,8 @@ from __future__ import annotations
 import hashlib
 import importlib
 import re
+import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -20,6 +22,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import extending
+from numba.core.event import Event, Listener, register
 
 from puckbench.core.loop_cache import loops_folder
 
@@ -39,6 +42,8 @@ INLINED: Any = {
 }
 """Numba's options for a function that only other compiled functions call, and become one with."""
 
+_SECONDS_UNTIL_NOTICE = 3.0
+_COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
 _PACKAGE = Path(__file__).parents[1]
 _config: Any = numba.config  # its entries come from the environment
 
@@ -59,6 +64,38 @@ def _start_without_blas() -> None:
 
 
 _start_without_blas()
+
+
+class CompilingNotice(Listener):
+    """Says once, on standard error, that loops are being compiled, when that takes a while.
+
+    Loops from the cache are not compiled, and raise no event.
+    """
+
+    def __init__(self) -> None:
+        self._depth, self._seconds, self._began = 0, 0.0, 0.0
+        self.told = False
+
+    def on_start(self, event: Event) -> None:
+        """A loop begins to be compiled, perhaps within another one."""
+        now = time.monotonic()
+        self._began = self._began if self._depth else now
+        self._depth += 1
+        spent = self._seconds + now - self._began
+        if spent > _SECONDS_UNTIL_NOTICE and not self.told:
+            self.told = True
+            print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
+
+    def on_end(self, event: Event) -> None:
+        """It is compiled."""
+        self._depth -= 1
+        if not self._depth:
+            self._seconds += time.monotonic() - self._began
+
+
+_register: Any = register  # numba has no type hints here
+NOTICE = CompilingNotice()
+_register("numba:compile", NOTICE)
 
 
 def compiled(function: Function, **options: Any) -> Function:

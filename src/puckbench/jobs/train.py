@@ -28,8 +28,9 @@ class Train(Job):
 
     changes: to the codec's entry. options: settings of its training. start: weights to start from,
     a shipped set's name or a file. every: steps between two savings. validate_every: steps between
-    two measurements, 0 for one at the end. peak: of the PSNRs. code: fingerprint of the code; a
-    checkpoint that other code made is begun anew, where it is given, and else refused.
+    two measurements, 0 for one at the end. peak: of the PSNRs; by default that of the validation's
+    clouds, and none where they tell none, or several. code: fingerprint of the code; a checkpoint
+    that other code made is begun anew, where it is given, and else refused.
     """
 
     codec: str
@@ -38,7 +39,7 @@ class Train(Job):
     start: str | None = None
     every: int = Field(100, ge=1)
     validate_every: int = Field(0, ge=0)
-    peak: float = 1023.0
+    peak: float | None = Field(None, gt=0)
     code: str | None = None
 
     def run(
@@ -119,12 +120,16 @@ class Train(Job):
         self, training: Training, weights: Path, validate: Sequence[Path]
     ) -> dict[str, Any]:
         """What the codec does with a set on the validation's clouds; warnings where at fault."""
-        from puckbench.codecs.learned.training.validation import validation
+        from puckbench.codecs.learned.training.validation import peak_of, validation
 
+        clouds = [read_cloud(path) for path in validate]
         changes = with_options(self.changes, weights=str(weights))
         rates = training.rates(entry(self.codec, changes)["rates"])
         codec = open_codec(self.codec, {**changes, "rates": rates})
-        found = validation(codec, validate, self.peak)
+        peak = self.peak or peak_of(clouds)
+        if peak is None:
+            _say("the validation's clouds tell no size, or several: no d1_psnr without --peak")
+        found = validation(codec, clouds, peak)
         for fault in found["faults"]:
             _say(f"warning: {weights.stem}: {fault}")
         return {"data": _names(validate), **found}

@@ -4,40 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from puckbench.codecs.base import Codec
 from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import read_cloud
 from puckbench.metrics.geometry import distortion
 from puckbench.metrics.psnr import mpeg_psnr
 
 Measures = dict[str, float]
 
 
-def validated(codec: Codec, clouds: Sequence[PointCloud], peak: float) -> dict[str, Measures]:
+def validated(
+    codec: Codec, clouds: Sequence[PointCloud], peak: float | None
+) -> dict[str, Measures]:
     """For each rate the means over clouds, every byte counted.
 
     bpp: bits per point of the input. d1_mse, cd_point: squared distances, the larger direction and
-    the mean of both. d1_psnr: of that d1_mse, in dB, left out where there is no error.
+    the mean of both. d1_psnr: of that d1_mse, in dB, left out where there is no error or no peak.
     """
     codec.load()
     return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
 
 
-def validation(codec: Codec, paths: Sequence[Path], peak: float) -> dict[str, Any]:
+def peak_of(clouds: Sequence[PointCloud]) -> float | None:
+    """The peak of PSNRs that all clouds have; None where one does not tell it, or they differ."""
+    (first, *others) = {cloud.peak for cloud in clouds}
+    return None if others else first
+
+
+def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
     """What `validated` finds of prepared clouds, and the faults in it, as model cards have them."""
-    found = validated(codec, [read_cloud(path) for path in paths], peak)
+    found = validated(codec, clouds, peak)
     return {"rates": found, "faults": faults(found)}
 
 
-def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float) -> Measures:
+def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float | None) -> Measures:
     found = [_measured(codec, cloud, rate) for cloud in clouds]
     means = {name: float(np.mean([values[name] for values in found])) for name in found[0]}
-    return {**means, **(mpeg_psnr(means, peak) if means["d1_mse"] > 0 else {})}
+    return {**means, **(mpeg_psnr(means, peak) if peak and means["d1_mse"] > 0 else {})}
 
 
 def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
