@@ -173,7 +173,7 @@ def test_codecs_and_datasets_are_listed(capsys: pytest.CaptureFixture[str]) -> N
     assert {"embedded_rooms", "capod", "mesh_folder", "s3dis"} <= _json(capsys, "datasets").keys()
     assert main(["codecs"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    draco = "  draco              r1 to r8; 100mm to 1mm  a fast baseline that everybody has"
+    draco = "  draco               r1 to r8; 100mm to 1mm   a fast baseline that everybody has"
     assert draco in lines
     assert max(map(len, lines)) <= 120
     assert main(["codecs", "draco"]) == 0

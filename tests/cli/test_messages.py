@@ -179,9 +179,10 @@ def test_answers_are_lines_and_tables(capsys: pytest.CaptureFixture[str]) -> Non
         "size_m  1.5, 2",
         "about   a 1, b -",
         "kinds",
-        "  kind   true  found",
-        "  plane  2",
-        "  cone         0.123457",
+        "  kind    true   found",
+        "  ───────────────────────",
+        "  plane   2",
+        "  cone           0.123457",
         "none    none",
     ]
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 _WIDEST, _NARROWEST = 120, 40
@@ -18,24 +17,32 @@ def text_of(answer: Mapping[str, Any]) -> str:
     lines = []
     for name, value in answer.items():
         if rows := _rows(value):
-            lines += [name, *(_INDENT + line for line in aligned(rows))]
+            lines += [name, *table(rows)]
         else:
             lines.append(f"{name:{width}}  {_text(value)}")
     return "\n".join(lines)
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Rows with columns of equal width; the last one is wrapped to the terminal."""
-    widths = [max(map(len, column)) for column in list(zip(*rows, strict=True))[:-1]]
-    lead = sum(widths) + len(_INDENT) * len(widths)
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table whose first row is its heading; the last column is wrapped."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    drawn = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    *heads, last = rows[0]
+    for head in heads:
+        drawn.add_column(head, no_wrap=True)
+    drawn.add_column(last)
+    for row in rows[1:]:
+        drawn.add_row(*row)
+    columns = list(zip(*rows, strict=True))[:-1]
+    least = sum(max(map(len, column)) + len(_INDENT) for column in columns) + _NARROWEST
     terminal = min(shutil.get_terminal_size((_WIDEST, 0)).columns, _WIDEST) - len(_INDENT)
-    for row in rows:
-        first = "".join(
-            f"{cell:{width}}{_INDENT}" for cell, width in zip(row, widths, strict=False)
-        )
-        wrapped = textwrap.wrap(row[-1], max(terminal - lead, _NARROWEST)) or [""]
-        yield (first + wrapped[0]).rstrip()
-        yield from (" " * lead + line for line in wrapped[1:])
+    console = Console(width=max(terminal, least), color_system=None, markup=False, emoji=False)
+    with console.capture() as captured:
+        console.print(drawn)
+    return [(_INDENT + line).rstrip() for line in captured.get().splitlines()]
 
 
 def _rows(value: Any) -> list[list[str]]:
