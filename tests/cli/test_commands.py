@@ -177,7 +177,7 @@ def test_codecs_and_datasets_are_listed(capsys: pytest.CaptureFixture[str]) -> N
     assert draco in lines
     assert max(map(len, lines)) <= 120
     assert main(["codecs", "draco"]) == 0
-    assert "  r1      4\n" in capsys.readouterr().out
+    assert "  r1   4\n" in capsys.readouterr().out
     assert "did you mean 'draco'?" in _refused(capsys, "codecs", "drako")
 
 
