@@ -7,6 +7,7 @@
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
+# make dist   a source archive and the wheel made of it, into dist/
 # make clean  remove results and caches, keep .venv and data/
 # CORES=4 runs on more cores; PYTHON=python3.12 names the interpreter that .venv is made with.
 
@@ -14,7 +15,7 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
-.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs data lock clean
+.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs data lock dist clean
 .NOTPARALLEL:
 
 run: learned
@@ -59,5 +60,11 @@ lock: setup
 	@command -v uv >/dev/null || { echo 'make lock needs uv on PATH (pip install uv)' >&2; exit 2; }
 	$(BIN)/python envs/lock.py $(LOCK)
 
+dist: setup
+	rm -rf build dist
+	$(BIN)/python -c 'from setuptools import build_meta; build_meta.build_sdist("dist")' >/dev/null
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
+	@ls -l dist
+
 clean:
-	rm -rf results fuzz site .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build results fuzz site .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis

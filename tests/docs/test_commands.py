@@ -43,6 +43,9 @@ ELSEWHERE = {"python", "toml", "snakemake", "{toctree}"}
 # First words of commands that cannot be tried here, and why.
 NOT_TRIED = {
     ".": "activates the environment of `make setup`",
+    "apptainer": "needs Apptainer",
+    "docker": "needs Docker",
+    "pip": "installs a wheel, as tests/workflow/test_wheel.py does",
     "cd": "copies a run to the disk of a cluster's node",
     "rsync": "copies it back",
     "tmc3": "is MPEG's program, which is not installed",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from itertools import takewhile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -20,9 +21,10 @@ def blocks(name: str, language: str) -> list[str]:
 
 
 def commands(name: str) -> list[list[str]]:
-    """The words of each shell command on a page, comments left out."""
+    """The words of each shell command on a page, without comments and where its output goes."""
     lines = "".join(blocks(name, "sh")).replace("\\\n", " ").splitlines()
-    return [words for line in lines if (words := shlex.split(line, comments=True))]
+    split = (shlex.split(line, comments=True) for line in lines)
+    return [[*takewhile(lambda word: word != ">", words)] for words in split if words]
 
 
 def write_files(folder: Path, *names: str) -> None:
