@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+import puckbench
+from puckbench.planning.workflow import package_alone
 from tests.support.bench import ROOT
 from tests.support.pages import blocks
 
@@ -38,6 +41,19 @@ def test_another_workflow_uses_this_one_as_the_page_shows(tmp_path: Path) -> Non
     assert "Nothing to be done" in snakemake(tmp_path, "--dry-run").stdout
 
 
+def test_an_environment_that_snakemake_deploys_has_puckbench_and_nothing_beside_it(
+    tmp_path: Path,
+) -> None:
+    """As where the module is fetched from a repository: the installed package serves."""
+    folder = package_alone(tmp_path / "packages")
+    assert package_alone(tmp_path / "packages") == folder
+    assert [path.name for path in folder.iterdir()] == ["puckbench"]
+    bare = [sys.executable, "-S", "-c", "import puckbench; print(puckbench.__version__)"]
+    env = {**os.environ, "PYTHONPATH": str(folder)}
+    done = subprocess.run(bare, capture_output=True, text=True, env=env, check=False)
+    assert done.stdout.strip() == puckbench.__version__
+
+
 def test_the_linter_is_content_with_the_repository_as_the_catalogue_runs_it() -> None:
     done = snakemake(ROOT, "--lint")
     assert done.returncode == 0, done.stderr
@@ -47,6 +63,7 @@ def test_the_linter_is_content_with_the_repository_as_the_catalogue_runs_it() ->
 def test_the_catalogue_finds_what_standard_usage_asks_for() -> None:
     usage = yaml.safe_load((ROOT / ".snakemake-workflow-catalog.yml").read_text())["usage"]
     assert usage["software-stack-deployment"]["conda"] is True
+    assert usage["software-stack-deployment"]["report"] is True
     assert isinstance(usage["mandatory-flags"]["flags"], str)
     assert (ROOT / "workflow" / "Snakefile").is_file()
     assert (ROOT / "config" / "README.md").is_file()

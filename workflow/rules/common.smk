@@ -25,8 +25,11 @@ from puckbench.planning.running import (
     left_out_lines,
     now,
 )
-from puckbench.planning.workflow import Workflow, run_jobs_with
+from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
 
+if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
+    # An environment that Snakemake deploys has every package but puckbench.
+    SOURCE = package_alone(Path(".snakemake", "packages"))
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
