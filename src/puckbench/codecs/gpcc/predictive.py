@@ -22,7 +22,8 @@ from puckbench.codecs.gpcc.arithmetic import (
     exhausted,
 )
 from puckbench.codecs.gpcc.compiled import entry, integer, kernel
-from puckbench.codecs.gpcc.spherical import Sphere, azimuth_of_arc, cartesian, wrapped
+from puckbench.codecs.gpcc.fixed_point import int32
+from puckbench.codecs.gpcc.spherical import Sphere, azimuth_of_arc, cartesian
 from puckbench.codecs.gpcc.syntax import Three
 from puckbench.core.compiling import inlined
 
@@ -256,7 +257,7 @@ def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> in
 @inlined
 def scaled(value: int, qp: int) -> int:
     """A quantised number times the step of a QP, which is (1 + (QP mod 8) / 8) 2^(QP div 8)."""
-    return wrapped((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
+    return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 
 @inlined
@@ -285,15 +286,15 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
     )
     if mode == LINEAR2:
         return (
-            wrapped(2 * x - positions[b, 0]),
-            wrapped(2 * y - positions[b, 1]),
-            wrapped(2 * z - positions[b, 2]),
+            int32(2 * x - positions[b, 0]),
+            int32(2 * y - positions[b, 1]),
+            int32(2 * z - positions[b, 2]),
         )
     if mode == LINEAR3:
         return (
-            wrapped(x + positions[b, 0] - positions[c, 0]),
-            wrapped(y + positions[b, 1] - positions[c, 1]),
-            wrapped(z + positions[b, 2] - positions[c, 2]),
+            int32(x + positions[b, 0] - positions[c, 0]),
+            int32(y + positions[b, 1] - positions[c, 1]),
+            int32(z + positions[b, 2] - positions[c, 2]),
         )
     return x, y, z
 
@@ -356,18 +357,18 @@ def _decode_position(
     if not tools.angular:
         r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
         p = predicted(nodes.points, before, mode, tools)
-        nodes.points[node, 0] = max(0, wrapped(p[0] + scaled(r[0], qp)))
-        nodes.points[node, 1] = max(0, wrapped(p[1] + scaled(r[1], qp)))
-        nodes.points[node, 2] = max(0, wrapped(p[2] + scaled(r[2], qp)))
+        nodes.points[node, 0] = max(0, int32(p[0] + scaled(r[0], qp)))
+        nodes.points[node, 1] = max(0, int32(p[1] + scaled(r[1], qp)))
+        nodes.points[node, 2] = max(0, int32(p[2] + scaled(r[2], qp)))
         return True
     steps = code_phi_multiplier(coder, contexts, 0)
     r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
     p = predicted(nodes.spherical, before, mode, tools)
-    radius, laser = wrapped(p[0] + r[0]), p[2] + r[2]
+    radius, laser = int32(p[0] + r[0]), p[2] + r[2]
     turned = r[1]
     if tools.azimuth_scaling:
         turned = azimuth_of_arc(r[1], radius, tools.sphere.azimuth_log2)
-    azimuth = wrapped(p[1] + steps * tools.azimuth_speed + turned)
+    azimuth = int32(p[1] + steps * tools.azimuth_speed + turned)
     if laser < 0 or laser >= len(tools.sphere.theta):
         return False
     nodes.spherical[node, 0] = radius
@@ -377,7 +378,7 @@ def _decode_position(
     place = cartesian(tools.sphere, radius, azimuth, laser)
     for axis in range(3):
         exact = tools.sphere.origin[axis] + place[axis] + scaled(second[axis], qp)
-        nodes.points[node, axis] = max(0, wrapped(exact))
+        nodes.points[node, axis] = max(0, int32(exact))
     return True
 
 

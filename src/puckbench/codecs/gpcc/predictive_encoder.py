@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.arithmetic import code_bit
 from puckbench.codecs.gpcc.compiled import entry, integer
+from puckbench.codecs.gpcc.fixed_point import int32
 from puckbench.codecs.gpcc.prediction_tree import ROOT, PredictionTree
 from puckbench.codecs.gpcc.predictive import (
     CTX_END_OF_TREES,
@@ -38,7 +39,7 @@ from puckbench.codecs.gpcc.predictive import (
     predicted,
     scaled,
 )
-from puckbench.codecs.gpcc.spherical import azimuth_of_arc, cartesian, halved_away, wrapped
+from puckbench.codecs.gpcc.spherical import azimuth_of_arc, cartesian, halved_away
 from puckbench.codecs.gpcc.syntax import Three
 from puckbench.core.compiling import inlined
 
@@ -224,10 +225,10 @@ def _predict(tools: Tools, given: Given, node: int, before: Three, mode: int) ->
     steps = (abs(turned) + half) // tools.azimuth_speed
     if turned < 0:
         steps = -steps
-    b = wrapped(b + steps * tools.azimuth_speed)
+    b = int32(b + steps * tools.azimuth_speed)
     arc = second - b
     if tools.azimuth_scaling:
-        arc = wrapped(halved_away((arc * first) << 3, tools.sphere.azimuth_log2))
+        arc = int32(halved_away((arc * first) << 3, tools.sphere.azimuth_log2))
     return Choice(mode, steps, (a, b, c), (first - a, arc, third - c))
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.codecs.gpcc.compiled import integer, kernel
+from puckbench.codecs.gpcc.fixed_point import int32
 from puckbench.codecs.gpcc.syntax import GeometryParameterSet, Three
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
@@ -29,8 +30,8 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 class Sphere(NamedTuple):
     """How spherical coordinates of a slice become x, y, z.
 
-    radius_log2: steps of the radius are 2^this coding units. azimuth_log2: steps of a turn. theta,
-    z: (n,) of each laser. x, y, z: the sensor's position from the slice's origin.
+    radius_log2: a step of the radius has 2^this coding units. azimuth_log2: a turn has 2^this
+    steps. theta, z: (n,) of each laser. origin: the sensor from the slice's origin, by coded axes.
     """
 
     radius_log2: int
@@ -41,28 +42,22 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """What a parameter set says of the sensor.
+    """The sensor of a parameter set.
 
     origin: the sensor's position from the slice's origin, axes in the coding order.
 
     Raises
     ------
     InputError
-        The steps of radius or azimuth are none that can be computed with.
+        The steps of radius or azimuth are too small or too large to compute with.
     """
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
-        raise InputError("G-PCC stream: such steps of the azimuth or the radius are not supported")
+        raise InputError("G-PCC stream: its steps of the azimuth or the radius are not supported")
     theta = np.array([laser.theta for laser in gps.lasers], dtype=np.int64)
     heights = np.array([laser.z for laser in gps.lasers], dtype=np.int64)
     return Sphere(radius_log2, azimuth_log2, theta, heights, origin)
-
-
-@inlined
-def wrapped(value: int) -> int:
-    """The number that 32 bits keep: predictions of damaged streams may leave them."""
-    return integer(np.int32(value))
 
 
 @inlined
@@ -107,12 +102,12 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
 @inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
     """Coordinates x, y, z from the sensor."""
-    r = wrapped(radius << around.radius_log2)
+    r = int32(radius << around.radius_log2)
     height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
     return (
-        wrapped(halved_away(r * cosine(azimuth, around.azimuth_log2), _SINE_LOG2)),
-        wrapped(halved_away(r * sine(azimuth, around.azimuth_log2), _SINE_LOG2)),
-        wrapped(halved_away(height - around.z[laser], _Z_LOG2)),
+        int32(halved_away(r * cosine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        int32(halved_away(r * sine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        int32(halved_away(height - around.z[laser], _Z_LOG2)),
     )
 
 
@@ -123,7 +118,7 @@ def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     The reciprocal is that of the reference software, 48/17 - 32/17 r and one step of Newton's
     method. Shifts are taken modulo 64, as processors do.
     """
-    r = wrapped(radius << 3)
+    r = int32(radius << 3)
     if r == 0:
         r = 1
     length = _bit_length(r)
@@ -132,7 +127,7 @@ def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     inverse += (inverse * ((1 << 31) - ((b * inverse) >> 31))) >> 31
     shift = (31 + length - azimuth_log2) & 63
     product = arc * inverse
-    return wrapped(product >> shift if product >= 0 else -((-product) >> shift))
+    return int32(product >> shift if product >= 0 else -((-product) >> shift))
 
 
 @kernel
