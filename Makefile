@@ -3,7 +3,8 @@
 # make lint   only the static checks         make data      fetch the free real data into data/
 # make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
-# make docs   build the documentation into site/
+# make docs   build the documentation into site/, with the reference results (also: make site)
+# make reference STUDY=default   run a study, if need be, and keep its results as reference results
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
@@ -15,7 +16,7 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
-.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs data lock dist clean
+.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs site reference data lock dist clean
 .NOTPARALLEL:
 
 run: learned
@@ -52,6 +53,15 @@ mutants: setup-test
 docs: setup-test
 	$(IN_VENV) sphinx-build -W --keep-going -q docs site
 	@echo "Documentation: site/index.html"
+
+site: docs
+
+STUDY ?= default
+STUDY_CONFIG = config/$(STUDY:default=config).yaml
+STUDY_RESULTS = $(if $(filter default,$(STUDY)),results,results/$(STUDY))
+reference: learned
+	$(IN_VENV) snakemake --cores $(CORES) --configfile $(STUDY_CONFIG) -- reference
+	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/reference/$(STUDY).parquet
 
 data: setup
 	$(IN_VENV) python -m puckbench data

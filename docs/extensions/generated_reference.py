@@ -6,9 +6,12 @@ returns, in Markdown.
 
 import dataclasses
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from importlib.resources import files
 from inspect import cleandoc
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
@@ -21,11 +24,65 @@ def setup(app: Any) -> dict[str, bool]:
     """Register with Sphinx."""
     app.add_lexer("snakemake", PythonLexer)
     app.connect("source-read", _replaced)
+    app.connect("build-finished", _with_studies)
     return {"parallel_read_safe": True}
 
 
 def _replaced(_app: Any, _page: str, source: list[str]) -> None:
     source[0] = MARKER.sub(lambda found: GENERATED[found[1]](), source[0])
+
+
+def _with_studies(app: Any, fault: Exception | None) -> None:
+    """Put the pages of the reference results into the site.
+
+    In a process of its own: here Sphinx has its own directives in place of those of docutils.
+    """
+    if fault is None and app.builder.format == "html":
+        folder = str(Path(app.outdir) / "reference" / "results")
+        subprocess.run([sys.executable, "-m", "puckbench.report.leaderboard", folder], check=True)
+
+
+def results() -> str:
+    """The reference results of every study: all codecs on each data set."""
+    from puckbench.report.reference_results import read_reference, shipped
+
+    studies = [read_reference(name) for name in shipped()]
+    return "\n\n".join(map(_study, studies)) or "This version comes with none yet."
+
+
+def _study(reference: Any) -> str:
+    """A study with its findings, and the way to its page."""
+    from puckbench.report.leaderboard import study_findings
+
+    found = study_findings(reference)
+    facts = "; ".join(f"{name}: {text}" for name, text in reference.record.facts().items())
+    folder = f"results/{reference.name}"
+    page = f'<p><a href="{folder}/index.html">Curves, tables, and how they were made</a>'
+    page += f' (<a href="{folder}/tables/metrics.csv">all rows</a>)</p>'
+    lines = [f"## {reference.title} (`{reference.name}`)", f"{facts}.", page]
+    lines += [f"BD-rates are against {found.anchor}."] if found.anchor else []
+    for dataset in found.datasets:
+        clouds = "1 cloud" if dataset.clouds == 1 else f"{dataset.clouds} clouds"
+        heads = ["codec", *(column.head for column in dataset.columns)]
+        best_first = sorted(dataset.codecs, key=lambda codec: _rank(dataset.columns[0], codec))
+        rows = (
+            [codec["title"], *(_cell(column, codec["name"]) for column in dataset.columns)]
+            for codec in best_first
+        )
+        lines += [f"### {dataset.title}, {clouds}", _table(heads, rows)]
+    return "\n\n".join(lines)
+
+
+def _rank(column: Any, codec: Mapping[str, str]) -> float:
+    rank = column.cells[codec["name"]].rank
+    return float("inf") if rank is None else float(rank)
+
+
+def _cell(column: Any, codec: str) -> str:
+    """A value with its remark; the best one is bold."""
+    cell = column.cells[codec]
+    text = f"**{cell.text}**" if codec in column.best else cell.text
+    return f"{text} ({cell.note})" if cell.note else text
 
 
 def command_line() -> str:
@@ -269,5 +326,6 @@ SHOWN = (
     data_sets,
     tables,
     figures,
+    results,
 )
 GENERATED: dict[str, Callable[[], str]] = {function.__name__: function for function in SHOWN}

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from puckbench.report.reference_results import shipped
 from tests.support.pages import ROOT, page
 
 FETCHED = re.compile(
@@ -41,6 +42,9 @@ def test_the_site_has_every_kind_of_page(site: Path) -> None:
     for name in ("tutorials", "how-to", "reference", "explanation", "notes"):
         assert (site / name / "index.html").exists()
     assert (site / "glossary.html").exists()
+    assert all(
+        (site / "reference" / "results" / name / "index.html").exists() for name in shipped()
+    )
 
 
 def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> None:
@@ -52,6 +56,7 @@ def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> No
         "tables_and_figures": ("truth_rd", "bd_rate_clouds", "residual_statistics"),
         "python": ("puckbench.jobs.library.compare", "puckbench.codecs.base.Codec"),
         "configuration": ("error_options", "sensor_study"),
+        "results": ("Reference results", *shipped()),
     }.items():
         text = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
         assert all(word in text for word in words), name

@@ -16,3 +16,26 @@ rule report_page:
         code=outputs.report.code,
     shell:
         "python -m puckbench.jobs report {params.record:q} page={output:q} > {log:q} 2>&1"
+
+
+# Reference results: the run's tables in one file, for others to compare with (`make reference`).
+if plan.datasets:
+
+    rule reference:
+        input:
+            **outputs.reference_inputs,
+        output:
+            f"{RESULTS}/reference.parquet",
+        params:
+            record=outputs.reference.record,
+            code=outputs.reference.code,
+            files=lambda w, input: files_of(input),
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        log:
+            f"{RESULTS}/logs/reference.log",
+        conda:
+            "../../envs/puckbench.yaml"
+        shell:
+            "python -m puckbench.jobs reference {params.record:q} {params.files} out={output:q} > {log:q} 2>&1"

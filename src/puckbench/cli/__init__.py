@@ -37,6 +37,7 @@ COMMANDS = {
     "figure": "draw a figure from the tables of results",
     "claims": "what a run says of the claims of the thesis",
     "reproduce": "list the thesis's figures and tables: made, or how to make them",
+    "compare": "compare codecs of a run with reference results on the same clouds",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs: what each is for, and whether it can run here",
     "conformance": "try a G-PCC decoder on stored streams of the reference software",

@@ -8,6 +8,7 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside
+from puckbench.geometry.digest import cloud_digest
 from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.scaling import GRID, Scaling, far_shift, to_cube, to_grid
 from puckbench.metrics.density import density, in_metres
@@ -42,7 +43,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     large (`far_shift`); `GRID` for voxels as they came: whole numbers.
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
-    `puckbench.metrics.density`), and the diameter of the scaled cloud. Normals are estimated in
+    `puckbench.metrics.density`), the diameter of the scaled cloud and the digest of its
+    coordinates. Normals are estimated in
     the scaled frame, as the thesis does.
     """
     scaling, xyz, side = _scaled(cloud, size)
@@ -58,6 +60,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         "elongation_oriented": oriented_elongation(local),
         **in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
+        "digest": cloud_digest(xyz, metric=side == 0),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)
 

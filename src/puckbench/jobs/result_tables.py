@@ -99,14 +99,17 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     Number of points, extent in metres along x, y and z, elongation (shortest side of the bounding
     box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
-    distance to the nearest point (m), points per square metre (median, 5 and 95 %) and share of
-    outliers. Of clouds in metres with a sensor's returns also the number of turns, their time in
-    seconds, and the entropy of the noise in steps of the sensor's ranges (bits).
+    distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
+    outliers and digest of the coordinates. Of clouds in metres with a sensor's returns also the
+    number of turns, their time in seconds, and the entropy of the noise in steps of the sensor's
+    ranges (bits).
     """
     about = read_json(file)
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
+    if "digest" in about:
+        kept["digest"] = about["digest"]
     if about.get("size") == 0:
         kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}

@@ -25,6 +25,7 @@ from puckbench.geometry.cloud import Frame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable
+from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
 from puckbench.metrics.against_octree import OCTREE
@@ -265,6 +266,22 @@ class OutputJobs:
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
         record = Report(contents=self.report_contents.as_json())
         return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
+
+    # ---- reference results
+
+    @property
+    def reference_inputs(self) -> Inputs:
+        """The tables that a run's reference results are made from."""
+        names = ("metrics", "clouds", *(["scan_errors"] if self.plan.scanned else []))
+        return {name: self._file(name) for name in names}
+
+    @cached_property
+    def reference(self) -> PlannedJob:
+        """Join the run's tables for others to compare with."""
+        record = Reference(
+            contents=self.report_contents.as_json(), bd_rate=self.table_options("bd_rate")
+        )
+        return planned(record)
 
     # ---- what there is to make them of
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MAKES = {"sample": "sampled", "scan": "scanned", "cloud": "as captured"}
-_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group"])
+_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group", "digest"])
 _MOST_VALUES = 5
 _PACKAGES = ("numpy", "scipy", "pandas", "numba", "open3d", "open3d-cpu", "DracoPy", "torch")
 

@@ -50,6 +50,23 @@ class RunRecord:
             commits=tuple(dict.fromkeys(commits)),
         )
 
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
+        """The record that `as_json` gives."""
+        began, ended = (
+            datetime.fromisoformat(value[name]) if value.get(name) else None
+            for name in ("began", "ended")
+        )
+        return cls(**{**value, "began": began, "ended": ended, "commits": tuple(value["commits"])})
+
+    def as_json(self) -> dict[str, Any]:
+        """The record as a JSON object."""
+        moments = {
+            name: moment.isoformat(timespec="seconds") if moment else None
+            for name, moment in (("began", self.began), ("ended", self.ended))
+        }
+        return {**vars(self), **moments, "commits": list(self.commits)}
+
     def facts(self) -> dict[str, str]:
         """Date, duration and commit in words, by name; what is not known is left out."""
         if not self.jobs:

@@ -1,0 +1,216 @@
+"""`puckbench compare`: codecs of a run beside those of reference results."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from puckbench.figures.style import FigureStyle
+    from puckbench.report.comparison import Comparison
+
+_GREY, _PLAIN = "\x1b[2m", "\x1b[0m"
+_OF_DELTAS = (
+    "dataset",
+    "codec",
+    "anchor",
+    "metric",
+    "clouds",
+    "compared",
+    "bd_rate_percent",
+    "bd_rate_percent_low",
+    "bd_rate_percent_high",
+    "bd_quality_db",
+    "bd_quality_db_low",
+    "bd_quality_db_high",
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("results", type=Path, help="folder of results of a run")
+    parser.add_argument(
+        "--with",
+        dest="study",
+        required=True,
+        metavar="STUDY",
+        help="study whose reference results come with puckbench, or a file of them (.parquet)",
+    )
+    parser.add_argument(
+        "--codecs", nargs="+", default=[], help="of the run (default: those that STUDY lacks)"
+    )
+    parser.add_argument(
+        "--metrics", nargs="+", default=[], help="columns of results (default: those of STUDY)"
+    )
+    parser.add_argument(
+        "--common", action="store_true", help="leave out clouds that are not those of STUDY"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)"
+    )
+
+
+def run(options: argparse.Namespace) -> dict[str, Any] | str:
+    """Compare; write the figure and the table of deltas. Without ``--json`` the answer is text."""
+    answer = _compared(options)
+    return answer if options.json else text(answer)
+
+
+def _compared(options: argparse.Namespace) -> dict[str, Any]:
+    from puckbench.core.errors import naming
+    from puckbench.figures.comparison import draw_comparison
+    from puckbench.figures.drawing import lay_out, save_figure
+    from puckbench.io.tables import read_table, write_table
+    from puckbench.report.comparison import compared
+    from puckbench.report.reference_results import read_reference
+
+    reference = read_reference(options.study)
+    metrics, clouds = (
+        read_table(options.results / "tables" / f"{name}.parquet") for name in ("metrics", "clouds")
+    )
+    chosen = {"codecs": options.codecs, "qualities": options.metrics, "common": options.common}
+    with naming(options.results):
+        found = compared(metrics, clouds, reference, **chosen)
+    qualities = list(dict.fromkeys(found.deltas["metric"]))
+    place = (options.out or options.results / "comparison") / reference.name
+    figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf")]
+    with reference.style.context():
+        drawn = (found.own, found.reference, qualities, reference.name, reference.style)
+        figure = draw_comparison(*drawn)
+        lay_out(figure)
+        for path in figures:
+            save_figure(figure, path)
+    write_table(found.deltas, table := place.with_suffix(".csv"))
+    return {
+        "study": reference.name,
+        "codecs": list(dict.fromkeys(found.own["codec"])),
+        "curves": list(_curves(found, reference.style)),
+        "deltas": [_plain(row) for row in found.deltas[list(_OF_DELTAS)].to_dict("records")],
+        "left_out": list(found.left_out),
+        "same_streams": {name: list(counts) for name, counts in found.same_streams.items()},
+        "files": [str(path) for path in (*figures, table)],
+    }
+
+
+def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
+    """A row for JSON: a value that there is not is None."""
+    values = {str(k): v.item() if hasattr(v, "item") else v for k, v in row.items()}
+    return {k: None if isinstance(v, float) and isnan(v) else v for k, v in values.items()}
+
+
+def _curves(found: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
+    """Least and greatest medians of every codec on every data set."""
+    for dataset in style.ordered_datasets(found.own["dataset"]):
+        for table, is_own in ((found.own, True), (found.reference, False)):
+            rows = table[table["dataset"] == dataset]
+            for codec in style.ordered_codecs(rows["codec"]):
+                yield {
+                    "dataset": style.title(dataset),
+                    "name": dataset,
+                    "codec": codec,
+                    "title": style.of_codec(codec).title,
+                    "own": is_own,
+                    **_medians(rows[rows["codec"] == codec]),
+                }
+
+
+def _medians(rows: pd.DataFrame) -> dict[str, Any]:
+    columns = [name for name in ("bpp", "d1_psnr", "encode_s", "decode_s") if name in rows]
+    medians = rows.groupby("rate")[columns].median()
+    ranges = {n: [float(medians[n].min()), float(medians[n].max())] for n in columns}
+    known = {n: values for n, values in ranges.items() if not any(map(isnan, values))}
+    return {"clouds": int(rows["cloud"].nunique()), **known}
+
+
+# ---- for a terminal
+
+
+def text(answer: Mapping[str, Any]) -> str:
+    """The answer for a terminal: a table for each data set, the reference's rows in grey."""
+    study, metrics = answer["study"], list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
+    lines: list[str] = []
+    for dataset in dict.fromkeys(row["name"] for row in answer["curves"]):
+        curves = [row for row in answer["curves"] if row["name"] == dataset]
+        deltas = {
+            (row["codec"], row["anchor"], row["metric"]): row
+            for row in answer["deltas"]
+            if row["dataset"] == dataset
+        }
+        for own in [row for row in curves if row["own"]]:
+            lines += _table(own, [row for row in curves if not row["own"]], deltas, metrics, study)
+    lines += _closing(answer)
+    return "\n".join(lines)
+
+
+def _table(
+    own: Mapping[str, Any],
+    others: Sequence[Mapping[str, Any]],
+    deltas: Mapping[Any, Mapping[str, Any]],
+    metrics: Sequence[str],
+    study: str,
+) -> Iterator[str]:
+    clouds = "1 cloud" if own["clouds"] == 1 else f"{own['clouds']} clouds"
+    heads = [f"{own['dataset']}, {clouds}", "bits per point", "D1 PSNR, dB", "s, at most"]
+    rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
+    rows.append([*_cells(own, own["title"]), *("" for _ in metrics)])
+    for row in others:
+        found = (deltas.get((own["codec"], row["codec"], metric)) for metric in metrics)
+        rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, found)])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for number, cells in enumerate(rows):
+        line = "  ".join(
+            f"{cell:{'<' if place == 0 else '>'}{width}}"
+            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ).rstrip()
+        yield f"{_GREY}{line}{_PLAIN}" if number > 1 and _is_coloured() else line
+    yield ""
+
+
+def _is_coloured() -> bool:
+    return sys.stdout.isatty() and "NO_COLOR" not in os.environ
+
+
+def _short(metric: str) -> str:
+    known = metric.removesuffix("_psnr")
+    return known.upper() if known in ("d1", "d2") else metric
+
+
+def _cells(row: Mapping[str, Any], title: str) -> list[str]:
+    slowest = sum(row[name][1] for name in ("encode_s", "decode_s") if name in row)
+    cells = [_range(row, "bpp", ".3g"), _range(row, "d1_psnr", ".1f")]
+    return [title, *cells, f"{slowest:.2g}" if slowest else ""]
+
+
+def _range(row: Mapping[str, Any], name: str, form: str) -> str:
+    return " to ".join(f"{value:{form}}" for value in row[name]) if name in row else ""
+
+
+def _delta(row: Mapping[str, Any] | None) -> str:
+    from puckbench.report.findings import percent_text
+
+    if row is None:
+        return ""
+    if row["bd_rate_percent"] is None:
+        return "no common range"
+    low, high = row["bd_rate_percent_low"], row["bd_rate_percent_high"]
+    interval = "" if low is None else f" [{percent_text(low)}, {percent_text(high)}]"
+    whole = row["compared"] == row["clouds"]
+    part = "" if whole else f" on {row['compared']} of {row['clouds']}"
+    return f"{percent_text(row['bd_rate_percent'])}{interval}{part}"
+
+
+def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
+    yield "BD-rate: bits that the codec above needs more (+) or fewer (−) than this one for equal"
+    yield "quality, with 95 % intervals over three clouds and more. Times may be of two machines."
+    for codec, (same, streams) in answer["same_streams"].items():
+        yield f"{codec}: {same} of {streams} streams have as many bytes as there."
+    if answer["left_out"]:
+        yield f"left out: {', '.join(answer['left_out'])}"
+    yield f"files: {', '.join(answer['files'])}"

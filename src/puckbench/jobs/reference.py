@@ -1,0 +1,55 @@
+"""The result tables of a finished run as reference results, in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from puckbench.jobs.registry import JOBS, Job
+
+_AFTERWARDS = {"report", "reference"}
+"""Jobs that are no part of a run's own duration."""
+
+
+@JOBS.register("reference")
+class Reference(Job):
+    """Join the tables of a run with its configuration and machine.
+
+    Parameters
+    ----------
+    contents
+        Of the run's report, whose configuration, style and logs are kept: see
+        `puckbench.report.contents.Contents`.
+    bd_rate
+        Options of its table of Bjontegaard deltas.
+    """
+
+    contents: dict[str, Any]
+    bd_rate: dict[str, Any]
+
+    def run(
+        self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
+    ) -> dict[str, Any]:
+        """Write the file (.parquet), named after the study."""
+        from puckbench.io.tables import read_table
+        from puckbench.jobs.cost import read_costs
+        from puckbench.report.contents import Contents
+        from puckbench.report.facts import this_machine
+        from puckbench.report.reference_results import plain_rows, write_reference
+        from puckbench.report.run_record import RunRecord
+
+        contents = Contents.from_json(self.contents)
+        costs = [] if contents.logs is None else read_costs(Path(contents.logs))
+        record = RunRecord.of(cost for cost in costs if cost["job"] not in _AFTERWARDS)
+        tables = {"clouds": clouds, **({"scan_errors": scan_errors} if scan_errors else {})}
+        about = {
+            "configuration": self.contents["configuration"],
+            "style": self.contents["style"],
+            "bd_rate": self.bd_rate,
+            "machine": this_machine(),
+            "record": record.as_json(),
+            **{name: plain_rows(read_table(file)) for name, file in tables.items()},
+        }
+        table = read_table(metrics)
+        write_reference(out, table, about)
+        return {"file": str(out), "rows": len(table), "bytes": out.stat().st_size}

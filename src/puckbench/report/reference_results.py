@@ -1,0 +1,185 @@
+"""Reference results: the result rows of a study that was run once, in one Parquet file.
+
+Those that come with puckbench lie in the folder ``reference`` beside this file, each named after
+its study. A file has a row for each cloud, codec and rate with the digest of the cloud; how it was
+made stands as JSON in the metadata of its schema.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import written_whole
+from puckbench.core.models import among
+from puckbench.figures.style import FigureStyle
+from puckbench.io.columns import metadata_of
+from puckbench.io.tables import read_table
+from puckbench.report.quantities import in_words
+from puckbench.report.run_record import RunRecord
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FOLDER = Path(__file__).parent / "reference"
+DIGEST = "digest"
+"""Column of tables of clouds: the digest of the coordinates."""
+KEY = "puckbench.reference"
+FORMAT = 1
+_TITLES = {
+    "default": "The default run",
+    "capod": "CAPOD",
+    "real": "Real objects and rooms",
+    "sweeps": "Turns of a sensor",
+}
+_DIGITS = 6
+"""Significant digits of measured numbers."""
+_CLOUD = ["dataset", "cloud"]
+
+
+@dataclass(frozen=True)
+class ReferenceResults:
+    """The results of a study.
+
+    Parameters
+    ----------
+    name
+        Of the study.
+    metrics
+        A row for each data set, cloud, codec and rate, with the `DIGEST` of the cloud.
+    about
+        How they were made: ``configuration``, ``style``, ``bd_rate``, ``machine``, ``record``, and
+        the tables ``clouds`` and ``scan_errors`` as lists of rows.
+    """
+
+    name: str
+    metrics: pd.DataFrame
+    about: Mapping[str, Any]
+
+    @property
+    def title(self) -> str:
+        """The study's name in words."""
+        return _TITLES.get(self.name, in_words(self.name))
+
+    @cached_property
+    def style(self) -> FigureStyle:
+        """Titles and order of data sets and codecs."""
+        return FigureStyle.from_config(*self.about["style"])
+
+    @property
+    def bd_rate(self) -> Mapping[str, Any]:
+        """Options of the study's tables of Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
+        found: Mapping[str, Any] = self.about["bd_rate"]
+        return found
+
+    @property
+    def record(self) -> RunRecord:
+        """When the study was run, and of what sources."""
+        return RunRecord.from_json(self.about["record"])
+
+    def table(self, name: str) -> pd.DataFrame | None:
+        """The table ``clouds`` or ``scan_errors``; None where the study has no such rows."""
+        import pandas as pd
+
+        rows = self.about.get(name)
+        return pd.DataFrame(rows) if rows else None
+
+    @cached_property
+    def clouds(self) -> dict[str, tuple[str, str]]:
+        """Digest of each cloud -> its data set and name."""
+        distinct = self.metrics[[DIGEST, *_CLOUD]].drop_duplicates()
+        return {str(d): (str(s), str(c)) for d, s, c in distinct.itertuples(index=False)}
+
+
+def shipped() -> list[str]:
+    """Names of the studies whose results come with puckbench."""
+    return sorted(path.stem for path in FOLDER.glob("*.parquet"))
+
+
+def read_reference(name: str) -> ReferenceResults:
+    """The results of a study.
+
+    Parameters
+    ----------
+    name
+        Of a study that comes with puckbench, or the path of a file that ends in ``.parquet``.
+
+    Raises
+    ------
+    InputError
+        There are none, or the file is no such file.
+    """
+    if name.endswith(".parquet"):
+        return _read(Path(name))
+    if name not in shipped():
+        known = among(name, shipped()) if shipped() else " (this version has none)"
+        raise InputError(f"no reference results '{name}'{known}")
+    return _read(FOLDER / f"{name}.parquet")
+
+
+def _read(path: Path) -> ReferenceResults:
+    table = read_table(path)
+    try:
+        about = json.loads(metadata_of(path)[KEY.encode()])
+        version = about["format"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a file of reference results") from error
+    if version != FORMAT:
+        raise InputError(f"{path}: format {version}, but this version reads {FORMAT}")
+    return ReferenceResults(path.stem, table, about)
+
+
+def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:
+    """Write the results of a study.
+
+    Parameters
+    ----------
+    path
+        Of the file; its stem is the name of the study.
+    metrics
+        Its result rows.
+    about
+        As `ReferenceResults` has it; its ``clouds`` have the digests.
+
+    Raises
+    ------
+    InputError
+        A cloud has no digest.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    digests = {(row["dataset"], row["cloud"]): row.get(DIGEST) for row in about["clouds"]}
+    keys = [(str(s), str(c)) for s, c in metrics[_CLOUD].itertuples(index=False)]
+    missing = next((key for key in keys if not digests.get(key)), None)
+    if missing:
+        raise InputError(f"cloud {'/'.join(missing)}: the table of clouds has no digest of it")
+    rows = _rounded(metrics)
+    rows.insert(2, DIGEST, [digests[key] for key in keys])
+    table = pa.Table.from_pandas(rows, preserve_index=False)
+    text = json.dumps({"format": FORMAT, **about}, sort_keys=True, allow_nan=False)
+    with written_whole(path) as temporary:
+        described = table.replace_schema_metadata({**table.schema.metadata, KEY: text})
+        parquet.write_table(described, temporary, compression="zstd", compression_level=19)
+
+
+def _rounded(table: Any) -> pd.DataFrame:
+    """The table with its measured numbers in single precision, of `_DIGITS` digits."""
+    rounded: pd.DataFrame = table.copy()
+    for column in table.select_dtypes("floating"):
+        values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
+        rounded[column] = values
+        if column != "bpp":
+            rounded[column] = rounded[column].astype("float32")
+    return rounded
+
+
+def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table for JSON, without the values that are missing."""
+    rounded: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
+    return [{key: value for key, value in row.items() if value is not None} for row in rounded]

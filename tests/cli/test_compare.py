@@ -1,0 +1,189 @@
+"""`puckbench compare`: one's own codec beside reference results, on the same clouds alone."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from puckbench.cli import main
+from tests.support.reference_lookalike import CLOUDS, GPCC, MINE, rows_of, write_run, write_study
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(write_study(tmp_path_factory.mktemp("study") / "known.parquet"))
+
+
+@pytest.fixture
+def mine() -> pd.DataFrame:
+    return rows_of("mine", MINE)
+
+
+def compare(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
+    """Exit status, and what is printed."""
+    status = main(["compare", *map(str, words)])
+    shown = capsys.readouterr()
+    return status, shown.out, shown.err
+
+
+def test_deltas_are_the_known_ratios(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(tmp_path, mine)
+    status, out, _ = compare(capsys, folder, "--with", study, "--json")
+    assert status == 0
+    answer = json.loads(out)
+    found = {(row["anchor"], row["metric"]): row for row in answer["deltas"]}
+    for metric in ("d1_psnr", "d2_psnr"):
+        for anchor, bits in (("draco", 1.0), ("gpcc", GPCC)):
+            row = found[anchor, metric]
+            assert row["bd_rate_percent"] == pytest.approx(100 * (MINE / bits - 1), abs=1e-3)
+            assert row["bd_rate_percent_low"] <= row["bd_rate_percent"] + 1e-6
+            assert (row["codec"], row["clouds"], row["compared"]) == ("mine", 4, 4)
+    assert [Path(file).name for file in answer["files"]] == ["known.png", "known.pdf", "known.csv"]
+    picture = np.asarray(Image.open(answer["files"][0]).convert("RGB")).astype(int)
+    coloured = np.ptp(picture, axis=2) > 60
+    grey = (np.ptp(picture, axis=2) < 4) & (abs(picture[..., 0] - 0x6F) < 4)
+    assert coloured.sum() > 1000
+    assert grey.sum() > 1000
+
+
+def test_the_table_is_grey_where_it_is_theirs(
+    study: str,
+    mine: pd.DataFrame,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = write_run(tmp_path, mine)
+    _, out, _ = compare(capsys, folder, "--with", study)
+    lines = out.splitlines()
+    assert lines[0].startswith("Things, 4 clouds")
+    assert lines[1].startswith("mine")
+    assert lines[2].startswith("Draco, known")
+    assert "−50.0 % [−50.0 %, −50.0 %]" in lines[2].replace("\N{NO-BREAK SPACE}", " ")
+    assert "\x1b" not in out
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    _, out, _ = compare(capsys, folder, "--with", study)
+    assert [line.startswith("\x1b[2m") for line in out.splitlines()[:4]] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+
+
+def test_other_points_are_refused_and_named(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    digests = {**CLOUDS, ("objects", "thing_1"): "f" * 32}
+    folder = write_run(tmp_path, mine, digests)
+    status, out, err = compare(capsys, folder, "--with", study)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert "objects/thing_1 (other points)" in err
+    assert "--common compares the other 3" in err
+    assert not (folder / "comparison").exists()
+    status, out, _ = compare(capsys, folder, "--with", study, "--common", "--json")
+    assert status == 0
+    answer = json.loads(out)
+    assert answer["left_out"] == ["objects/thing_1 (other points)"]
+    assert {row["clouds"] for row in answer["deltas"]} == {3}
+
+
+def test_clouds_are_known_by_their_digests_whatever_their_names(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    renamed = mine.assign(dataset="here", cloud="my_" + mine["cloud"])
+    digests = {("here", f"my_{cloud}"): digest for (_, cloud), digest in CLOUDS.items()}
+    folder = write_run(tmp_path, renamed, digests)
+    status, out, _ = compare(capsys, folder, "--with", study, "--json")
+    assert status == 0
+    assert {row["dataset"] for row in json.loads(out)["deltas"]} == {"objects"}
+
+
+def test_a_codec_of_both_is_compared_when_it_is_named_and_its_bytes_are_checked(
+    study: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = rows_of("gpcc", GPCC)
+    again.loc[0, "bytes"] += 1
+    folder = write_run(tmp_path, pd.concat([again, rows_of("mine", MINE)]))
+    _, out, _ = compare(capsys, folder, "--with", study, "--json")
+    answer = json.loads(out)
+    assert answer["codecs"] == ["mine"]
+    assert answer["same_streams"] == {"gpcc": [15, 16]}
+    _, out, _ = compare(capsys, folder, "--with", study, "--codecs", "gpcc", "--json")
+    deltas = {row["anchor"]: row["bd_rate_percent"] for row in json.loads(out)["deltas"]}
+    assert deltas["gpcc"] == pytest.approx(0, abs=1e-3)
+    assert deltas["draco"] == pytest.approx(-20, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "message"),
+    [
+        (lambda t: t.drop(index=6), [], "no result of objects/thing_1 at r3"),
+        (lambda t: t[t["rate"] == "r1"], [], "only the rate r1 on objects"),
+        (lambda t: t.drop(columns="d2_psnr"), [], "the run has no metric 'd2_psnr'"),
+        (lambda t: t, ["--metrics", "colour"], "the run has no metric 'colour'"),
+        (lambda t: t.assign(d1_psnr=t["d1_psnr"].mask(t.index == 2)), [], "no d1_psnr of objects"),
+        (lambda t: t, ["--codecs", "mime"], "no codec 'mime'"),
+        (lambda t: t[t["cloud"] == "none"], [], "the table has no rows"),
+    ],
+)
+def test_what_is_missing_is_told_in_one_line(
+    study: str,
+    mine: pd.DataFrame,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: object,
+    words: list[str],
+    message: str,
+) -> None:
+    folder = write_run(tmp_path, change(mine))  # type: ignore[operator]
+    status, _, err = compare(capsys, folder, "--with", study, *words)
+    assert status == 2
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_lossless_rate_has_no_psnr(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exact = mine["rate"] == "r4"
+    kept = mine.assign(
+        d1_mse=mine["d1_mse"].mask(exact, 0.0),
+        d2_mse=mine["d1_mse"].mask(exact, 0.0),
+        d1_psnr=mine["d1_psnr"].mask(exact),
+        d2_psnr=mine["d2_psnr"].mask(exact),
+    )
+    status, out, _ = compare(capsys, write_run(tmp_path, kept), "--with", study, "--json")
+    assert status == 0
+    assert json.loads(out)["deltas"][0]["bd_rate_percent"] == pytest.approx(-50, abs=1e-3)
+
+
+def test_tables_without_digests_are_of_an_older_run(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(tmp_path, mine)
+    clouds = folder / "tables" / "clouds.parquet"
+    pd.read_parquet(clouds).drop(columns="digest").to_parquet(clouds)
+    status, _, err = compare(capsys, folder, "--with", study)
+    assert (status, "of an older run" in err) == (2, True)
+
+
+def test_an_unknown_study_and_other_files_are_refused(
+    mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(tmp_path, mine)
+    status, _, err = compare(capsys, folder, "--with", "kapod")
+    assert (status, "no reference results 'kapod'" in err) == (2, True)
+    table = folder / "tables" / "metrics.parquet"
+    status, _, err = compare(capsys, folder, "--with", table)
+    assert (status, "not a file of reference results" in err) == (2, True)

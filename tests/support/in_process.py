@@ -1,0 +1,67 @@
+"""A run's result rows without Snakemake: the jobs of its plan, in this process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from puckbench.jobs.registry import JOBS
+from puckbench.jobs.result_tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, metric_rows, table_of
+from puckbench.planning.planned_job import PlannedJob
+from puckbench.planning.workflow import Workflow
+
+
+def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The tables of all results and of all clouds of a configuration of samples and scans."""
+    bench = Workflow(config)
+    rows: list[Path] = []
+    for dataset, cloud in bench.plan.clouds:
+        _prepare(bench, dataset, cloud)
+        for curve in bench.coding.curves:
+            if dataset in bench.coding.datasets(curve):
+                rows += _coded(bench, dataset, cloud, curve)
+    about = [
+        cloud_row(dataset, bench.plan.results / "clouds" / dataset / f"{cloud}.json")
+        for dataset, cloud in bench.plan.clouds
+    ]
+    return table_of(metric_rows(rows), METRIC_KEYS), table_of(about, CLOUD_KEYS)
+
+
+def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
+    jobs, results = bench.clouds, bench.plan.results
+    scene = Path(jobs.scene_file(dataset, cloud))
+    source = Path(jobs.source(dataset, cloud))
+    target = results / "clouds" / dataset / f"{cloud}.ply"
+    if not scene.exists():
+        _do(jobs.scene(jobs.dataset(dataset).scenes, cloud), scene=scene)
+    if jobs.dataset(dataset).settings.is_scan:
+        _do(jobs.scan(dataset, cloud), mesh=scene, table=source)
+    else:
+        _do(jobs.sample(dataset), mesh=scene, cloud=source)
+    about = scene.with_suffix(".json")
+    box = {"box": about} if jobs.is_cropped(dataset) else {}
+    truth = Path(jobs.true_points(dataset, cloud))
+    _do(jobs.prepare(dataset), source=source, cloud=target, truth=truth, about=(about,), **box)
+
+
+def _coded(bench: Workflow, dataset: str, cloud: str, curve: Any) -> list[Path]:
+    coding, results = bench.coding, bench.plan.results
+    given = {"cloud": results / "clouds" / dataset / f"{cloud}.ply"}
+    streams, rows = (
+        tuple(
+            Path(file.format(dataset=dataset, cloud=cloud))
+            for file in curve.files(f"{results}/{folder}", suffix)
+        )
+        for folder, suffix in (("coded", ".bin"), ("metrics", ".json"))
+    )
+    _do(coding.encode(curve), **given, streams=streams)
+    truth = {name: Path(file) for name, file in coding.truth(dataset, cloud).items()}
+    _do(coding.evaluate(dataset, curve), **given, **truth, streams=streams, rows=rows)
+    return list(rows)
+
+
+def _do(job: PlannedJob, **files: Any) -> None:
+    JOBS.get(job.name).given(**json.loads(job.record)).run(**files)

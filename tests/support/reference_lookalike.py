@@ -1,0 +1,71 @@
+"""A study whose codecs lie at known distances, and a run of another codec on its clouds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from puckbench.io.tables import write_table
+from puckbench.report.reference_results import plain_rows, write_reference
+from puckbench.report.run_record import RunRecord
+
+CLOUDS = {("objects", f"thing_{number}"): f"{number:032x}" for number in range(4)}
+"""Data set and name of each cloud -> its digest."""
+DRACO, GPCC, MINE = 1.0, 0.8, 0.5
+"""Bits of each codec over those of the first, at every quality."""
+
+
+def rows_of(codec: str, bits: float) -> pd.DataFrame:
+    """Result rows of a codec; clouds differ in their bits, not in the ratio of codecs."""
+    return pd.DataFrame(
+        {
+            "dataset": dataset,
+            "cloud": cloud,
+            "codec": codec,
+            "rate": f"r{rate}",
+            "bytes": int(1000 * bits * 2**rate * (1 + number)),
+            "bpp": bits * 2.0**rate * (1 + number),
+            "d1_psnr": 40.0 + 6 * rate,
+            "d2_psnr": 45.0 + 6 * rate,
+            "d1_mse": 2.0**-rate,
+            "encode_s": 0.1,
+            "decode_s": 0.05,
+            "codec_version": "1",
+        }
+        for number, (dataset, cloud) in enumerate(CLOUDS)
+        for rate in range(1, 5)
+    )
+
+
+def clouds_of(digests: dict[tuple[str, str], str]) -> pd.DataFrame:
+    """The table of clouds."""
+    rows = [
+        {"dataset": dataset, "cloud": cloud, "points": 8000, "digest": digest}
+        for (dataset, cloud), digest in digests.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def write_study(file: Path) -> Path:
+    """Reference results of Draco and G-PCC."""
+    metrics = pd.concat([rows_of("draco", DRACO), rows_of("gpcc", GPCC)])
+    about = {
+        "configuration": {},
+        "style": [{"dataset_titles": {"objects": "Things"}}],
+        "bd_rate": {"anchor": "gpcc", "qualities": ["d1_psnr", "d2_psnr"], "resamples": 100},
+        "machine": {"Processor": "a & b"},
+        "record": RunRecord().as_json(),
+        "clouds": plain_rows(clouds_of(CLOUDS)),
+    }
+    write_reference(file, metrics.reset_index(drop=True), about)
+    return file
+
+
+def write_run(
+    folder: Path, metrics: pd.DataFrame, digests: dict[tuple[str, str], str] | None = None
+) -> Path:
+    """The tables of a run."""
+    write_table(metrics, folder / "tables" / "metrics.parquet")
+    write_table(clouds_of(digests or CLOUDS), folder / "tables" / "clouds.parquet")
+    return folder
