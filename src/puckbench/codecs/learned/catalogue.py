@@ -23,7 +23,7 @@ SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"
 """The one entry of a file's metadata: the header as JSON."""
 MAX_FILE_BYTES = 2**28
-_PUBLISHED = (".npz", ".pth")
+_PUBLISHED = (".npz", ".pth", ".pt")
 
 
 class Header(Model):
@@ -177,3 +177,5 @@ PCGCV1 = Network("pcgcv1", r"a(\d+(?:\.\d+)?)b3\.npz")
 PCGCV2 = Network("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 """The authors' ``c8_a025_32000.pth`` was trained with lambda 0.25."""
 OCTREE_NET = Network("sparse_octree_net")
+RENO = Network("reno", r"([\w.-]+)\.pt")
+"""The authors' ``KITTIDetection.pt``; its rates need no weights of their own."""

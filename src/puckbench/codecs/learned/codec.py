@@ -84,13 +84,14 @@ class Learned(Codec, Generic[W]):
             return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
         if self.options.device != "cpu" and (reason := why_not(self.options.device)):
             return Availability(False, reason)
+        rates = self.rates or self.metric_rates
         try:
-            lacking = [name for name, rate in self.rates.items() if self._path(rate) is None]
+            lacking = [name for name, rate in rates.items() if self._path(rate) is None]
         except InputError as error:
             return Availability(False, str(error))
-        there = ", ".join(name for name in self.rates if name not in lacking) or "none"
-        where, rates = self.options.weights, ", ".join(lacking)
-        why = f"{where} has no weights for {rates} (rates it has: {there})"
+        there = ", ".join(name for name in rates if name not in lacking) or "none"
+        where, without = self.options.weights, ", ".join(lacking)
+        why = f"{where} has no weights for {without} (rates it has: {there})"
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
