@@ -44,7 +44,8 @@ from tests.support.structured_streams import WRITERS, structured
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.gpcc.conformance import FOLDER
-from puckbench.codecs.registry import codecs, has_weights, open_codec
+from puckbench.codecs.learned.codec import Learned
+from puckbench.codecs.registry import codec_class, codecs, open_codec
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
 
@@ -121,7 +122,11 @@ def _is_tiny(name: str) -> bool:
     """Whether a codec has no weights here and gets random ones; PyTorch must be there."""
     from importlib.util import find_spec
 
-    return has_weights(name) and not open_codec(name).available().ok and _has(find_spec)
+    return _is_network(name) and not open_codec(name).available().ok and _has(find_spec)
+
+
+def _is_network(name: str) -> bool:
+    return issubclass(codec_class(name), Learned)
 
 
 def _has(find_spec: Any) -> bool:
@@ -136,9 +141,11 @@ def opened(decoder: str) -> Any:
     changes: dict[str, Any] = {}
     if _is_tiny(name):
         from tests.support.learned_codecs import changes as with_weights
-        from tests.support.learned_codecs import save_tiny
+        from tests.support.learned_codecs import save_tiny, weights_name
 
-        weights = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}.safetensors"
+        folder = Path(tempfile.gettempdir()) / f"puckbench-fuzz-{os.getpid()}"
+        folder.mkdir(exist_ok=True)
+        weights = folder / weights_name(name)
         save_tiny(name, weights)
         changes = with_weights(name, weights)
     if decoder.endswith("(framed)"):
@@ -247,7 +254,7 @@ def work(decoder: str, first: int, end: int, kind: str) -> None:
 
 def seconds_of(decoder: str) -> int:
     """The processor's seconds that a stream may take."""
-    is_learned = decoder not in OTHERS and has_weights(decoder.partition(" ")[0])
+    is_learned = decoder not in OTHERS and _is_network(decoder.partition(" ")[0])
     seconds = LEARNED_SECONDS if is_learned else SECONDS
     return seconds * (CHECKED_FACTOR if os.environ.get(CHECKED) else 1)
 

@@ -5,10 +5,11 @@ A codec with rates of clouds in metres runs a second time, on clouds of a room's
 
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from hypothesis.extra.numpy import arrays
 from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.external.program import ExternalCodec
 from puckbench.codecs.learned.codec import LearnedByLambda
+from puckbench.codecs.learned.reno.codec import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import codec_of, codecs, open_codec
 from puckbench.core.errors import InputError
 
@@ -68,6 +70,8 @@ def _cases() -> list[str]:
     found = {name: own for name, own in codecs().items() if own.takes != "returns"}
     here = [name for name in found if open_codec(name).available().ok]
     scaled = [name for name in here if found[name].rates]
+    if find_spec("torch") and "reno" not in here:
+        here.append("reno")  # with the random weights of `weights_of_reno`
     return scaled + [name + METRES for name in here if found[name].metric_rates]
 
 
@@ -89,6 +93,19 @@ OWN = [
     if not isinstance(_opened(name).codec, ExternalCodec)
     and name.removesuffix(METRES) not in set(NAMES) - {name}
 ]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def weights_of_reno(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Random weights of RENO where the codec looks for its authors', also in other processes."""
+    folder = tmp_path_factory.mktemp("reno")
+    with pytest.MonkeyPatch.context() as patch:
+        if find_spec("torch"):
+            from tests.support.learned_codecs import save_tiny
+
+            save_tiny("reno", folder / PUBLISHED_WEIGHTS / "KITTIDetection.pt")
+            patch.chdir(folder)
+        yield
 
 
 @pytest.fixture(params=NAMES, scope="module")

@@ -10,12 +10,13 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.octree_net import stream as octree_stream
 from puckbench.codecs.learned.pcgcv1 import stream as pcgcv1_stream
 from puckbench.codecs.learned.pcgcv2 import stream as pcgcv2_stream
+from puckbench.codecs.learned.reno import stream as reno_stream
 from puckbench.codecs.primitives import stream as limits
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.stream import SurfaceHeader, is_decodable, pack_surface
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
-from tests.support.learned_codecs import changes, save_tiny, shell
+from tests.support.learned_codecs import changes, save_tiny, shell, weights_name
 from tests.support.structured_streams import structured
 
 
@@ -91,12 +92,15 @@ def test_what_a_decoder_would_refuse_primitives_codes_as_voxels(
     assert encode_surface(cloud, SurfaceMode()) is None
 
 
+NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net", "reno")
+
+
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Codec, bytes]]:
     """Codecs of tiny networks, and a stream of each."""
     found = {}
-    for name in ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net"):
-        weights = tmp_path_factory.mktemp(name) / "tiny.safetensors"
+    for name in NETWORKS:
+        weights = tmp_path_factory.mktemp(name) / weights_name(name)
         save_tiny(name, weights)
         codec = open_codec(name, changes(name, weights))
         found[name] = (codec, codec.encode(shell(), "r2"))
@@ -141,6 +145,21 @@ def test_the_octree_net_cannot_promise_parts_without_bytes(
     assert octree_stream.max_nodes(replace(part, count=8, symbols=b"")) == 2**17 + 3
 
 
+def test_reno_cannot_promise_voxels_without_bytes(
+    learned: dict[str, tuple[Codec, bytes]],
+) -> None:
+    coded = reno_stream.read_stream(learned["reno"][1])
+    empty = replace(coded.tree, symbols=(b"", b""))
+    assert reno_stream.max_nodes(empty) == 2**17
+    assert reno_stream.max_nodes(replace(empty, symbols=(bytes(100), b""))) == 2**17 + 1600
+    reno_stream.check_work(empty, 2**17)
+    with pytest.raises(InputError, match="more voxels than a stream of its size may have"):
+        reno_stream.check_work(empty, 2**17 + 1)
+    promise = reno_stream.write_stream(replace(coded, tree=replace(empty, count=2**20 + 1)))
+    with pytest.raises(InputError, match="more voxels than a stream of its size may have"):
+        reno_stream.read_stream(promise)
+
+
 def _endure(codec: Codec, stream: bytes) -> None:
     refused = ""
     try:
@@ -157,7 +176,7 @@ def test_structured_streams_end_in_points_or_one_error(name: str) -> None:
         _endure(codec, structured(name, [], number))
 
 
-@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net"])
+@pytest.mark.parametrize("name", NETWORKS)
 def test_structured_streams_of_networks_end_in_points_or_one_error(
     name: str, learned: dict[str, tuple[Codec, bytes]]
 ) -> None:

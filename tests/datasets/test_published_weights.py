@@ -28,6 +28,9 @@ RATES = {
 }
 
 
+RENO_SETS = ("KITTIDetection", "SemanticKITTI", "Ford")
+
+
 class Silent(SimpleHTTPRequestHandler):
     def log_message(self, *_: Any) -> None:
         """Say nothing."""
@@ -142,6 +145,31 @@ def test_a_checkpoint_without_a_known_hash_is_known_by_its_name_in_git(
     (server[1] / "ckpt.data").write_bytes(bytes(100))
     with pytest.raises(published_weights.InputError, match="other contents than are known"):
         published_weights.download(tmp_path, server[0], known)
+
+
+def test_the_weights_of_reno_come_alike(
+    server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = published_weights.table("reno_weights")
+    assert all(len(about["sha256"]) == 64 for about in table["files"].values())
+    assert {Path(name).stem for name in table["files"]} == {*RENO_SETS, "LICENSE-RENO"}
+    for about in table["files"].values():
+        path = server[1] / about["from"][0].replace("reno/", "")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(path.parent.name.encode())
+        about["sha256"] = _sha256(path.read_bytes())
+    table["repositories"] = {"reno": "."}
+    source = SOURCES["reno_weights"]
+    assert isinstance(source.download, partial)
+    download = partial(source.download, host=server[0], known=table)
+    monkeypatch.setitem(SOURCES, "reno_weights", replace(source, download=download))
+    monkeypatch.chdir(tmp_path)
+    assert main(["data", "reno_weights"]) == 0
+    assert open_codec("reno").available().ok
+    assert "MIT License" in Path("data/reno_weights/CREDITS.md").read_text()
+    for name in RENO_SETS:
+        codec = open_codec("reno", {"options": {"trained_on": name}})
+        assert codec.weights_of("8mm") == f"{name} {_sha256(name.encode())[:16]}"
 
 
 def test_the_real_table_has_every_rate_and_licence() -> None:

@@ -22,6 +22,7 @@ from puckbench.codecs.learned.pcgcv1.model import Shape as Shape1
 from puckbench.codecs.learned.pcgcv2 import weights as pcgcv2_weights
 from puckbench.codecs.learned.pcgcv2.model import PCGCv2
 from puckbench.codecs.learned.pcgcv2.model import Shape as Shape2
+from puckbench.codecs.learned.reno.weights import shapes as reno_shapes
 from puckbench.core.errors import InputError
 
 TINY1 = Shape1(
@@ -33,6 +34,7 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
+    "reno": {"r1": {"step_m": 2}, "r2": {"step_m": 1}},
 }
 
 
@@ -63,8 +65,27 @@ def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet
     return model.eval().requires_grad_(False)
 
 
+def reno_state(channels: int = 8, seed: int = 0) -> dict[str, torch.Tensor]:
+    """Random parameters of RENO, by the authors' names, about as large as theirs."""
+    rng = np.random.default_rng(seed)
+    state = {}
+    for name, shape in reno_shapes(channels).items():
+        spread = 0.3 / np.sqrt(channels) if name.endswith("kernel") else 0.7
+        state[name] = torch.from_numpy((spread * rng.normal(size=shape)).astype(np.float32))
+    return state
+
+
+def weights_name(codec: str) -> str:
+    """The name of a codec's file of weights."""
+    return "KITTIDetection.pt" if codec == "reno" else "tiny.safetensors"
+
+
 def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
     """A set of random weights for a codec."""
+    if codec == "reno":
+        path.parent.mkdir(parents=True, exist_ok=True)
+        torch.save(reno_state(seed=seed), path)
+        return
     if codec.startswith("pcgcv1"):
         pcgcv1_weights.save_weights(path, network1(seed=seed), LMBDAS, {"data": "none"})
     elif codec.startswith("pcgcv2"):
@@ -76,7 +97,8 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
 def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
     """A codec's entry with weights, at the rates that tiny sets have."""
     rates = RATES[codec if codec in RATES else f"{codec}_plus"]  # as published: the same
-    return {"rates": rates, "options": {"weights": str(weights), **more}}
+    key = "metric_rates" if codec == "reno" else "rates"
+    return {key: rates, "options": {"weights": str(weights), **more}}
 
 
 def shell(radii: tuple[int, int, int] = (20, 14, 9), points: int = 6000) -> np.ndarray:

@@ -18,6 +18,7 @@ import numpy as np
 
 from puckbench.codecs.common.byte_io import base_128, signed_128
 from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.learned.sparse.voxels import morton_voxels
 from puckbench.codecs.puck.records import Kind, Record, start
 from puckbench.core.seeding import generator
 
@@ -309,6 +310,28 @@ def _changed3(coded: Any, random: Random) -> Any:
     return replace(coded, **_some(some, random))
 
 
+def _changed4(coded: Any, random: Random) -> Any:
+    tree = coded.tree
+    size = int(random.choice([1, 7, 63, 64]))
+    levels = min(limit(random, 5), 40) if random.random() < 0.5 else len(tree.symbols) // 2
+    side = 1 << max(19 - levels, 1)
+    row = np.arange(side - size, side)[:, None] if side > size else np.arange(size)[:, None]
+    base = np.repeat(row, 3, axis=1)
+    if random.random() < 0.5:  # a dense block: the base that costs a decoder most
+        base = morton_voxels(np.arange(size))
+    parts = {
+        "symbols": tuple(data(random) for _ in range(2 * levels + int(random.random() < 0.1))),
+        "count": limit(random, 32), "check": limit(random, 32),
+    }  # fmt: skip
+    changed = replace(tree, **_some(parts, random))
+    if random.random() < 0.6:
+        occupancy = np.full(size, int(random.choice([255, 255, 1, 0])), np.uint8)
+        changed = replace(changed, base=base, occupancy=occupancy)
+    some = {"tree": changed, "posq": float(2.0 ** int(random.integers(-24, 15))),
+            "offsets": (limit(random, 31), -limit(random, 31), 0)}  # fmt: skip
+    return replace(coded, **{"tree": changed, **_some(some, random)})
+
+
 def _some(changes: dict[str, Any], random: Random) -> dict[str, Any]:
     """One of the changes, or a few."""
     names = random.permutation(list(changes))[: int(random.choice([1, 1, 2, len(changes)]))]
@@ -357,5 +380,6 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "sparse_octree_net": _learned(
         f"{_NETS}.octree_net.stream", _changed3, "write_stream", ["_check"]
     ),
+    "reno": _learned(f"{_NETS}.reno.stream", _changed4, "write_stream", []),
 }
 """Codecs of our own; `pcgcv1` and `pcgcv2` share the decoders of ours."""

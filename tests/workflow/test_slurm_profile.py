@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 import yaml
 
-from puckbench.codecs.registry import codecs, has_weights, memory_mb
+from puckbench.codecs.learned.codec import Learned
+from puckbench.codecs.registry import codec_class, codecs, memory_mb
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 PROFILE = yaml.safe_load((WORKFLOW / "profiles" / "slurm" / "config.yaml").read_text())
@@ -42,4 +43,4 @@ def test_another_attempt_gets_more_memory() -> None:
 
 @pytest.mark.parametrize("codec", codecs())
 def test_a_network_gets_most_memory(codec: str) -> None:
-    assert (memory_mb(codec, 1_000_000) > 2000) == has_weights(codec)
+    assert (memory_mb(codec, 1_000_000) > 2000) == issubclass(codec_class(codec), Learned)

@@ -15,7 +15,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "names",
         nargs="*",
-        help="what to fetch: captured_rooms, sweethome3d (both by default), pcgc_weights",
+        help="what to fetch: captured_rooms, sweethome3d (both by default), pcgc_weights, "
+        "reno_weights",
     )
     parser.add_argument("--folder", type=Path, default=Path("data"), help="default: data")
 

@@ -1,6 +1,6 @@
-"""The weights of PCGCv1's and PCGCv2's authors, from public repositories at fixed commits.
+"""The weights of PCGCv1's, PCGCv2's and RENO's authors, from public repositories at fixed commits.
 
-What is fetched from where, with its hashes, is in published_weights.yaml.
+What is fetched from where, with its hashes, is in published_weights.yaml and reno_weights.yaml.
 """
 
 from __future__ import annotations
@@ -21,16 +21,22 @@ _MAX_BYTES = 2**26
 _OPTIMISER = "main_optimizer/"
 
 
-def table() -> dict[str, Any]:
-    """Repositories, files and the order of variables, as published_weights.yaml has them."""
+PCGC, RENO = "pcgc_weights", "reno_weights"
+_TABLES = {PCGC: "published_weights.yaml", RENO: "reno_weights.yaml"}
+
+
+def table(name: str = PCGC) -> dict[str, Any]:
+    """Repositories, files and the order of variables, as the set's YAML has them."""
     import yaml
 
-    text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")
+    text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
     found: dict[str, Any] = yaml.safe_load(text)
     return found
 
 
-def download(folder: Path, host: str = HOST, known: Mapping[str, Any] | None = None) -> Path:
+def download(
+    folder: Path, host: str = HOST, known: Mapping[str, Any] | None = None, name: str = PCGC
+) -> Path:
     """Fetch the weights and their licences into one package, every file with its known hash.
 
     Parameters
@@ -41,6 +47,8 @@ def download(folder: Path, host: str = HOST, known: Mapping[str, Any] | None = N
         Beginning of all addresses.
     known
         As `table`, which is the default.
+    name
+        Of the set.
 
     Returns
     -------
@@ -52,12 +60,12 @@ def download(folder: Path, host: str = HOST, known: Mapping[str, Any] | None = N
     InputError
         There is no network, or a file is not the known one.
     """
-    known = known or table()
-    package = folder / "pcgc_weights.tar"
+    known = known or table(name)
+    package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:
-        for name, about in known["files"].items():
-            content = _file(name, about, partial(_fetched, host, known["repositories"]), known)
-            member = tarfile.TarInfo(name)
+        for file, about in known["files"].items():
+            content = _file(file, about, partial(_fetched, host, known["repositories"]), known)
+            member = tarfile.TarInfo(file)
             member.size = len(content)
             archive.addfile(member, io.BytesIO(content))
     return package
@@ -115,8 +123,17 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     return archive.getvalue()
 
 
+def credits_of_reno(_: Path) -> str:
+    """Whose the weights of RENO are."""
+    return (
+        "# Weights of RENO\n\n"
+        "KITTIDetection.pt, SemanticKITTI.pt, Ford.pt: RENO (You, Chen, Ding, Asif, Ma 2025), "
+        "github.com/NJUVISION/RENO, MIT License (LICENSE-RENO).\n"
+    )
+
+
 def credits_of(_: Path) -> str:
-    """Whose the weights are."""
+    """Whose the weights of PCGCv1 and PCGCv2 are."""
     return (
         "# Weights of PCGCv1 and PCGCv2\n\n"
         "* a*.npz: PCGCv1 (Wang, Zhu, Liu, Ma 2021), github.com/NJUVISION/PCGCv1, Apache License "

@@ -9,6 +9,7 @@ import subprocess
 import tarfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from puckbench.core.errors import InputError
@@ -165,6 +166,16 @@ SOURCES = {
         hashes=None,
         pinned=True,
         credits=published_weights.credits_of,
+        by_default=False,
+    ),
+    "reno_weights": Source(
+        package="reno_weights",
+        download=partial(published_weights.download, name=published_weights.RENO),
+        unpack=tarfile.open,
+        wanted=re.compile(r"[\w.-]+"),
+        hashes=None,
+        pinned=True,
+        credits=published_weights.credits_of_reno,
         by_default=False,
     ),
 }

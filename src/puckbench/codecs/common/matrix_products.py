@@ -93,7 +93,8 @@ class _Writer:
         """LLVM's fused multiplication and addition of vectors."""
         typed = ir.FunctionType(kind, [kind] * 3)
         name = f"llvm.fma.v{self.wider}f32"
-        return cgutils.get_or_insert_function(self.builder.module, typed, name)
+        declared: Any = cgutils.get_or_insert_function
+        return declared(self.builder.module, typed, name)
 
 
 def _adder(fused: bool) -> Callable[..., Any]:

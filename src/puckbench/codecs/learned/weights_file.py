@@ -249,11 +249,17 @@ def _plain(tables: Tables) -> list[list[dict[str, Any]]]:
     ]
 
 
+_UNREADABLE = (
+    OSError, RuntimeError, EOFError, LookupError, ValueError, TypeError, AttributeError
+)  # fmt: skip
+"""What PyTorch raises for bytes that are no checkpoint."""
+
+
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
     """Read a PyTorch checkpoint without running code of it; InputError with `fault` otherwise."""
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+    except (*_UNREADABLE, pickle.UnpicklingError) as error:
         raise InputError(f"{path}: {fault}") from error
     if not isinstance(checkpoint, dict):
         raise InputError(f"{path}: {fault}")

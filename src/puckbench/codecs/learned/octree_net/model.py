@@ -6,8 +6,8 @@ groups before it.
 
 References
 ----------
-You, Chen, Liu, Xu: "RENO: real-time neural compression for 3D LiDAR point clouds", CVPR 2025, in
-whose manner a small sparse network predicts occupancy level by level.
+You, Chen, Ding, Asif, Ma: "RENO: real-time neural compression for 3D LiDAR point clouds", CVPR
+2025, in whose manner a small sparse network predicts occupancy level by level.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class RenoOptions(LearnedOptions):
 
 @CODECS.register("reno")
 class Reno(Learned["Weights"]):
-    """RENO as published (You, Chen, Liu, Ma, Ma 2025), with its authors' weights.
+    """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
 
     A rate is its posQ, in mm: those of the paper, and 4, for which its authors give results too.
     """
@@ -84,10 +84,7 @@ class Reno(Learned["Weights"]):
         from puckbench.codecs.learned.reno.stream import Coded, write_stream
         from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
-        posq = float(parameters["step_m"]) / _MM
-        if np.float16(posq) != round(posq, 6) or posq <= 0:
-            raise InputError(f"posQ {posq:g} is not a number in half precision")
-        posq = float(np.float16(posq))
+        posq = _posq(float(parameters["step_m"]))
         millimetres = points / _MM
         offsets = _offsets(millimetres)
         voxels = np.rint((millimetres + offsets * float(_OFFSET)) / posq).astype(np.int64)
@@ -113,6 +110,15 @@ class Reno(Learned["Weights"]):
         from puckbench.codecs.learned.reno.weights import load_weights
 
         return load_weights(path)
+
+
+def _posq(step: float) -> float:
+    """posQ of a step in m; InputError where half precision, in which streams have it, has not."""
+    wanted = round(step / _MM, 6)
+    posq = float(np.float16(wanted))
+    if posq != wanted or posq <= 0:
+        raise InputError(f"posQ {wanted:g} is not a number in half precision")
+    return posq
 
 
 def _offsets(millimetres: Floats) -> Floats:

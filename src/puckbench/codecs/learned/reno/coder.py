@@ -111,7 +111,7 @@ class Coder:
 
 def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
     """Keys and occupancy of the levels above voxels, from the base, which is small, down."""
-    found = []
+    found: list[tuple[Keys, Occupancy]] = []
     while not found or len(found[-1][0]) >= MAX_BASE:
         starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
         occupancy = np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)

@@ -125,7 +125,7 @@ def cumulate(logits: Floats32, at: int, into: Cumulative) -> None:
 
 @compiled
 def exponential(x: float) -> float:
-    """The exponential of a number that is at most 0, to about 1e-16; of less than -44 it is 0."""
+    """The exponential of a number that is at most 0, to about 1e-14; of less than -44 it is 0."""
     if not -44.0 < x <= 0.0:
         return 0.0 * x  # not a number where x is none, or infinite
     power = math.floor(x * _LOG2_E + 0.5)
@@ -133,4 +133,5 @@ def exponential(x: float) -> float:
     total = _TERMS[0]
     for k in range(1, len(_TERMS)):
         total = total * rest + _TERMS[k]
-    return total * _POWERS[np.int64(power) + _LEAST_EXPONENT]
+    result: float = total * _POWERS[np.int64(power) + _LEAST_EXPONENT]
+    return result

@@ -99,4 +99,4 @@ def _decode(data: Bytes, cumulative: Cumulative, symbols: Symbols) -> bool:
 @compiled
 def _bit(data: Bytes, at: int) -> int:
     """A bit of the data, after whose end there are zeros."""
-    return (np.int64(data[at >> 3]) >> (7 - (at & 7))) & 1 if at >> 3 < len(data) else 0
+    return int(data[at >> 3]) >> (7 - (at & 7)) & 1 if at >> 3 < len(data) else 0

@@ -82,7 +82,7 @@ def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
     if not 1 <= channels <= MAX_CHANNELS:
         raise ValueError(f"{channels} channels")
     found = {}
-    for name, shape in _shapes(channels).items():
+    for name, shape in shapes(channels).items():
         array = checkpoint[name].numpy().astype(np.float32)
         if array.shape != shape or not np.isfinite(array).all():
             raise ValueError(f"{name}: shape {array.shape}, or not finite")
@@ -90,19 +90,20 @@ def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
     return found
 
 
-def _shapes(channels: int) -> dict[str, tuple[int, ...]]:
-    shapes: dict[str, tuple[int, ...]] = {
+def shapes(channels: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of the parameters by the authors' names."""
+    found: dict[str, tuple[int, ...]] = {
         "prior_embedding.weight": (OCCUPANCIES, channels),
         "target_embedding.target_res_embedding.weight": (CHILDREN, channels),
         "pred_head_s1_emb.weight": (VALUES, channels),
     }
     for network in _NETWORKS:
         for layer in _LAYERS:
-            shapes[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
+            found[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
     for head in _HEADS:
-        shapes |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
-        shapes |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
-    return shapes
+        found |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
+        found |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
+    return found
 
 
 def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> Weights:
