@@ -36,6 +36,9 @@ class RenoOptions(LearnedOptions):
     weights: str = Field(
         PUBLISHED_WEIGHTS, description="a folder with the authors' weights, or one of their files"
     )
+    device: Literal["cpu"] = Field(
+        "cpu", description="where the network runs: its sums are of one order, that of a CPU's loops"
+    )
     trained_on: Literal["KITTIDetection", "SemanticKITTI", "Ford"] = Field(
         "KITTIDetection", description="which of the folder's files codes"
     )
