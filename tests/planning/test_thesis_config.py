@@ -116,6 +116,16 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     }  # fmt: skip
 
 
+def test_reno_runs_on_sweeps_beside_gpcc_at_its_rates(data: Path) -> None:
+    put(data / "reno_weights" / "KITTIDetection.pt", "")
+    config = read("sweeps.yaml")
+    config["codecs"] |= read("sweeps_reno.yaml")["codecs"]
+    codecs = Workflow(config).plan.codecs
+    rates = codecs["reno"]["metric_rates"]
+    assert list(rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
+    assert codecs["gpcc"]["metric_rates"] == rates
+
+
 def test_the_thesis_is_planned_at_full_size_without_its_data(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,8 +1,8 @@
 """The codec RENO: points of clouds in metres on grids of powers of two, as its authors code them.
 
 Coordinates are millimetres from a corner 131,072 mm below the origin, divided by posQ and rounded:
-so the decoded points are those of `gpcc` with merged duplicates at the same step, and only the
-bytes differ.
+so the decoded points are those of `gpcc` with merged duplicates at the same step, but for halves of
+a step, which are rounded to even.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class RenoOptions(LearnedOptions):
         PUBLISHED_WEIGHTS, description="a folder with the authors' weights, or one of their files"
     )
     device: Literal["cpu"] = Field(
-        "cpu", description="where the network runs: its sums are of one order, that of a CPU's loops"
+        "cpu", description="where the network runs; its sums have the order of a CPU's loops"
     )
     trained_on: Literal["KITTIDetection", "SemanticKITTI", "Ford"] = Field(
         "KITTIDetection", description="which of the folder's files codes"
@@ -61,8 +61,8 @@ class Reno(Learned["Weights"]):
     Options: type[RenoOptions] = RenoOptions
     options: RenoOptions
     magic = b"RENO"
-    memory = Memory(1500, 3000)
-    pace = Pace(0.3, 16.0)
+    memory = Memory(1000, 1500)
+    pace = Pace(0.3, 12.0)
     version = "RENO, stream version 1"
     network = RENO
 
