@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from puckbench.planning.run_time import SAMPLE_S, job_seconds, machine_sample, run_seconds
+from puckbench.planning.run_time import (
+    SAMPLE_S,
+    compiling_seconds,
+    job_seconds,
+    machine_sample,
+    run_seconds,
+)
 from puckbench.planning.workflow import Workflow
 
 
@@ -38,6 +45,22 @@ def test_more_cores_take_less_and_a_slower_machine_more() -> None:
     assert run_seconds(jobs, seconds, 1, SAMPLE_S) == pytest.approx(work)
     assert run_seconds(jobs, seconds, 2, SAMPLE_S) == pytest.approx(work / 2)
     assert run_seconds(jobs, seconds, 2, 3 * SAMPLE_S) == pytest.approx(3 * work / 2)
+
+
+def test_a_codec_that_searches_takes_longer_to_encode_than_to_measure() -> None:
+    seconds = job_seconds(workflow(primitives={}))
+    assert seconds("encode_primitives") > 3 * seconds("decode_primitives")
+
+
+def test_a_machine_where_nothing_was_compiled_takes_longer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    fresh = compiling_seconds(workflow(draco={}, gpcc={}))
+    assert fresh > compiling_seconds(workflow(draco={})) > 0
+    assert run_seconds({}, {}.__getitem__, 2, SAMPLE_S, fresh) == pytest.approx(fresh / 2)
+    (tmp_path / "numba-0123456789ab").mkdir()
+    assert compiling_seconds(workflow(draco={})) == 0
 
 
 def test_the_sample_is_short() -> None:

@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.run_bar import show_bar
-from puckbench.planning.run_time import job_seconds
+from puckbench.planning.run_time import compiling_seconds, job_seconds
 from puckbench.planning.running import (
     check_room,
     check_storage,
@@ -90,7 +90,7 @@ if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
 NOTES = {"first_look": f"the first figures are in {RESULTS}/first_look"}
-BAR = show_bar(job_seconds(bench), CORES or 1, NOTES) if is_run() else None
+BAR = show_bar(job_seconds(bench), CORES or 1, NOTES, compiling_seconds(bench)) if is_run() else None
 
 
 onstart:

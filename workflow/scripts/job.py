@@ -5,7 +5,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.jobs.__main__ import run_job
+from puckbench.jobs.__main__ import leave, run_job
 
 if TYPE_CHECKING:
     snakemake: Any = None
@@ -17,3 +17,4 @@ files = {
 }
 with Path(snakemake.log[0]).open("w", encoding="utf-8") as log, redirect_stdout(log):
     run_job(snakemake.params.job, json.loads(snakemake.params.record), files)
+leave(0)

@@ -74,10 +74,14 @@ class Memory(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Estimate of the time of coding and decoding at one rate: s, and s for a million points."""
+    """Estimate of the time of coding and decoding at one rate: s, and s for a million points.
+
+    encoding: the share of encoding in it.
+    """
 
     base_s: float = 0.1
     per_million_s: float = 10.0
+    encoding: float = 0.5
 
     def of(self, points: int) -> float:
         """The estimate in s for a number of points."""

@@ -5,7 +5,9 @@ The last line of standard output is what the job cost: see `puckbench.jobs.cost`
 
 from __future__ import annotations
 
+import gc
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from inspect import signature
@@ -16,6 +18,9 @@ from puckbench.core.errors import InputError
 from puckbench.core.models import parsed
 from puckbench.jobs.cost import cost_line
 from puckbench.jobs.registry import JOBS
+
+_OBJECTS_PER_SEARCH = 10_000
+"""New objects after which Python looks for unused ones: imports make many, and leave none."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -59,5 +64,19 @@ def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
     return found
 
 
+def leave(status: int) -> None:
+    """End the process with its status, and let the system take back all that it holds at once.
+
+    To take apart every module and array first, as Python does, takes a job 0.2 to 0.5 s.
+    """
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        sys.exit(status)  # as Python tells of it
+    os._exit(status)
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    gc.set_threshold(_OBJECTS_PER_SEARCH)
+    leave(main(sys.argv[1:]))

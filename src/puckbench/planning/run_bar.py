@@ -36,12 +36,19 @@ class RunBar(logging.Handler):
         Of the run.
     notes
         Lines to print when a rule's job has ended.
+    compiling_s
+        What all jobs take to compile loops, as `puckbench.planning.run_time` has it.
     """
 
     def __init__(
-        self, seconds: Callable[[str], float], cores: int, notes: Mapping[str, str]
+        self,
+        seconds: Callable[[str], float],
+        cores: int,
+        notes: Mapping[str, str],
+        compiling_s: float = 0.0,
     ) -> None:
         super().__init__(logging.INFO)
+        self._compiling_s = compiling_s
         self._seconds, self._cores, self._notes = seconds, cores, notes
         self._running: dict[int, str] = {}
         self._jobs = self._done = 0
@@ -75,7 +82,8 @@ class RunBar(logging.Handler):
         }
         self._jobs = sum(jobs.values())
         self._work = sum(count * self._seconds(rule) for rule, count in jobs.items())
-        self._expected_s = run_seconds(jobs, self._seconds, self._cores, machine_sample())
+        given = (self._cores, machine_sample(), self._compiling_s)
+        self._expected_s = run_seconds(jobs, self._seconds, *given)
         self._began = self._told = time.monotonic()
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"
         self._tell(f"{self._jobs} jobs, about {duration_text(self._expected_s)} here on {cores}")
@@ -139,9 +147,14 @@ def _new_bar() -> Progress:
     )
 
 
-def show_bar(seconds: Callable[[str], float], cores: int, notes: Mapping[str, str]) -> RunBar:
+def show_bar(
+    seconds: Callable[[str], float],
+    cores: int,
+    notes: Mapping[str, str],
+    compiling_s: float = 0.0,
+) -> RunBar:
     """Show a bar in place of Snakemake's own lines for each job, but for warnings and errors."""
-    bar = RunBar(seconds, cores, notes)
+    bar = RunBar(seconds, cores, notes, compiling_s)
     _LOGGER.handlers.insert(0, bar)  # so that it can keep the others from printing
     return bar
 

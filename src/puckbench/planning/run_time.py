@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
+from puckbench.core.loop_cache import loops_folder
 from puckbench.planning.coding import Curve
 from puckbench.planning.workflow import Workflow
 
-SAMPLE_S = 0.2
+SAMPLE_S = 0.05
 """Seconds of `machine_sample` on the machine where the numbers below were measured."""
-_START_S = 1.5
-"""Of a job's process, with imports and what is loaded once."""
-_OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 12.0}
+_START_S = 0.9
+"""Of a job's process, with imports."""
+_OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
 """Seconds for each million points of jobs that make and measure clouds."""
-_METRICS = {False: 1.0, True: 3.5}
+_METRICS = {False: 1.0, True: 2.0}
 """Seconds for each million points of a measurement at one rate, without truth and with it."""
-_OTHERS = {"residuals": 6.0, "wall_points": 1.0, "report_page": 8.0, "first_look": 4.0}
+_OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_look": 2.0}
 """Seconds of other jobs, beyond the start of a process."""
+_OTHER_S = 1.0
+"""Of figures and tables."""
+_COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
+"""Seconds of all jobs together that compile loops, and of each codec's, where none are kept."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
@@ -29,7 +35,7 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
     millions = sum(counts) / 1e6 / max(1, len(counts))
     known = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
     known |= _of_curves(bench, millions)
-    return lambda rule: _START_S + known.get(rule, 0.5)
+    return lambda rule: _START_S + known.get(rule, _OTHER_S)
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
@@ -38,18 +44,20 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
     truth = any(data.has_truth for data in bench.plan.datasets.values())
     found = {}
 
-    def calls(curve: Curve, repeats: int) -> float:
-        """Encoding and decoding take about as long as each other."""
-        return len(curve.rates) * repeats * coding.pace(curve.codec).of(points) / 2
+    def calls(curve: Curve, repeats: int) -> tuple[float, float]:
+        """Seconds of encoding and of decoding."""
+        pace = coding.pace(curve.codec)
+        both = len(curve.rates) * repeats * pace.of(points)
+        return both * pace.encoding, both * (1 - pace.encoding)
 
     for curve in coding.curves:
-        coded = calls(curve, coding.timing.repeats)
-        measured = coded + len(curve.rates) * _METRICS[truth] * millions
+        coded, decoded = calls(curve, coding.timing.repeats)
+        measured = decoded + len(curve.rates) * _METRICS[truth] * millions
         found[curve.name("encode")] = coded
         for suffix in ("", "_surfaces"):
             found[curve.name("evaluate") + suffix] = measured
     for curve in (*coding.shown, *coding.not_shown):
-        found[curve.name("decode")] = calls(curve, 1)
+        found[curve.name("decode")] = calls(curve, 1)[1]
     return found
 
 
@@ -68,9 +76,23 @@ def machine_sample() -> float:
     return float(best)
 
 
+def compiling_seconds(bench: Workflow) -> float:
+    """What a run's jobs take to compile loops, elsewhere: nothing where some are kept already."""
+    import puckbench
+
+    geometry = Path(puckbench.__file__).parent / "geometry"
+    if any(loops_folder(geometry).glob("numba-*")):
+        return 0.0
+    return _COMPILING_S + _COMPILING_CODEC_S * len(bench.plan.codecs)
+
+
 def run_seconds(
-    jobs: Mapping[str, int], seconds: Callable[[str], float], cores: int, sample_s: float
+    jobs: Mapping[str, int],
+    seconds: Callable[[str], float],
+    cores: int,
+    sample_s: float,
+    compiling_s: float = 0.0,
 ) -> float:
     """Seconds that jobs (rule -> how many) take on some cores of the machine with that sample."""
-    work = sum(count * seconds(rule) for rule, count in jobs.items())
+    work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
     return work * sample_s / SAMPLE_S / max(1, cores)
