@@ -79,7 +79,7 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     if not any(rates.values()):
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     if not rates["metric_rates"]:
-        del rates["metric_rates"]  # a class from before there were any need not take them
+        del rates["metric_rates"]  # older classes do not take them
     try:
         return own_class(name=name, **rates, **changes.get("options", {}))
     except TypeError as error:

@@ -27,9 +27,9 @@ BOTH_GPCC = "gpcc"
 
 
 SPINS = "spins"
-"""Needed of a configuration: spins of the virtual sensor, level and still, with their truth."""
+"""What a figure may need of a configuration: virtual spins, level and still, with their truth."""
 SEVERAL_NOISES = "noises"
-"""Needed of a configuration: spins in the same scenes under several error models."""
+"""The same: spins in the same scenes under several error models."""
 
 
 def at(distance_m: float) -> str:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FRAME = "frame"
-"""Column of tables of clouds and results; empty for scaled clouds, left out where all are."""
+"""Column of tables of clouds and results: empty for scaled clouds, absent if all are scaled."""
 
 
 def in_frame(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:

@@ -30,7 +30,7 @@ STUDY = "sensor_study"
 SEVERAL_CODECS = "codecs"
 """Needed of a configuration: a codec beside the anchor of Bjontegaard deltas."""
 SPINS_OR_RECORDINGS = "metric"
-"""Needed of a configuration: clouds in metres that carry the returns of a sensor."""
+"""What a table may need of a configuration: clouds in metres with a sensor's returns."""
 OCTREE_AND_SENSOR = "octree"
 """Needed of a configuration: the codec ``gpcc``, and one that the sensor helps."""
 

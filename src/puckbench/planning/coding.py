@@ -175,7 +175,7 @@ class CodingJobs:
         return planned(Evaluate(dataset=dataset))
 
     def measured(self, curve: Curve, surfaces: bool) -> list[str]:
-        """A curve's data sets where primitives are compared with the scenes', or the others."""
+        """Data sets of a curve: those whose primitives are compared with the scenes', or others."""
         compared = self.plan.labelled if curve.codec in self.plan.of_surfaces else ()
         return [name for name in self.datasets(curve) if (name in compared) == surfaces]
 
@@ -222,7 +222,7 @@ class CodingJobs:
         ]
 
     def rates(self, codec: str | None = None) -> dict[str, tuple[str, ...]]:
-        """Rates of a curve by its codec and first rate ("draco/r1"); codec: whose, if not all's."""
+        """Rates of curves by codec and first rate ("draco/r1"); codec: of this one alone."""
         return {
             f"{curve.codec}/{curve.rates[0]}": curve.rates
             for curve in self.curves
@@ -290,7 +290,7 @@ class CodingJobs:
 
 
 def _curves(codec: str, rates: tuple[str, ...], seconds: float) -> list[Curve]:
-    """A curve, or as many parts of it as keep each within the most seconds; none without rates.
+    """A curve, or parts of it that each keep within the most seconds; none without rates.
 
     seconds: of one rate.
     """

@@ -52,7 +52,7 @@ from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Drawn as soon as the first codec is through."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
-"""Inputs of figures that have rows of clouds in any frame."""
+"""Inputs of figures whose rows are of clouds, in any frame."""
 Inputs = dict[str, str]
 """Name of an input -> its file."""
 
@@ -171,7 +171,7 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[Frame, ...]:
-        """The frames of the clouds that an input of a figure has rows of; all where it has none."""
+        """Frames of the clouds in an input of a figure; all for an input without clouds."""
         if table not in _OF_CLOUDS:
             return get_args(Frame)
         datasets = self.plan.datasets

@@ -93,9 +93,9 @@ class DataSetPlan:
 
     @property
     def has_true_surface(self) -> bool:
-        """Whether the true surface lies still in the clouds' frame.
+        """Whether the true surface is known in the clouds' frame.
 
-        In the frame of a sensor that moves or is tilted the true points alone are known.
+        In the frame of a sensor that moves or is tilted only the true points are.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -368,7 +368,7 @@ def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
 _CAPTURED_POINTS = 1_500_000
 """Expected of clouds that others captured: most rooms of S3DIS have fewer."""
 _RETURNS = 60_000
-"""Expected of turns of a recording: an HDL-32E has as many, a VLP-16 a third."""
+"""Points expected of a recording's turn: those of an HDL-32E; a VLP-16 has a third."""
 
 
 def _points(where: str, settings: DataSetConfig) -> int:

@@ -1,8 +1,8 @@
-"""Angular mode: contexts from what a spinning sensor can have seen.
+"""Angular mode: contexts from the directions that a spinning sensor measures in.
 
-A laser of the sensor looks at one elevation, and fires at regular azimuths. So the node's laser
-tells in which half of the node along z its points are likely to be, and the azimuth of the return
-that the same laser gave last tells it along x or y (`determineContextAngleForPlanar`, `findLaser`
+A laser of the sensor has one elevation, and fires at regular azimuths. So the node's laser tells
+in which half of the node along z its points are likely to be, and the azimuth of the same laser's
+last return tells it along x or y (`determineContextAngleForPlanar`, `findLaser`
 and `AzimuthalPhiZi` of TMC13).
 
 Elevations are tangents in 2^-18, heights are in eighths of the coding unit, azimuths in 2^-20

@@ -1,8 +1,8 @@
-"""Points sorted by azimuth, radius and slope, those that are equal in all three as C++ leaves them.
+"""Points sorted by azimuth, radius and slope; those equal in all three in the reference's order.
 
 The reference software sorts with ``std::sort``, which is not stable. So that trees are the same as
-its trees, this is the introsort of the GNU library: quicksort by the median of three, and an
-insertion sort of what is nearly in order.
+its trees, this is the introsort of the GNU C++ library: quicksort by the median of three, then
+insertion sort.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _DEEPEST = 128
 def azimuth_order(around: Ints, precision: float) -> Ints:
     """Rows (n,) of points (n, 3) given from the axis, by azimuth.
 
-    precision: steps of the azimuth in a radian, within which radius and slope order; 0 for none.
+    precision: steps of the azimuth in a radian; within one, radius and slope order. 0: no steps.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)

@@ -43,13 +43,13 @@ class GpccOptions(Model):
         default=8,
         ge=0,
         le=21,
-        description="with a sensor: nodes of at most this height are split late along z",
+        description="with a sensor: log2 of the height up to which nodes are split late along z",
     )
     angular_max_diff_to_split_z: int = Field(
-        default=1, ge=0, le=21, description="with a sensor: log2 of height to width that is late"
+        default=1, ge=0, le=21, description="with a sensor: log2 of height / width to be split late"
     )
     planar_buffer: bool = Field(
-        default=True, description="with a sensor: contexts from planes coded before, too"
+        default=True, description="with a sensor: contexts also from planes coded before"
     )
     inferred_direct_coding_mode: int = Field(
         default=0,

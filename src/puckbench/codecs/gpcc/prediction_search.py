@@ -1,8 +1,8 @@
 """Nearest positions among a growing set: a forest of k-d trees whose sizes are powers of two.
 
-A position that is added makes a tree with all trees that are smaller than the first size that is
-free (Bentley's logarithmic method). Of equally near positions those count that are met first, and
-so the trees are built, and searched, in the order of the library that the reference software uses.
+An added position is joined with all trees smaller than the first size that is free to a tree of
+that size (Bentley's logarithmic method). Of equally near positions the first that are met count, so
+trees are built and searched in the order of the library that the reference software uses.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Search(NamedTuple):
     """The forest.
 
     positions: (n, 3) as they were added. owners: (n,) number that each was added with. rows: of the
-    positions of all trees; that of 2^k begins at 2^k. values: of those rows
-    along the axis that is cut, while a tree is built. nodes: (2 n, 5) of all trees; that of 2^k
+    positions of all trees; that of 2^k begins at 2^k. values: of those rows along the axis that is
+    cut, while a tree is built. nodes: (2 n, 5) of all trees; that of 2^k
     begins at 2^(k + 1): axis, or -1 for a leaf; highest of the lower, lowest of the upper half, or
     first and last row of a leaf; two children. boxes: (trees, 2, 3) around each tree's positions.
     counters: positions so far. stack: nodes to build or to search, with what they need.

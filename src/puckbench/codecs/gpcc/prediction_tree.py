@@ -1,8 +1,8 @@
 """Prediction trees of an encoder: the order of a slice's points, and each one's parent.
 
-With a sensor every laser's points are a chain, whose first points hang on each other. Without, the
-parent of a point is the one whose predictions come nearest. Orders and trees are those that the
-reference software builds.
+With a sensor each laser's points are a chain, and the first points of chains hang on each other.
+Without, the parent of a point is the one whose predictions come nearest. Orders and trees are those
+of the reference software.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class PredictionTree(NamedTuple):
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
     """Rows (n,) of points (n, 3) in the order in which one tree is built.
 
-    centre: around which azimuth and radius are. precision: steps of the azimuth in a radian, within
-    which the radius orders; 0 for none.
+    centre: what azimuth and radius are around. precision: steps of the azimuth in a radian; within
+    one, the radius orders. 0: no steps.
     """
     if order == "given":
         return np.arange(len(points))

@@ -1,6 +1,6 @@
-"""Encoding of prediction trees: the prediction of every node that is estimated to cost least.
+"""Encoding of prediction trees: each node has the prediction of the least estimated cost.
 
-Estimates are those of the reference software, in single precision, so that its choices are ours.
+Estimates are the reference software's, in single precision, so that the choices are the same.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from puckbench.codecs.gpcc.syntax import Three
 from puckbench.core.compiling import inlined
 
 DONE, FULL, UNREPRESENTABLE = 0, 1, 2
-"""What ends a call of `encode_trees`: all is coded; no room for more bytes; a residual that does
+"""How a call of `encode_trees` ends: all is coded; there is no room for more bytes; a residual does
 not fit into the bits that the slice's header gives it."""
 
 NODE_BYTES = 600
-"""Bytes that one node can take, at most: each bit takes one at most, and there are some 500."""
+"""Bytes of a node, at most: some 500 bits, of at most a byte each."""
 
 _COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
 _MOST_COST = np.float32(np.finfo(np.float32).max)

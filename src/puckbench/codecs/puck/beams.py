@@ -73,7 +73,7 @@ def unpacked_beams(body: bytes, layout: Layout) -> Returns:
             raise InputError(f"the stream is damaged, or of a sensor that is not known ({name!r})")
         beams, sensor = _beams(name, use - 1), load_sensor(name).name
         if zlib.crc32(_angles(beams)).to_bytes(4, "little") != reader.rest():
-            raise InputError(f"the stream was made with other angles of the sensor {name}")
+            raise InputError(f"the stream was made with other laser angles of the sensor {name}")
         return Returns(beams, layout, (), quantum, sensor)
     clockwise = reader.take(1)[0] == 1
     kept = reader.rest()

@@ -114,5 +114,7 @@ def _body(records: Iterator[Record], kind: Kind) -> bytes:
     """The body of the next record, which is of a kind."""
     record = next(records)
     if record.kind != kind:
-        raise InputError("holds no returns alone; of a compressed recording, decompress it first")
+        raise InputError(
+            "is no stream of returns alone; a compressed recording has to be decompressed first"
+        )
     return record.body

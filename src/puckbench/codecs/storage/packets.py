@@ -89,7 +89,7 @@ class PacketsCodec(ReturnsCodec):
 def _check_packets(count: int, packed: bytes) -> None:
     """Refuse more packets than any stream of the length holds: each has an azimuth of its own."""
     if count > _FEW_PACKETS + len(packed) // 2:
-        raise InputError(f"{count} data packets in {len(packed)} bytes")
+        raise InputError(f"{count} data packets in {len(packed)} bytes: more than they may hold")
 
 
 def _kind(returns: Returns) -> PacketKind:

@@ -18,7 +18,7 @@ class PacketsXz(PacketsCodec):
     """The sensor's data packets by LZMA (xz -9e): exact, with reflectivities and times."""
 
     title = "Packets, xz (with reflectivity and time)"
-    use = "captures as archives keep them; reflectivities and times are in it"
+    use = "captures as archives keep them; with reflectivities and times"
     colour = "#525252"
     marker = "4"
     rank = 190

@@ -13,7 +13,7 @@ class PacketsZstd(PacketsCodec):
     """The sensor's data packets by Zstandard (zstd -19 --long): exact, with all that they hold."""
 
     title = "Packets, Zstandard (with reflectivity and time)"
-    use = "captures as MCAP keeps them, packed tighter; reflectivities and times are in it"
+    use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"
     colour = "#A0A0A0"
     marker = "|"
     rank = 180

@@ -125,7 +125,7 @@ def _numbers(reader: Reader) -> tuple[int, list[int]]:
 def _check_pixels(pixels: int, body: bytes) -> None:
     """Refuse more pixels than any stream of the length holds, before memory is taken."""
     if pixels > _FEW_PIXELS + _PIXELS_PER_BYTE * len(body):
-        raise InputError(f"{pixels} pixels in {len(body)} bytes")
+        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
 
 
 def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:

@@ -25,4 +25,4 @@ def check_points_of(count: int, stream: bytes) -> None:
     Encoders ask too, so that they write nothing that a decoder refuses.
     """
     if not 0 < count <= _FEW_POINTS + _POINTS_PER_BYTE * len(stream):
-        raise InputError(f"{count} points in {len(stream)} bytes")
+        raise InputError(f"{count} points in {len(stream)} bytes: more than a stream may hold")
