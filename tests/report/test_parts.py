@@ -15,7 +15,9 @@ import yaml
 from markupsafe import Markup
 from PIL import Image
 
+from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
+from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
 from puckbench.planning.report_contents import spread_out
@@ -219,6 +221,15 @@ def test_scripts_and_style_name_no_address_to_fetch() -> None:
         assert "@import" not in text
         assert "url(" not in text
         assert "fetch(" not in text
+
+
+def test_the_page_draws_the_marker_of_every_codec() -> None:
+    folder = Path(__file__).parents[2] / "src" / "puckbench" / "report" / "assets"
+    script = (folder / "markers.js").read_text(encoding="utf-8")
+    table = script[script.index("const MARKERS = {") : script.index("/** A marker of a radius")]
+    known = set(re.findall(r"""(?:^ |[,{])\s*"?([^\s":,(\[]+)"?: """, table, flags=re.MULTILINE))
+    drawn = {codec_style(name).marker for name in CODECS.names()} | set(_OTHER_MARKERS)
+    assert drawn <= known
 
 
 def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() -> None:
