@@ -296,8 +296,10 @@ def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
 
 
 def _packed(raw: bytes) -> bytes:
-    """Bytes by LZMA, after their number."""
-    return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=_FILTERS)
+    """Bytes by LZMA, after their number; with no more memory to clear than they need."""
+    needed = min(1 << max(len(raw).bit_length(), 12), 1 << 24)
+    filters = [{**_FILTERS[0], "dict_size": needed}]
+    return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
 def _unpacked(reader: Reader) -> bytes:

@@ -48,6 +48,8 @@ from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3
 """Bits of a turn's flags below those of the effort."""
+_LEAN = 32
+"""Flag of reflectivities that are coded by few contexts."""
 MAX_STEP = 1 << 12
 _CLOCK = 1 << 32
 _NEAREST = 200
@@ -153,7 +155,7 @@ class TurnEncoder:
             self._state = _new_state(self.layout, asked.step, asked.lmbda, effort)
             self._since_key = 0
         self._since_key += 1
-        flags = is_key * _KEY | effort << _EFFORT
+        flags = is_key * _KEY | effort << _EFFORT | (asked.effort == "fast") * _LEAN
         flags |= (asked.times and turn.times is not None) * _TIMES
         flags |= (asked.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
         coder = _PartWriter()
@@ -184,9 +186,10 @@ class TurnDecoder:
         """
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
-        effort = flags >> _EFFORT
+        effort = flags >> _EFFORT & 3
         if (
             effort >= len(EFFORTS)
+            or flags > 2 * _LEAN - 1
             or not 1 <= step <= MAX_STEP
             or not 1 <= blocks <= self.layout.max_blocks
         ):
@@ -276,7 +279,8 @@ def _code_turn(state: _State, turn: Turn, flags: int, parts: _PartWriter | _Part
         times = numbers.astype(np.uint32)
     reflectivities = None
     if flags & _REFLECTIVITIES and turn.reflectivities is not None:
-        reflectivities = _code_values(state, now, turn.reflectivities, parts)
+        lean = bool(flags & _LEAN)
+        reflectivities = _code_values(state, now, turn.reflectivities, parts, lean=lean)
     state.before = now
     order = np.argsort(state.layout.order)
     ranges = np.stack([kind[PAD:] for kind in now.kinds]).astype(np.uint16)
@@ -325,13 +329,14 @@ def _code_kinds(
 
 
 def _code_values(
-    state: _State, now: _Before, values: Values, parts: _PartWriter | _PartReader
+    state: _State, now: _Before, values: Values, parts: _PartWriter | _PartReader, *, lean: bool
 ) -> NDArray[np.uint8]:
     """Code the reflectivities of each kind; they are kept in `now` for the next turn."""
     layout, before, places = state.layout, state.before, _places(state, now.azimuths)
     if not state.reflectivities:
         bits = bit_writer(0)
-        state.reflectivities = [new_byte_model(bits, layout.lasers) for _ in range(layout.kinds)]
+        lasers, kinds = layout.lasers, range(layout.kinds)
+        state.reflectivities = [new_byte_model(bits, lasers, lean) for _ in kinds]
     for kind in range(layout.kinds):
         own, ranges = _padded(values[kind]), now.kinds[kind]
         held, then = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
