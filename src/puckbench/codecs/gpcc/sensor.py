@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _THETA_ONE = 1 << 18
 _Z_ONE = 1 << 3
 _MOST = 1 << 30
+_RAISED_MM = 50
+"""Steps in which the sensor's position is raised to where its upper beams cross the axis."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +92,18 @@ def described(
     beams
         Where its lasers point.
     unit_m, steps_per_turn, position
-        As of `SensorDescription`.
+        As of `SensorDescription`. Where beams cross the axis far from the sensor's origin, as those
+        of an HDL-64E do, its position is there: a node's laser is found by its angle from it.
     """
+    height = np.asarray(beams.heights_mm)
+    upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]
+    raised = round(float(np.median(height[upper])) / _RAISED_MM) * _RAISED_MM / 1000 / unit_m
+    x, y, z = position
     return SensorDescription(
         tuple(np.tan(np.radians(beams.elevations_deg)).tolist()),
-        tuple(height / 1000 / unit_m for height in beams.heights_mm),
+        tuple((height / 1000 / unit_m - round(raised)).tolist()),
         steps_per_turn,
-        position,
+        (x, y, z + round(raised)),
     )
 
 
