@@ -17,6 +17,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import unwritable
 
 COMMANDS = {
+    "run": "compare codecs on clouds, meshes and recordings of yours: a table and a report",
     "scene": "write a scene of a scene set as a mesh or cloud with its description",
     "scan": "scan a mesh with a virtual sensor: the table of all returns",
     "capture": "read a capture of a real VLP-16: the table of its returns",

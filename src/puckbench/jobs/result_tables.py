@@ -52,6 +52,7 @@ _SUMMARY = (
     "cd_plane",
     "hausdorff_plane",
     "hausdorff_sq_plane",
+    "d1_rms_m",
     "d1_psnr",
     "d2_psnr",
     "truth_cd_point",

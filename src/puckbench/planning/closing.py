@@ -5,13 +5,24 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from puckbench.figures.style import FigureStyle
 
 Row = dict[str, str]
 
-_HEADS = ("data set", "codec", "clouds", "bits per point", "D1 PSNR, dB", "BD-rate", "s, at most")
-_PLACES = {"report": "report.html", "tables": "tables", "figures": "figures"}
+_HEADS = {
+    "dataset": "data set",
+    "codec": "codec",
+    "clouds": "clouds",
+    "bpp": "bits per point",
+    "d1_rms_m": "D1 error, m",
+    "d1_psnr": "D1 PSNR, dB",
+    "bd_rate_percent": "BD-rate",
+    "seconds": "s, at most",
+}
+REPORT = "report.html"
+_PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
 
 def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
@@ -29,13 +40,10 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:
         return
-    medians = _rows(summary)
-    deltas = {
-        (row["dataset"], row["codec"]): row["bd_rate_percent"]
-        for row in _rows(results / "tables" / "bd_rate.csv")
-        if row["metric"] == "d1_psnr" and row["bd_rate_percent"]
-    }
-    yield from _aligned([_HEADS, *_cells(medians, deltas, style)])
+    rows = [_cells(row) for row in summary_rows(results, style, anchor)]
+    known = [name for name in _HEADS if any(row[name] for row in rows)]
+    heads = [_HEADS[name] for name in known]
+    yield from _aligned([heads, *([row[name] for name in known] for row in rows)])
     against = style.of_codec(anchor).title
     yield f"Medians over clouds, lowest to highest rate; BD-rate in D1 against {against}."
     for what, name in _PLACES.items():
@@ -43,28 +51,56 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
             yield f"{what + ':':9}{results / name}"
 
 
-def _cells(
-    medians: Sequence[Row], deltas: Mapping[tuple[str, str], str], style: FigureStyle
-) -> Iterator[tuple[str, ...]]:
-    """One row of the table for each data set and codec."""
-    for key in dict.fromkeys((row["dataset"], row["codec"]) for row in medians):
-        rows = [row for row in medians if (row["dataset"], row["codec"]) == key]
-        slowest = max(float(row["encode_s"]) + float(row["decode_s"]) for row in rows)
-        delta = f"{float(deltas[key]):+.0f} %" if key in deltas else ""
-        yield (
-            style.title(key[0]),
-            style.of_codec(key[1]).title,
-            rows[0]["clouds"],
-            _range(rows, "bpp", "{:.2g}"),
-            _range(rows, "d1_psnr", "{:.0f}"),
-            delta,
-            f"{slowest:.2g}",
-        )
+def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[str, Any]]:
+    """A row for each data set and codec: titles, ranges of medians, BD-rate, most seconds."""
+    medians = _rows(results / "tables" / "summary.csv")
+    deltas = {
+        (row["dataset"], row["codec"]): float(row["bd_rate_percent"])
+        for row in _rows(results / "tables" / "bd_rate.csv")
+        if row["metric"] == "d1_psnr" and row["bd_rate_percent"]
+    }
+    return [
+        _row([row for row in medians if (row["dataset"], row["codec"]) == key], style)
+        | {"bd_rate_percent": None if key[1] == anchor else deltas.get(key)}
+        for key in dict.fromkeys((row["dataset"], row["codec"]) for row in medians)
+    ]
 
 
-def _range(rows: Sequence[Row], column: str, form: str) -> str:
+def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
+    """What the medians of one codec on one data set say, but its BD-rate."""
+    first = medians[0]
+    ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
+    return {
+        "dataset": style.title(first["dataset"]),
+        "codec": style.of_codec(first["codec"]).title,
+        "clouds": int(first["clouds"]),
+        **ranges,
+        "seconds": max(float(row["encode_s"]) + float(row["decode_s"]) for row in medians),
+    }
+
+
+def _range(rows: Sequence[Row], column: str) -> list[float] | None:
+    """Least and greatest value of a column; None where it has none."""
     found = [float(row[column]) for row in rows if row.get(column)]
-    return f"{form.format(min(found))} to {form.format(max(found))}" if found else ""
+    return [min(found), max(found)] if found else None
+
+
+def _cells(row: Mapping[str, Any]) -> dict[str, str]:
+    """The row in words for a terminal."""
+    forms = {"bpp": "{:.2g}", "d1_rms_m": "{:.2g}", "d1_psnr": "{:.0f}"}
+    ranges = {
+        name: " to ".join(form.format(end) for end in row[name] or ())
+        for name, form in forms.items()
+    }
+    delta = row["bd_rate_percent"]
+    return {
+        "dataset": row["dataset"],
+        "codec": row["codec"],
+        "clouds": str(row["clouds"]),
+        **ranges,
+        "bd_rate_percent": "" if delta is None else f"{delta:+.0f} %",
+        "seconds": f"{row['seconds']:.2g}",
+    }
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -1,0 +1,151 @@
+"""`puckbench run`: codecs compared on a user's own clouds, meshes and recordings."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from puckbench.cli.types import chosen, whole
+from puckbench.core.errors import InputError
+from puckbench.figures.style import FigureStyle
+from puckbench.planning.closing import REPORT, closing_lines, summary_rows
+from puckbench.planning.config import read_config
+from puckbench.planning.launch import snakemake_command
+from puckbench.planning.running import now
+from puckbench.planning.workflow import Workflow
+
+_CODECS = ("draco", "gpcc")
+_CONFIGS = (".yaml", ".yml")
+_OF_CONFIG = (
+    *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
+    *("metres_per_unit", "up", "drop_invalid", "out"),
+)
+"""Options that a configuration has keys for."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    add = parser.add_argument
+    add(
+        "files",
+        nargs="+",
+        help="clouds (PLY, PCD, LAS, LAZ, E57, XYZ, CSV, TXT, NPY, NPZ, KITTI's .bin), meshes "
+        "(OBJ, OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), folders or patterns; or "
+        "one configuration (.yaml), and after -- words for Snakemake",
+    )
+    add(
+        "--codecs",
+        nargs="+",
+        metavar="CODEC",
+        help="names (puckbench codecs), or path/to/file.py:Class; the others are compared with the "
+        f"first (default: {' '.join(_CODECS)})",
+    )
+    add("--out", type=Path, help="folder for everything that is made (default: out)")
+    add(
+        "--frame",
+        choices=("scaled", "metric"),
+        help="scaled to a cube of 1024, rates r1, r2, ...; or in metres, rates 100mm, 10mm, ... "
+        "(default: metric for LAS, LAZ, E57, .bin and recordings, else scaled)",
+    )
+    add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
+    add(
+        "--rates",
+        nargs="+",
+        metavar="RATE",
+        help="names, or all (default: all, or four where all would take long)",
+    )
+    add("--metrics", nargs="+", metavar="METRIC", help="further ones: density, file.py:function")
+    add("--limit", type=whole(1), help="use at most this many files of a kind")
+    add("--scan", action="store_true", help="scan meshes by a virtual VLP-16, not sample them")
+    add("--errors", help="error model of the sensor (default: vlp16_divergence)")
+    add("--points", type=whole(1), help="sampled from a mesh (default: 100000)")
+    add("--up", choices=("y", "z"), help="axis of meshes that points up (default: z)")
+    add("--drop-invalid", action="store_true", help="leave out points that are not finite")
+    add("--strict", action="store_true", help="stop where a file cannot be used, not leave it out")
+    add("--cores", type=whole(1), help="default: all")
+
+
+def run(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Write the configuration and run the workflow, which tells its results in a table."""
+    path, more = _configuration(options)
+    begun = now()
+    command = snakemake_command(path, options.cores, *more)
+    # With --json standard output has the answer alone.
+    output = sys.stderr if options.json else None
+    with subprocess.Popen(command, stdout=output) as workflow:
+        try:
+            status = workflow.wait()
+        except KeyboardInterrupt:
+            workflow.wait()  # it has been interrupted as well, and ends its jobs
+            raise
+    if status:  # the workflow has said why
+        raise SystemExit(status)
+    if options.json:
+        return _answer(path)
+    if not more:
+        _tell_where(path, begun)
+    return None
+
+
+def _answer(path: Path) -> dict[str, Any]:
+    """The rows of the closing table, and where everything lies."""
+    results, style, anchor = _results(path)
+    rows = summary_rows(results, style, anchor)
+    return {"results": rows, "report": str(results / REPORT), "configuration": str(path)}
+
+
+def _tell_where(path: Path, begun: float) -> None:
+    """The table once more where nothing had to be made, and the configuration's place."""
+    results, style, anchor = _results(path)
+    if not any(closing_lines(results, style, anchor, begun)):
+        for line in closing_lines(results, style, anchor, since=0.0):
+            print(line)  # noqa: T201
+    again = f"puckbench run {shlex.quote(str(path))}"
+    print(f"to change the run, edit {path}, then: {again}")  # noqa: T201
+
+
+def _results(path: Path) -> tuple[Path, FigureStyle, str]:
+    """Folder, titles and anchor of a configuration's results."""
+    outputs = Workflow(read_config(path)).outputs
+    return outputs.plan.results, outputs.titles, outputs.anchor
+
+
+def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
+    """The file of the configuration, given or made, and further words for Snakemake."""
+    from puckbench.planning.own_files import CONFIG, OwnRun, write_configuration
+
+    first, *others = options.files
+    if Path(first).suffix.lower() in _CONFIGS:
+        given = [name for name in _OF_CONFIG if getattr(options, name)]
+        if given:
+            option = given[0].replace("_", "-")
+            raise InputError(f"--{option}: the configuration says that: edit {first}")
+        if not Path(first).is_file():
+            raise InputError(f"{first}: no such file")
+        return Path(first), others
+    out = options.out or Path("out")
+    wanted = chosen(options, "frame", "limit", "scan", "strict")
+    for name in ("errors", "points"):
+        if getattr(options, name):
+            wanted[name] = getattr(options, name)
+    loading = {
+        name: value
+        for name in ("metres_per_unit", "up", "drop_invalid")
+        if (value := getattr(options, name))
+    }
+    asked = OwnRun(
+        paths=tuple(options.files),
+        codecs=tuple(options.codecs or _CODECS),
+        results=out.as_posix(),
+        rates=tuple(options.rates or ()),
+        metrics=tuple(options.metrics or ()),
+        options=loading,
+        **wanted,
+    )
+    config = asked.configuration()
+    write_configuration(out / CONFIG, config, shlex.join(["puckbench", *sys.argv[1:]]))
+    return out / CONFIG, []

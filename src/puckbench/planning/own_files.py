@@ -1,0 +1,302 @@
+"""The configuration of a run on a user's own files: clouds, meshes and recordings."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
+from puckbench.datasets import captured_rooms, recordings
+from puckbench.datasets.registry import open_scene_set
+from puckbench.geometry.cloud import Frame
+from puckbench.geometry.scaling import METRIC
+from puckbench.io import clouds, meshes
+from puckbench.io.ply import has_faces
+from puckbench.planning.config import checked
+from puckbench.planning.plan import Plan
+from puckbench.planning.report_contents import spread_out
+
+Kind = Literal["clouds", "meshes", "recordings"]
+Options = dict[str, Any]
+
+CONFIG = "config.yaml"
+"""Name of the configuration within the folder of the results."""
+IN_METRES = (".las", ".laz", ".e57", ".bin")
+"""Formats of clouds whose unit is the metre."""
+_CUBE = 1024
+_TURNS = 10
+"""Clouds that are taken of recordings, spread over all of their turns."""
+_BUDGET_S = 480.0
+"""Of coding with all rates, as estimated on one core; beyond it codecs get fewer."""
+_FEW_RATES = 4
+"""As many as a rate delta needs."""
+_MEASURING_S = 3.5
+"""Estimate for a million points of measuring a decoded cloud."""
+_LOADERS: dict[Kind, str] = {
+    "clouds": "point_clouds",
+    "meshes": "mesh_files",
+    "recordings": "recordings",
+}
+_EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
+_OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
+_MARK = "# Made by puckbench run"
+
+
+@dataclass(frozen=True)
+class OwnRun:
+    """What a user asks for.
+
+    Parameters
+    ----------
+    paths
+        Files, folders and patterns of clouds, meshes and recordings.
+    codecs
+        Names, ``path/to/file.py:Class`` or ``module:Class``, to be compared with the first.
+    results
+        Folder of everything that is made.
+    frame
+        Of clouds and meshes; by default metres for clouds of which all files are of `IN_METRES`.
+    rates
+        Names of rates, for the codecs that have them; ``("all",)`` for all. By default all, or four
+        where these would take long.
+    metrics
+        Further metrics.
+    scan, errors
+        Whether meshes are scanned by the virtual sensor, and its error model.
+    points
+        Sampled from a mesh that is not scanned.
+    limit
+        Scenes of a kind to use, at most.
+    strict
+        Whether a file that cannot be used ends the run before it begins.
+    options
+        Of the loaders of clouds and meshes, by name.
+    """
+
+    paths: tuple[str, ...]
+    codecs: tuple[str, ...]
+    results: str
+    frame: Frame | None = None
+    rates: tuple[str, ...] = ()
+    metrics: tuple[str, ...] = ()
+    scan: bool = False
+    errors: str = "vlp16_divergence"
+    points: int = 100_000
+    limit: int | None = None
+    strict: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def configuration(self) -> Options:
+        """The configuration; reads the files, and InputError says what cannot be used."""
+        found = self._sorted_paths()
+        self._check_results(found)
+        scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
+        datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
+        config: Options = {
+            "results": self.results,
+            **({"strict": True} if self.strict else {}),
+            "scenes": scenes,
+            "datasets": datasets,
+            "codecs": dict(map(_codec, self.codecs)),
+            **({"metrics": list(self.metrics)} if self.metrics else {}),
+            "timing": {"repeats": 1},
+        }
+        if len(config["codecs"]) < len(self.codecs):
+            raise InputError(f"--codecs: a codec is named twice: {' '.join(self.codecs)}")
+        plan = Plan(checked(config), check_scenes=True)
+        chosen = self._chosen_rates(plan)
+        for codec, rates in chosen.items():
+            config["codecs"][codec] |= rates
+        count = len(plan.clouds)
+        config["figures"] = {"examples": dict(self._examples(plan))}
+        config["report"] = {"title": f"Compression of {count} cloud{'s' if count > 1 else ''}"}
+        checked(config)
+        return config
+
+    # ---- files
+
+    def _sorted_paths(self) -> dict[Kind, list[str]]:
+        """The paths by what they hold; InputError names one that holds nothing of use."""
+        found: dict[Kind, list[str]] = {}
+        for text in self.paths:
+            kinds = {kind for path in _files(text) if (kind := _kind(path))}
+            if not kinds:
+                known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
+                also = ", ".join(recordings.RECORDING_SUFFIXES)
+                raise InputError(f"{text}: no cloud, mesh or recording there ({known}, {also})")
+            for kind in kinds:
+                found.setdefault(kind, []).append(text)
+        order: tuple[Kind, ...] = ("clouds", "meshes", "recordings")
+        return {kind: found[kind] for kind in order if kind in found}
+
+    def _check_results(self, found: Mapping[Kind, Iterable[str]]) -> None:
+        """Results in a folder of data would be taken for data by the next run."""
+        results = Path(self.results).resolve()
+        for text in (text for paths in found.values() for text in paths):
+            if Path(text).is_dir() and results.is_relative_to(Path(text).resolve()):
+                raise InputError(
+                    f"--out {self.results}: lies in {text}, which is read: take another"
+                )
+
+    def _scenes(self, kind: Kind, paths: list[str]) -> Options:
+        known = {"clouds": ("drop_invalid", "metres_per_unit"), "meshes": ("up", "metres_per_unit")}
+        options = {key: value for key, value in self.options.items() if key in known.get(kind, ())}
+        options = {"path": paths[0] if len(paths) == 1 else paths, **options}
+        limit = self.limit
+        if kind == "recordings":
+            turns = len(open_scene_set(_LOADERS[kind], options).names())
+            limit = limit or _TURNS
+            options |= {"every": turns // limit} if turns >= 2 * limit else {}
+        return {"loader": _LOADERS[kind], "options": options, **({"limit": limit} if limit else {})}
+
+    # ---- data sets
+
+    def _name(self, kind: Kind) -> str:
+        return "scans" if kind == "meshes" and self.scan else kind
+
+    def _dataset(self, kind: Kind, scenes: Options) -> Options:
+        if kind == "recordings":
+            return {"scenes": kind, "make": "cloud", "size": METRIC}
+        frame = self.frame or ("scaled" if kind == "meshes" else _frame(scenes))
+        size = {"size": METRIC if frame == "metric" else _CUBE}
+        if kind == "clouds":
+            return {"scenes": kind, "make": "cloud", **size}
+        if not self.scan:
+            return {"scenes": kind, "make": "sample", "points": self.points, **size}
+        sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
+        return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+
+    def _examples(self, plan: Plan) -> Iterator[tuple[str, str]]:
+        """The clouds that the report shows: the first of each kind."""
+        taken = set()
+        for dataset, data in plan.datasets.items():
+            kind = "spin" if data.has_returns else _EXAMPLES[dataset]
+            if kind not in taken:
+                taken.add(kind)
+                yield kind, f"{dataset}/{data.clouds[0]}"
+
+    # ---- codecs
+
+    def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
+        """Names of rates by codec and key, where not all are taken."""
+        for name, opened in plan.opened.items():
+            if not any(plan.codes(name, data) for data in plan.datasets):
+                raise InputError(f"codec {name}: {_why_not(plan, name)}")
+            ok, why = opened.available()
+            if not ok:
+                raise InputError(f"codec {name} cannot run here: {why}")
+        keys: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
+        few = not self.rates and _seconds(plan) > _BUDGET_S
+        found: dict[str, Options] = {codec: {} for codec in plan.codecs}
+        for codec in plan.codecs:
+            for frame in plan.frames:
+                known = plan.rates(codec, frame)
+                wanted = self._wanted(codec, known, few) if known else known
+                if wanted != known:
+                    found[codec][keys[frame]] = list(wanted)
+        return found
+
+    def _wanted(self, codec: str, known: tuple[str, ...], few: bool) -> tuple[str, ...]:
+        if few:
+            return tuple(spread_out(known, _FEW_RATES))
+        if self.rates in {(), ("all",)}:
+            return known
+        wanted = tuple(rate for rate in known if rate in self.rates)
+        if not wanted:
+            raise InputError(
+                f"--rates: codec {codec} has none of {', '.join(self.rates)} ({', '.join(known)})"
+            )
+        return wanted
+
+
+def _files(text: str) -> Iterator[Path]:
+    """The files that a path or pattern stands for, and folders that are one recording."""
+    path = Path(text)
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        yield from (one for one in sorted(path.rglob("*")) if one.is_file())
+    elif path.exists():
+        yield path
+    else:
+        found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
+        if not found:
+            raise InputError(f"{text}: no such file")
+        yield from (Path(one) for one in found if Path(one).is_file())
+
+
+def _kind(path: Path) -> Kind | None:
+    """What a file holds, by its name and its first bytes."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in recordings.RECORDING_SUFFIXES:
+        return "recordings"
+    if suffix == ".ply":
+        return "meshes" if has_faces(path) else "clouds"
+    if suffix in clouds.SUFFIXES:
+        return "clouds"
+    is_mesh = suffix in meshes.SUFFIXES or (suffix == ".json" and captured_rooms.is_capture(path))
+    return "meshes" if is_mesh else None
+
+
+def _frame(scenes: Options) -> Frame:
+    """Metres for clouds whose formats say so, else scaled, as their unit may be anything."""
+    found = open_scene_set(scenes["loader"], scenes["options"])
+    files = (path for name in found.names() for path in found.files(name))
+    return "metric" if all(path.suffix.lower() in IN_METRES for path in files) else "scaled"
+
+
+def _codec(text: str) -> tuple[str, Options]:
+    """Name and entry of a codec that is named, or of a class of the user's own."""
+    own = _OWN_CLASS.fullmatch(text)
+    if own is None:
+        return text, {}
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", own["file"] or own["module"])
+    return words.lower(), {"class": text}
+
+
+def _seconds(plan: Plan) -> float:
+    """Estimate of coding, decoding and measuring every cloud at all rates, on one core."""
+    total = 0.0
+    for name, data in plan.datasets.items():
+        for codec in filter(lambda codec: plan.codes(codec, name), plan.codecs):
+            once = 1.5 * plan.opened[codec].pace.of(data.points) + _MEASURING_S * data.points / 1e6
+            total += len(data.clouds) * len(plan.rates(codec, data.frame)) * once
+    return total
+
+
+def _why_not(plan: Plan, codec: str) -> str:
+    if plan.opened[codec].takes == "returns":
+        return "codes the returns of a spinning sensor, and there are none here"
+    frames = {"scaled": "scaled clouds", "metric": "clouds in metres"}
+    other = " (--frame scaled)" if plan.frames == ("metric",) else ""
+    return f"has no rates for {frames[plan.frames[0]]}{other}"
+
+
+def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:
+    """Write a configuration, with the command that made it above; InputError keeps an edited one.
+
+    Its first line has a digest of the others: where that does not fit, its user has edited it.
+    """
+    import yaml
+
+    text = yaml.safe_dump(dict(config), sort_keys=False, default_flow_style=None, width=100)
+    body = f"# {command}\n{text}"
+    if path.exists() and not _is_as_made(path):
+        raise InputError(
+            f"{path}: has been edited: run that (puckbench run {path}), or take another --out"
+        )
+    write_bytes(path, f"{_MARK} ({_digest(body)}); yours to edit.\n{body}".encode())
+
+
+def _is_as_made(path: Path) -> bool:
+    head, _, body = path.read_text(encoding="utf-8", errors="replace").partition("\n")
+    return head.startswith(f"{_MARK} ({_digest(body)})")
+
+
+def _digest(text: str) -> str:
+    import hashlib
+
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

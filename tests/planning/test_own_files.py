@@ -1,0 +1,144 @@
+"""The configuration that `puckbench run` makes of a user's files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.planning.own_files import OwnRun, write_configuration
+from tests.io.test_cloud_formats import write_las
+from tests.support.spinning import pcap, spin
+
+POINTS = np.random.default_rng(1).random((50, 3))
+OWN = """
+from puckbench.codecs.base import Codec
+
+
+class MyCodec(Codec):
+    rates = {"r1": {}}
+
+    def _encode(self, points, parameters):
+        return b""
+
+    def _decode(self, stream):
+        return None
+"""
+
+
+@pytest.fixture(autouse=True)
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A working folder with a file of every kind."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    np.save("mine/a.npy", POINTS)
+    np.savetxt("mine/b.xyz", POINTS)
+    write_las(Path("utm.las"))
+    trimesh.creation.box((5, 4, 3)).export("mine/box.ply")
+    Path("drive.pcap").write_bytes(pcap([bytes(packet) for packet in spin(packets=600)]))
+    Path("mine.py").write_text(OWN)
+
+
+def made(*paths: str, codecs: tuple[str, ...] = ("draco",), **asked: Any) -> dict[str, Any]:
+    return OwnRun(paths, codecs, "out", **asked).configuration()
+
+
+def test_a_folder_is_sorted_by_what_its_files_hold() -> None:
+    config = made("mine", "drive.pcap")
+    assert config["scenes"]["clouds"] == {"loader": "point_clouds", "options": {"path": "mine"}}
+    assert config["scenes"]["meshes"]["loader"] == "mesh_files"
+    assert config["scenes"]["recordings"]["options"]["path"] == "drive.pcap"
+    sizes = {name: data["size"] for name, data in config["datasets"].items()}
+    assert sizes == {"clouds": 1024, "meshes": 1024, "recordings": "metric"}
+    assert config["datasets"]["meshes"]["make"] == "sample"
+    examples = config["figures"]["examples"]
+    assert examples["object"] == "clouds/a"
+    assert examples["spin"].startswith("recordings/drive_")
+
+
+def test_meshes_are_scanned_where_that_is_asked_for() -> None:
+    config = made("mine/box.ply", scan=True, errors="vlp16")
+    assert config["datasets"]["scans"] | {"sweep": {}} == {
+        "scenes": "meshes", "make": "scan", "errors": "vlp16", "sweep": {}, "size": 1024
+    }  # fmt: skip
+    assert config["figures"]["examples"] == {"noisy": "scans/box"}
+
+
+@pytest.mark.parametrize(
+    ("paths", "frame", "size"),
+    [
+        (("utm.las",), None, "metric"),
+        (("utm.las", "mine/a.npy"), None, 1024),
+        (("utm.las",), "scaled", 1024),
+        (("mine/a.npy",), "metric", "metric"),
+    ],
+)
+def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size: object) -> None:
+    assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
+
+
+def test_codecs_of_ones_own_are_called_after_their_class() -> None:
+    config = made("mine/a.npy", codecs=("draco", "mine.py:MyCodec"))
+    assert config["codecs"] == {"draco": {}, "my_codec": {"class": "mine.py:MyCodec"}}
+
+
+def test_rates_are_named_by_the_key_of_the_clouds_frame() -> None:
+    scaled = made("mine/a.npy", codecs=("draco", "mine.py:MyCodec"), rates=("r1", "r4"))
+    assert scaled["codecs"]["draco"] == {"rates": ["r1", "r4"]}
+    assert scaled["codecs"]["my_codec"] == {"class": "mine.py:MyCodec"}
+    metric = made("utm.las", rates=("10mm",))
+    assert metric["codecs"]["draco"] == {"metric_rates": ["10mm"]}
+
+
+def test_codecs_get_fewer_rates_where_all_would_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("puckbench.planning.own_files._BUDGET_S", 0.01)
+    assert made("mine/a.npy")["codecs"]["draco"] == {"rates": ["r1", "r3", "r6", "r8"]}
+    assert made("mine/a.npy", rates=("all",))["codecs"]["draco"] == {}
+
+
+def test_an_edited_configuration_is_kept() -> None:
+    path = Path("out/config.yaml")
+    write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")
+    write_configuration(path, made("mine/b.xyz"), "puckbench run mine/b.xyz")
+    path.write_text(path.read_text() + "seed: 7\n")
+    assert yaml.safe_load(path.read_text())["seed"] == 7
+    with pytest.raises(InputError, match=r"has been edited: run that \(puckbench run out/config"):
+        write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")
+
+
+BAD = {
+    "none.ply": ["none.ply: no such file"],
+    "mine.py": ["mine.py: no cloud, mesh or recording there"],
+    "empty.xyz": ["scene empty", "empty.xyz: the cloud is empty"],
+    "nan.npy": ["1 of 51 points are not finite"],
+    "mine/a.npy --codecs darco": ["unknown codec 'darco'", "did you mean 'draco'"],
+    "mine/a.npy --codecs draco draco": ["a codec is named twice"],
+    "mine/a.npy --rates r77": ["--rates: codec draco has none of r77"],
+    "mine/a.npy --frame metric --codecs primitives": ["no rates for clouds in metres"],
+    "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
+    "mine --out mine/out": ["--out mine/out: lies in mine"],
+    "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
+    "mine/a.npy empty.xyz --strict": ["empty.xyz: the cloud is empty"],
+    "none.yaml": ["none.yaml: no such file"],
+    "some.yaml --codecs draco": ["--codecs: the configuration says that: edit some.yaml"],
+}
+
+
+@pytest.mark.parametrize("words", BAD)
+def test_a_fault_is_one_line_before_anything_runs(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("empty.xyz").touch()
+    np.save("nan.npy", np.vstack([POINTS, [np.nan, 0, 0]]))
+    assert main(["run", *words.split()]) == 2
+    said = capsys.readouterr()
+    (line,) = [line for line in said.err.splitlines() if "looked at" not in line]
+    assert line.startswith("puckbench: ")
+    assert all(part in line for part in BAD[words])
+    assert not Path("out/config.yaml").exists()

@@ -1,0 +1,82 @@
+"""`puckbench run` from a user's files to the table, and again on what it wrote."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+from puckbench.io.clouds import read_cloud
+from tests.io.test_cloud_formats import COLOURS, INTENSITY, UTM, write_las
+from tests.support.bench import ROOT
+
+OWN = """
+import zlib
+
+import numpy as np
+from puckbench.codecs.base import Codec, lengths
+
+
+class Steps(Codec):
+    title = "Steps"
+    metric_rates = lengths(100, 50, 20, 10)
+
+    def _encode(self, points, parameters):
+        step = parameters["step_m"]
+        whole = np.rint(points / step).astype("<i4").tobytes()
+        return np.float64(step).tobytes() + zlib.compress(whole)
+
+    def _decode(self, stream):
+        whole = np.frombuffer(zlib.decompress(stream[8:]), "<i4").reshape(-1, 3)
+        return whole * np.frombuffer(stream[:8])
+"""
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "puckbench", "run", *words, "--cores", "2"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
+    write_las(tmp_path / "site.las")
+    (tmp_path / "codecs").mkdir()
+    (tmp_path / "codecs" / "mine.py").write_text(OWN)
+    (tmp_path / "torn.las").write_bytes(b"LASF")
+    words = ["site.las", "torn.las", "--codecs", "draco", "codecs/mine.py:Steps"]
+    done = run(tmp_path, *words, "--rates", "100mm", "50mm", "20mm", "10mm", "--out", "out")
+    assert done.returncode == 0, done.stderr[-4000:]
+    head, draco, steps, *rest = done.stdout.splitlines()
+    assert head.split()[:3] == ["data", "set", "codec"]
+    assert draco.split()[:3] == ["Clouds", "Draco", "1"]
+    assert "Steps" in steps
+    assert "%" in steps
+    assert "report:  out/report.html" in rest
+    assert rest[-1].endswith("then: puckbench run out/config.yaml")
+    assert "left out: clouds/torn: torn.las: not a readable LAS file" in done.stderr
+    assert (tmp_path / "out" / "report.html").exists()
+    metrics = pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")
+    # Of a grid of 10 mm no coordinate is off by more than a half of that.
+    assert metrics[metrics.rate == "10mm"].d1_rms_m.between(0, 0.005 * 3**0.5).all()
+    assert metrics.bpp.groupby(metrics.codec).min()["steps"] > 40
+    cloud = read_cloud(tmp_path / "out" / "clouds" / "clouds" / "site.ply")
+    assert abs(cloud.to_metres(cloud.xyz) - UTM).max() < 2e-9
+    assert (cloud.colours == COLOURS).all()
+    assert (cloud.fields["intensity"] == INTENSITY).all()
+
+    again = run(tmp_path, "out/config.yaml", "--json")
+    assert again.returncode == 0
+    assert "Nothing to be done" in again.stderr
+    answer = json.loads(again.stdout)
+    assert [row["codec"] for row in answer["results"]] == ["Draco", "Steps"]
+    assert answer["results"][1]["bd_rate_percent"] > 20
+    assert answer["report"] == "out/report.html"
