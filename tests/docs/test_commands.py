@@ -19,6 +19,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.lidar.returns import read_firings
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
+from tests.io.test_cloud_formats import write_las
 from tests.support.bench import BOX
 from tests.support.pages import ROOT, blocks, commands, page, write_files
 from tests.support.spinning import pcap, spin
@@ -113,6 +114,8 @@ def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with the files that the pages' configurations name."""
     (meshes := tmp_path / "data" / "mine").mkdir(parents=True)
     (meshes / "box.off").write_text(BOX)
+    (tmp_path / "site").mkdir()
+    write_las(tmp_path / "site" / "a.laz")
     capture = ROOT / "tests" / "data" / "capture" / "single.pcap"
     (tmp_path / "data" / "office.pcap").symlink_to(capture)
     (recordings := tmp_path / "data" / "recordings").mkdir()

@@ -13,8 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 
+from puckbench.cli import main
 from puckbench.core.files import read_json
-from tests.support.bench import BOX, ROOT, Bench
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from tests.support.bench import ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
@@ -99,13 +102,21 @@ def test_a_codec_and_a_data_set_of_ones_own_run_as_their_pages_show(fresh: Bench
     assert coarse.d1_mse.is_monotonic_decreasing
 
 
-def test_the_run_that_the_readme_describes_is_valid(fresh: Bench) -> None:
-    write_files(fresh.folder, CODEC)
-    (fresh.folder / "data" / "mine").mkdir(parents=True)
-    (fresh.folder / "data" / "mine" / "box.off").write_text(BOX)
-    (fresh.folder / "config.yaml").write_text(blocks("README.md", "yaml")[0])
-    jobs = fresh.planned("tables")
-    assert jobs["scan"] == 1
+def test_the_run_that_the_readme_shows_is_planned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_files(tmp_path, CODEC)
+    cloud = PointCloud(np.random.default_rng(0).random((50, 3)))
+    write_cloud(tmp_path / "data" / "mine" / "a.ply", cloud, describe=False)
+    shown = [words[1:] for words in commands("README.md") if words[:2] == ["puckbench", "run"]]
+    first, again = shown
+    nothing = [sys.executable, "-c", ""]
+    monkeypatch.setattr("puckbench.cli.run.snakemake_command", lambda *_: nothing)
+    assert main(first) == 0
+    assert main(again) == 0
+    config = yaml.safe_load((tmp_path / "out" / "config.yaml").read_text())
+    assert list(config["codecs"]) == ["draco", "gpcc", "grid"]
 
 
 def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:

@@ -78,5 +78,7 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     assert "Nothing to be done" in again.stderr
     answer = json.loads(again.stdout)
     assert [row["codec"] for row in answer["results"]] == ["Draco", "Steps"]
-    assert answer["results"][1]["bd_rate_percent"] > 20
+    deltas = pd.read_csv(tmp_path / "out" / "tables" / "bd_rate.csv")
+    expected = deltas[deltas.metric == "d1_psnr"].bd_rate_percent.item()
+    assert answer["results"][1]["bd_rate_percent"] == expected
     assert answer["report"] == "out/report.html"
