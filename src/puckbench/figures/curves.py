@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,19 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.binning import medians_against
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import draw_line, fitted_limits, log_limits, set_log
+from puckbench.figures.panels import (
+    SCAN_LINE,
+    add_legend,
+    draw_line,
+    fitted_limits,
+    label_outer,
+    log_limits,
+    panel_grid,
+    panels_abreast,
+    scan_handle,
+    set_log,
+    set_title,
+)
 from puckbench.figures.quantities import BPP, Quantity
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.geometry.cloud import Floats
@@ -18,6 +31,7 @@ from puckbench.geometry.cloud import Floats
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Lines = dict[str, tuple[Floats, Floats]]
 """codec -> medians of bpp and of the metric, one per bin or rate."""
@@ -93,6 +107,53 @@ def draw_curves(
         draw_line(axes, bpp, values, style.of_codec(codec), floor=y_limits[0])
     if not lines:
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
+
+
+def draw_data_sets(
+    metrics: pd.DataFrame,
+    quantity: Quantity,
+    style: FigureStyle,
+    *,
+    bits: str = BPP.label,
+    panel_in: float | None = None,
+    fitted: bool = False,
+    scans: Mapping[str, float] = MappingProxyType({}),
+) -> Figure:
+    """Curves of a quantity: one panel per data set, one line per codec, the same axes in all.
+
+    Parameters
+    ----------
+    metrics
+        Result rows.
+    quantity
+        What is drawn upwards.
+    style
+        Gives ranges, colours, names and the order of data sets and codecs.
+    bits
+        Name of the horizontal axis.
+    panel_in
+        Height of a panel in inches, with a short label; by default as many panels abreast ask for.
+    fitted
+        As in `shared_limits`.
+    scans
+        Data set -> the quantity of the scans themselves, drawn as a line.
+    """
+    check_curves(metrics, quantity)
+    curves = binned_curves(metrics, quantity, style)
+    limits = [shared_limits(curves.values(), q, style, fitted=fitted) for q in (BPP, quantity)]
+    abreast = panels_abreast(len(curves))
+    is_high = panel_in is None and abreast < 3
+    height = panel_in or (2.5 if is_high else 2.0)
+    figure, panels = panel_grid(len(curves), abreast, height, style)
+    for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
+        draw_curves(axes, lines, limits[0], limits[1], style)
+        if dataset in scans:
+            axes.axhline(scans[dataset], zorder=2, **SCAN_LINE)
+        set_title(axes, style.title(dataset), abreast, style)
+    label_outer(panels, abreast, bits, quantity.label if is_high else quantity.short_label)
+    others = (scan_handle(),) if scans else ()
+    add_legend(figure, codecs_of(curves.values(), style), style, others)
+    return figure
 
 
 def shared_limits(

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 Sharing = Literal["all", "row"]
+SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
+"""Of the level of a scan itself, beside those of codecs."""
 _MARGIN = 1.4
 """Factor between the outermost values and fitted limits: room for a whole marker."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
@@ -134,6 +136,13 @@ def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: fl
     zero = y == 0
     if zero.any():
         axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
+
+
+def scan_handle() -> Line2D:
+    """What the legend shows for the scan itself."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label="the scan itself", **SCAN_LINE)
 
 
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.curves import (
-    binned_curves,
-    check_curves,
-    codecs_of,
-    draw_curves,
-    shared_limits,
-)
+from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import (
+    SCAN_LINE,
     add_legend,
-    label_outer,
+    draw_over_rates,
     panel_grid,
-    panels_abreast,
     set_title,
 )
-from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.quantities import Quantity
 from puckbench.figures.registry import FIGURES, SEVERAL_NOISES, SPINS
 from puckbench.figures.style import FigureStyle
 
@@ -37,8 +32,7 @@ BITS = "Bits per return"
 ERROR = Quantity("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
 TO_TRUTH = Quantity("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
 _SOURCES = {"error_mm": "d1_rms_m", "truth_mm": "truth_d2_rms_m"}
-_OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
-_NOISE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "marker": "_"}
+_NOISE: dict[str, Any] = {**SCAN_LINE, "marker": "_"}
 _PANEL_IN = 2.1
 
 
@@ -55,7 +49,7 @@ def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     A spin is one or more turns of a sensor, virtual or real, in its own frame. A stream without
     loss stands on the lower edge.
     """
-    return _draw(_in_millimetres(metrics), ERROR, style, own={})
+    return _draw(_in_millimetres(metrics), ERROR, style, {})
 
 
 @FIGURES.register(
@@ -84,28 +78,11 @@ def _in_millimetres(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _draw(
-    metrics: pd.DataFrame,
-    quantity: Quantity,
-    style: FigureStyle,
-    own: dict[str, float],
+    metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle, scans: Mapping[str, float]
 ) -> Figure:
-    """A panel for each data set; own: distances of the scans themselves, drawn as lines."""
-    from matplotlib.lines import Line2D
-
-    check_curves(metrics, quantity)
-    curves = binned_curves(metrics, quantity, style)
-    limits = [shared_limits(curves.values(), q, style, fitted=True) for q in (BPP, quantity)]
-    abreast = panels_abreast(len(curves))
-    figure, panels = panel_grid(len(curves), abreast, _PANEL_IN, style)
-    for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
-        draw_curves(axes, lines, limits[0], limits[1], style)
-        if dataset in own:
-            axes.axhline(own[dataset], zorder=2, **_OWN)
-        set_title(axes, style.title(dataset), abreast, style)
-    label_outer(panels, abreast, BITS, quantity.short_label)
-    line = (Line2D([], [], label="the scan itself", **_OWN),) if own else ()
-    add_legend(figure, codecs_of(curves.values(), style), style, line)
-    return figure
+    return draw_data_sets(
+        metrics, quantity, style, bits=BITS, panel_in=_PANEL_IN, fitted=True, scans=scans
+    )
 
 
 @FIGURES.register(
@@ -131,16 +108,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     places = np.arange(len(order))
     for codec in codecs:
         of_codec = bits[bits["codec"] == codec].groupby("error_model")["bpp"].median()
-        plot_style = style.of_codec(codec)
-        axes.plot(
-            places,
-            of_codec.reindex(order),
-            color=plot_style.colour,
-            marker=plot_style.marker,
-            linestyle=plot_style.line,
-            markersize=4,
-            linewidth=1,
-        )
+        draw_over_rates(axes, of_codec.reindex(order).to_numpy(float), style.of_codec(codec), 0)
     noise = bits.groupby("error_model")["noise_bits"].median().reindex(order)
     (line,) = axes.plot(places, noise, label="entropy of the noise", **_NOISE)
     axes.set_xticks(places, [name.replace("_", "\n", 1) for name in order])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
@@ -14,10 +14,12 @@ from puckbench.figures.curves import (
     shared_limits,
 )
 from puckbench.figures.panels import (
+    SCAN_LINE,
     add_legend,
     codec_handles,
     label_outer,
     panel_grid,
+    scan_handle,
     set_title,
 )
 from puckbench.figures.quantities import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
@@ -36,7 +38,6 @@ _SIDES = {
 }
 """What stands before a column's name, and what the column is measured to; the rays are the same."""
 _CLEAN = list(_SIDES).index("clean_")
-_OWN: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 _EXACT = 1e-12
 """Squared grid units: a scan that is nearer to its clean twin differs by rounding alone."""
 _MOST_IN_A_PANEL = 9
@@ -154,14 +155,12 @@ def _own_errors(scan_errors: pd.DataFrame, sides: list[Quantity]) -> dict[tuple[
 
 def _draw_own(axes: Axes, value: float | None, floor: float) -> None:
     if value is not None and value >= floor:
-        axes.axhline(value, zorder=2, **_OWN)
+        axes.axhline(value, zorder=2, **SCAN_LINE)
 
 
 def _add_legend(figure: Figure, panels: list[Axes], codecs: list[str], style: FigureStyle) -> None:
     """The legend, in the place of the first panel that was left out, else above all."""
-    from matplotlib.lines import Line2D
-
-    own = Line2D([], [], label="the scan itself", **_OWN)
+    own = scan_handle()
     free = next((axes for axes in panels if not axes.axison), None)
     if free is None or len(codecs) > _MOST_IN_A_PANEL:
         add_legend(figure, codecs, style, (own,))

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.figures.curves import (
-    binned_curves,
-    check_curves,
-    codecs_of,
-    draw_curves,
-    shared_limits,
-)
-from puckbench.figures.panels import add_legend, label_outer, panel_grid, panels_abreast, set_title
+from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.quantities import (
-    BPP,
     CD_PLANE,
     DECODE_TIME,
     ENCODE_TIME,
     HD_PLANE,
-    Quantity,
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
@@ -46,7 +37,7 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     Bits per point count the geometry alone; the thesis's Draco also coded the scans' other
     attributes.
     """
-    return draw_against_bpp(metrics, CD_PLANE, style)
+    return draw_data_sets(metrics, CD_PLANE, style)
 
 
 @FIGURES.register(
@@ -63,7 +54,7 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     this quantity the Hausdorff distance; its tool reports the square, and so does this figure. The
     tables have both.
     """
-    return draw_against_bpp(metrics, HD_PLANE, style)
+    return draw_data_sets(metrics, HD_PLANE, style)
 
 
 @FIGURES.register(
@@ -80,7 +71,7 @@ def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     of repeated calls inside one process; the thesis's are whole processes, their start and the
     loading of weights included.
     """
-    return draw_against_bpp(metrics, ENCODE_TIME, style)
+    return draw_data_sets(metrics, ENCODE_TIME, style)
 
 
 @FIGURES.register(
@@ -95,20 +86,4 @@ def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
     Bins, axes and times as in figure 6.8.
     """
-    return draw_against_bpp(metrics, DECODE_TIME, style)
-
-
-def draw_against_bpp(metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle) -> Figure:
-    """One panel per data set, log-log, one line per codec, the same axes in all panels."""
-    check_curves(metrics, quantity)
-    curves = binned_curves(metrics, quantity, style)
-    x_limits, y_limits = (shared_limits(curves.values(), q, style) for q in (BPP, quantity))
-    columns = panels_abreast(len(curves))
-    figure, panels = panel_grid(len(curves), columns, 2.5 if columns < 3 else 2.0, style)
-    for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
-        draw_curves(axes, lines, x_limits, y_limits, style)
-        set_title(axes, style.title(dataset), columns, style)
-    label = quantity.label if columns < 3 else quantity.short_label
-    label_outer(panels, columns, BPP.label, label)
-    add_legend(figure, codecs_of(curves.values(), style), style)
-    return figure
+    return draw_data_sets(metrics, DECODE_TIME, style)
