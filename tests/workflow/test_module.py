@@ -69,6 +69,8 @@ def test_the_catalogue_finds_what_standard_usage_asks_for() -> None:
     assert (ROOT / "config" / "README.md").is_file()
     assert (ROOT / "config" / "config.yaml").is_file()
     assert list((ROOT / "workflow" / "rules").glob("*.smk"))
+    # With this, `snakemake --directory .test --rulegraph` draws the workflow on its page.
+    assert (ROOT / ".test" / "config" / "config.yaml").resolve() == ROOT / "benchmarks/small.yaml"
     words = (ROOT / "README.md").read_text(encoding="utf-8").lower()
     assert "snakemake" in words
     assert "workflow" in words
