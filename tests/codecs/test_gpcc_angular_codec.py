@@ -1,7 +1,5 @@
 """The octree with angular mode as a codec of clouds in metres, with and without returns."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,10 +9,6 @@ from puckbench.codecs.gpcc.options import PROFILES
 from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
-from puckbench.jobs.encode import to_code
-from puckbench.lidar.returns import write_firings
 from tests.support.returns import EXAMPLES, recorded
 from tests.support.small_turn import SENSOR, small_turn
 
@@ -45,16 +39,6 @@ def test_points_of_any_node_coded_directly_take_more_bits() -> None:
     theirs = open_codec("gpcc_angular", {"options": {"direct_coding": 3}})
     for rate in ("10mm", "1mm"):
         assert len(ours.encode_returns(returns, rate)) < len(theirs.encode_returns(returns, rate))
-
-
-def test_a_cloud_is_coded_with_the_returns_beside_it(tmp_path: Path) -> None:
-    codec, returns = open_codec("gpcc_angular"), recorded(60)
-    path = tmp_path / "turn.ply"
-    write_cloud(path, PointCloud(returns.points(), about={"size": 0}))
-    alone = codec.encode_cloud(to_code(codec, path), "1mm")
-    write_firings(path.with_suffix(".parquet"), returns)
-    assert codec.encode_cloud(to_code(codec, path), "1mm") == codec.encode_returns(returns, "1mm")
-    assert alone == codec.encode(returns.points(), "1mm")
 
 
 def test_a_stream_is_one_that_gpcc_decodes() -> None:

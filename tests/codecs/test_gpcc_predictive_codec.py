@@ -69,14 +69,16 @@ def test_the_sensor_of_a_recording_stands_in_the_stream() -> None:
     assert turn / (gps.geom_angular_azimuth_speed_minus1 + 1) == pytest.approx(steps, rel=0.02)
 
 
-def test_a_cloud_is_coded_with_the_returns_beside_it(tmp_path: Path) -> None:
-    codec, returns = open_codec("gpcc_predictive"), recorded(60)
+@pytest.mark.parametrize("name", ["gpcc_angular", "gpcc_predictive"])
+def test_a_cloud_is_coded_with_the_returns_beside_it(name: str, tmp_path: Path) -> None:
+    codec, returns = open_codec(name), recorded(60)
     path = tmp_path / "turn.ply"
     write_cloud(path, PointCloud(returns.points(), about={"size": 0}))
     alone = codec.encode_cloud(to_code(codec, path), "1mm")
     write_firings(path.with_suffix(".parquet"), returns)
     together = codec.encode_cloud(to_code(codec, path), "1mm")
     assert _parameter_set(alone).geom_angular_mode_enabled_flag == 0
+    assert alone == codec.encode(returns.points(), "1mm")
     assert together == codec.encode_returns(returns, "1mm")
     assert len(together) < len(alone)
 
