@@ -147,10 +147,15 @@ def _sorted(points: np.ndarray) -> np.ndarray:
     return points[np.lexsort(points.T)]
 
 
+@cache
+def _streams(case: Case) -> dict[str, bytes]:
+    """Streams of the case's cloud by rate: coded once for all tests."""
+    return {rate: case.encode(case.cloud(), rate) for rate in case.rates}
+
+
 @pytest.mark.parametrize("case", FAITHFUL, indirect=True)
 def test_bytes_and_error_are_monotone_in_rate(case: Case) -> None:
-    points = case.surface()
-    streams = [case.encode(points, rate) for rate in case.rates]
+    points, streams = case.cloud(), _streams(case).values()
     sizes = [len(stream) for stream in streams]
     errors = [_farthest(points, case.decode(stream)) for stream in streams]
     assert sizes == sorted(sizes)
@@ -158,22 +163,20 @@ def test_bytes_and_error_are_monotone_in_rate(case: Case) -> None:
 
 
 def test_the_same_input_gives_the_same_bytes(case: Case) -> None:
-    points = case.cloud()
-    for rate in case.rates:
-        assert case.encode(points, rate) == case.encode(points.copy(), rate)
+    for rate, stream in _streams(case).items():
+        assert case.encode(case.cloud(), rate) == stream
 
 
 def test_the_order_of_the_points_does_not_change_the_decoded_set(case: Case) -> None:
-    points = case.cloud()
-    shuffled = np.random.default_rng(0).permutation(points)
+    shuffled = np.random.default_rng(0).permutation(case.cloud())
     rate = list(case.rates)[len(case.rates) // 2]
-    decoded = [case.decode(case.encode(cloud, rate)) for cloud in (points, shuffled)]
+    streams = (_streams(case)[rate], case.encode(shuffled, rate))
+    decoded = [case.decode(stream) for stream in streams]
     assert np.array_equal(_sorted(decoded[0]), _sorted(decoded[1]))
 
 
 def test_streams_decode_in_a_fresh_process(case: Case, tmp_path: Path) -> None:
-    rate = next(iter(case.rates))
-    stream = case.encode(case.cloud(), rate)
+    stream = next(iter(_streams(case).values()))
     (tmp_path / "a.bin").write_bytes(stream)
     program = (
         "import sys, numpy as np; from puckbench.codecs.registry import open_codec;"
@@ -186,7 +189,7 @@ def test_streams_decode_in_a_fresh_process(case: Case, tmp_path: Path) -> None:
 
 
 def test_the_stream_names_a_codec_that_decodes_it(case: Case) -> None:
-    stream = case.encode(case.cloud(), next(iter(case.rates)))
+    stream = next(iter(_streams(case).values()))
     named = open_codec(codec_of(stream))
     assert np.array_equal(_sorted(named.decode(stream)), _sorted(case.decode(stream)))
 
@@ -255,15 +258,15 @@ FAR = np.array([500_000.0, 5_000_001.0, -3_000_000.0])
 def test_a_cloud_far_away_decodes_to_the_shifted_decode_of_the_near_one(case: Case) -> None:
     near = case.of_size(np.rint(case.cloud() * (UNITS_PER_METRE if case.is_metric else 1)))
     near -= near.min(axis=0)
-    for rate in case.rates:
+    rates = list(case.rates)
+    for rate in {rates[0], rates[len(rates) // 2], rates[-1]}:
         decoded = [case.decode(case.encode(cloud, rate)) for cloud in (near, near + FAR)]
         assert np.array_equal(_sorted(decoded[0] + FAR), _sorted(decoded[1]))
 
 
 def test_a_cloud_at_the_origin_is_coded_as_it_is(case: Case) -> None:
-    points = case.cloud()
-    rate = next(iter(case.rates))
-    assert case.encode(points, rate) == case.codec._encode(points, case.rates[rate])
+    rate, stream = next(iter(_streams(case).items()))
+    assert stream == case.codec._encode(case.cloud(), case.rates[rate])
 
 
 @cache
