@@ -17,6 +17,8 @@ LINES = {
     "puckbench encode --fr": {"--frame"},
     "puckbench encode clo": {"cloud.ply"},
     "puckbench encode cloud.ply b.bin --prepare clo": {"cloud.ply"},
+    "puckbench run --codecs gpcc_a": {"gpcc_angular", "gpcc_arena"},
+    "puckbench run --out results clo": {"cloud.ply"},
     "puckbench scan room.ply out --errors vlp16_d": {"vlp16_divergence"},
     "puckbench scene embedded_o": {"embedded_objects"},
     "puckbench compress --effort f": {"fast"},

@@ -30,7 +30,7 @@ def script(parser: argparse.ArgumentParser, shell: str) -> str:
     import shtab
 
     for action in _actions(parser):
-        if action.type is Path:
+        if action.type is Path or action.dest in _FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way to ask for it
         elif action.choices is None and action.nargs != 0 and action.dest in _NAMES:
             action.choices = _NAMES[action.dest]()
@@ -81,6 +81,9 @@ def _tables() -> list[str]:
 
     return TABLES.names()
 
+
+_FILES = {"files", "start", "weights"}
+"""Arguments, by their name, whose values may be files though they are not of the type `Path`."""
 
 _NAMES: dict[str, Callable[[], list[str]]] = {
     "check": _loaders,
