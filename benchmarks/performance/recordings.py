@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
 from puckbench.codecs.base import Codec
@@ -29,10 +30,10 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.scan_returns import returns_of_scan
+from puckbench.metrics.storage import ERROR_MM, bits_at_error
 from puckbench.scenes.rooms import make_room
 
 T = TypeVar("T")
-ERROR_MM = 5.0
 
 
 def recorded(path: Path) -> Returns:
@@ -71,15 +72,6 @@ def rms_error(one: Floats, other: Floats) -> float:
     return float(max(np.sqrt(np.mean(way**2)) for way in ways))
 
 
-def bits_at(errors: list[float], bits: list[float]) -> str:
-    """Bits at `ERROR_MM`, where rates lie on both sides of it."""
-    known = sorted((error, bit) for error, bit in zip(errors, bits, strict=True) if error > 1e-3)
-    if len(known) < 2 or not known[0][0] <= ERROR_MM <= known[-1][0]:
-        return ""
-    error, bit = np.log(np.array(known)).T
-    return f"{np.exp(np.interp(np.log(ERROR_MM), error, bit)):.2f}"
-
-
 def least_ms(call: Callable[[], T]) -> tuple[float, T]:
     """Processor time of a call, the least of three, and what it gives."""
     taken = []
@@ -105,8 +97,11 @@ def row(codec: Codec, cloud: PointCloud, rates: list[str]) -> str | None:
     finest = list(codec.metric_rates)[-1]
     encode, stream = least_ms(lambda: codec.encode_cloud(cloud, finest))
     decode, _ = least_ms(lambda: codec.decode_cloud(stream))
-    at_error = bits_at([error for *_, error in found], [bits for _, bits, _ in found])
-    texts = [codec.name, *(cells.get(rate, "") for rate in rates), at_error]
+    lossy = [(bits, error) for _, bits, error in found if error > 1e-3]
+    known = pd.DataFrame(lossy, columns=["bits", "error"])
+    at_error = bits_at_error(known["bits"], known["error"], ERROR_MM)
+    bits_there = "" if np.isnan(at_error) else f"{at_error:.2f}"
+    texts = [codec.name, *(cells.get(rate, "") for rate in rates), bits_there]
     return f"| {' | '.join(texts)} | {encode:.0f}, {decode:.0f} |"
 
 
