@@ -37,7 +37,7 @@ _LEARNED = (85.0, 90.0)
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
 _MARKED = slice(None, None, 10)
 _LIMITS_MM, _LIMITS = (0.35, 70.0), (15.0, 250.0)
-_TICKS = (20, 50, 100, 200)
+_TICKS_MM, _TICKS = (0.5, 1, 2, 5, 10, 20, 50), (20, 50, 100, 200)
 _PANEL_IN = 2.1
 
 
@@ -57,7 +57,7 @@ def draw_handicap(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyl
     Shaded: the 10 to 15 % that learned codecs report to save. Of data sets that differ in the
     sensor's errors alone the first is shown.
     """
-    from matplotlib.ticker import FixedLocator, PercentFormatter
+    from matplotlib.ticker import FixedLocator, PercentFormatter, StrMethodFormatter
 
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m"), "metrics")
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
@@ -75,6 +75,8 @@ def draw_handicap(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyl
     for axes, dataset in zip(panels, datasets, strict=True):
         set_log(axes, "x", _LIMITS_MM)
         set_log(axes, "y", _LIMITS, minor=False)
+        axes.xaxis.set_major_locator(FixedLocator(_TICKS_MM))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_major_locator(FixedLocator(_TICKS))
         axes.yaxis.set_major_formatter(PercentFormatter(decimals=0))
         axes.axhspan(*_LEARNED, color="#cfcfcf", zorder=1, linewidth=0)
