@@ -42,9 +42,11 @@ def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
     else:
         _do(jobs.sample(dataset), mesh=scene, cloud=source)
     about = scene.with_suffix(".json")
-    box = {"box": about} if jobs.is_cropped(dataset) else {}
+    more = {"box": about} if jobs.is_cropped(dataset) else {}
+    if jobs.dataset(dataset).has_returns:
+        more["returns"] = target.with_suffix(".parquet")
     truth = Path(jobs.true_points(dataset, cloud))
-    _do(jobs.prepare(dataset), source=source, cloud=target, truth=truth, about=(about,), **box)
+    _do(jobs.prepare(dataset), source=source, cloud=target, truth=truth, about=(about,), **more)
 
 
 def _coded(bench: Workflow, dataset: str, cloud: str, curve: Any) -> list[Path]:

@@ -130,6 +130,10 @@ def test_nothing_is_left_to_do_afterwards(finished: Bench) -> None:
     assert finished.planned() == {}
 
 
+def test_reference_results_are_made_of_the_tables_that_are_there(finished: Bench) -> None:
+    assert finished.planned("reference") == {"reference": 1}
+
+
 def test_a_figures_style_draws_that_figure_alone(restored: Bench) -> None:
     restored.configure({"figures.options": {"fig_6_6": {"font_size": 9}}})
     assert restored.planned() == {"fig_6_6": 1, "report_page": 1}

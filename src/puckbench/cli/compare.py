@@ -35,13 +35,16 @@ _OF_DELTAS = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
+    from puckbench.report.reference_results import shipped
+
+    known = ", ".join(shipped()) or "none yet"
     parser.add_argument("results", type=Path, help="folder of results of a run")
     parser.add_argument(
         "--with",
         dest="study",
         required=True,
         metavar="STUDY",
-        help="study whose reference results come with puckbench, or a file of them (.parquet)",
+        help=f"study with reference results ({known}), or a file of these (.parquet)",
     )
     parser.add_argument(
         "--codecs", nargs="+", default=[], help="of the run (default: those that STUDY lacks)"

@@ -83,7 +83,12 @@ def _greyed(codecs: Sequence[str], style: FigureStyle) -> dict[str, PlotStyle]:
 
 
 def _set_axes(axes: Axes, quality: str) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     if not quality.endswith("_psnr"):
         axes.set_yscale("log")
     axes.grid(which="minor", axis="x", linewidth=0.25, color="#ececec")

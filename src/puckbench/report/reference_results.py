@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Any
 from puckbench.core.errors import InputError
 from puckbench.core.files import written_whole
 from puckbench.core.models import among
-from puckbench.figures.style import FigureStyle
-from puckbench.io.columns import metadata_of
-from puckbench.io.tables import read_table
 from puckbench.report.quantities import in_words
 from puckbench.report.run_record import RunRecord
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from puckbench.figures.style import FigureStyle
 
 FOLDER = Path(__file__).parent / "reference"
 DIGEST = "digest"
@@ -69,6 +68,8 @@ class ReferenceResults:
     @cached_property
     def style(self) -> FigureStyle:
         """Titles and order of data sets and codecs."""
+        from puckbench.figures.style import FigureStyle
+
         return FigureStyle.from_config(*self.about["style"])
 
     @property
@@ -123,6 +124,9 @@ def read_reference(name: str) -> ReferenceResults:
 
 
 def _read(path: Path) -> ReferenceResults:
+    from puckbench.io.columns import metadata_of
+    from puckbench.io.tables import read_table
+
     table = read_table(path)
     try:
         about = json.loads(metadata_of(path)[KEY.encode()])
