@@ -18,6 +18,9 @@ class WithWorkflow(build_py):
         if not self.editable_mode:
             target = Path(self.build_lib) / "puckbench" / "workflow"
             shutil.copytree("workflow", target, ignore=CACHES, dirs_exist_ok=True)
+            # Its rules name this file, whose content Snakemake keeps with what they made.
+            (envs := target.with_name("envs")).mkdir(exist_ok=True)
+            shutil.copy("envs/puckbench.yaml", envs)
 
 
 setup(cmdclass={"build_py": WithWorkflow})

@@ -71,7 +71,7 @@ def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     held = {name.removeprefix("puckbench/") for name in names if name.startswith("puckbench/")}
     workflow = {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
-    assert held == files_below(ROOT / "src" / "puckbench") | workflow
+    assert held == files_below(ROOT / "src" / "puckbench") | workflow | {"envs/puckbench.yaml"}
 
 
 def test_the_source_archive_has_the_workflow(archive: Path) -> None:
@@ -81,7 +81,16 @@ def test_the_source_archive_has_the_workflow(archive: Path) -> None:
         assert {f"{folder}/{name}" for name in files_below(ROOT / folder)} <= names
 
 
-def test_the_installed_wheel_codes_with_its_own_weights(wheel: Path, tmp_path: Path) -> None:
+RUN = """
+results: out
+scenes: {mine: {loader: point_clouds, options: {path: a.ply}}}
+datasets: {mine: {scenes: mine, make: cloud}}
+"""
+
+
+def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
+    wheel: Path, tmp_path: Path
+) -> None:
     environment = tmp_path / "environment"
     done(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
     python = environment / "bin" / "python"
@@ -107,3 +116,6 @@ def test_the_installed_wheel_codes_with_its_own_weights(wheel: Path, tmp_path: P
         assert ("weights" in record) == (codec == "pcgcv2_plus")
         done(*puckbench, "decode", "a.bin", "b.ply", cwd=tmp_path)
         assert len(read_cloud(tmp_path / "b.ply")) > 0
+    (tmp_path / "run.yaml").write_text(RUN)
+    done(*puckbench, "run", "run.yaml", "out/coded/mine/a/draco/r1.bin", cwd=tmp_path)
+    assert (tmp_path / "out" / "coded" / "mine" / "a" / "draco" / "r8.bin").exists()
