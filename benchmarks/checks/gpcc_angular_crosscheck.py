@@ -33,19 +33,10 @@ from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_t
 
 from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
 from puckbench.codecs.gpcc.grid import Frame, quantised
-from puckbench.codecs.gpcc.options import GpccOptions
+from puckbench.codecs.gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.codecs.gpcc.sensor import SensorDescription
 
-COMMON = {
-    "planar": True,
-    "qtbt": True,
-    "intra_pred_max_node_size_log2": 6,
-    "inferred_direct_coding_mode": 3,
-    "max_num_qtbt_before_ot": 6,
-    "planar_mode_idcm_use": 32,
-    "merge_duplicates": False,
-    "planar_buffer": False,
-}
+COMMON = {**PROFILES["ctc"].model_dump(exclude_defaults=True), **SPINNING}
 """MPEG's common test conditions for a spinning sensor's sparse clouds."""
 
 MODES: dict[str, dict[str, Any]] = {

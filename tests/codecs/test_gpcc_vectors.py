@@ -9,6 +9,7 @@ import pytest
 
 from puckbench.codecs.gpcc.coder import PROFILES, decode_geometry, encode_geometry
 from puckbench.codecs.gpcc.conformance import FOLDER
+from puckbench.codecs.gpcc.options import SPINNING
 from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
@@ -53,14 +54,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "one_point_idcm_defaults": {"joint_two_point_idcm": False},
     "planar_idcm_ctc": {"inferred_direct_coding_mode": 1, "planar_mode_idcm_use": 32},
 }
-SPARSE = {
-    "inferred_direct_coding_mode": 3,
-    "max_num_qtbt_before_ot": 6,
-    "planar_mode_idcm_use": 32,
-    "merge_duplicates": False,
-    "planar_buffer": False,
-}
-"""MPEG's common test conditions for a spinning sensor, beside the profile `ctc`."""
 SPINS: dict[str, dict[str, Any]] = {
     "spin": {},
     "spin_merged": {"merge_duplicates": True},
@@ -105,7 +98,7 @@ def test_encoding_a_turn_with_its_sensor_gives_the_bytes_of_tmc13(name: str) -> 
     points = small_turn().astype(int)
     if name == "spin_pairs":
         points = np.repeat(points, 2, axis=0)
-    options = PROFILES["ctc"].model_copy(update={**SPARSE, **SPINS[name]})
+    options = PROFILES["ctc"].model_copy(update={**SPINNING, **SPINS[name]})
     position = (-900, 40000, 12) if name == "spin_away" else (0, 0, 0)
     stream = encode_geometry(points, options, sensor=replace(SENSOR, position=position))
     assert stream == (FOLDER / f"{name}.bin").read_bytes()
@@ -118,7 +111,7 @@ def test_a_coarse_turn_splits_later_along_z() -> None:
         "angular_max_node_min_dim_log2_to_split_z": 5,
         "angular_max_diff_to_split_z": 0,
     }
-    options = PROFILES["ctc"].model_copy(update={**SPARSE, **split})
+    options = PROFILES["ctc"].model_copy(update={**SPINNING, **split})
     heights = tuple(height / 8 for height in SENSOR.height)
     mine = encode_geometry(points, options, 1 / 8, sensor=replace(SENSOR, height=heights))
     assert mine == (FOLDER / "spin_coarse.bin").read_bytes()

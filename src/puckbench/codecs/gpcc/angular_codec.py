@@ -9,15 +9,10 @@ from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters
 from puckbench.codecs.gpcc.codec import GridOptions, OnGrid
-from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
+from puckbench.codecs.gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.codecs.gpcc.sensor_codec import SensorCodec
 from puckbench.codecs.registry import CODECS
 
-_SPARSE = {
-    "max_num_qtbt_before_ot": 6,
-    "planar_mode_idcm_use": 32,
-    "planar_buffer": False,
-}
 _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 
@@ -65,5 +60,5 @@ class GpccAngular(SensorCodec):
         }
         merged = {"merge_duplicates": self.options.duplicates == "merged"}
         direct = {"inferred_direct_coding_mode": self.options.direct_coding}
-        chosen = {**_SPARSE, **sizes, **merged, **direct}
+        chosen = {**SPINNING, **sizes, **merged, **direct}
         return PROFILES[self.options.profile].model_copy(update=chosen)

@@ -76,3 +76,12 @@ PROFILES = {
 }
 """minimal: octree with neighbour and adjacent-child contexts alone. ctc: MPEG's common test
 conditions. defaults: what TMC13 does without any option."""
+
+SPINNING = {
+    "inferred_direct_coding_mode": 3,
+    "max_num_qtbt_before_ot": 6,
+    "planar_mode_idcm_use": 32,
+    "merge_duplicates": False,
+    "planar_buffer": False,
+}
+"""What MPEG's common test conditions for spinning sensors change in the profile `ctc`."""
