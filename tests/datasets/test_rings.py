@@ -98,6 +98,16 @@ def test_frames_in_another_order_are_refused(tmp_path: Path, order: str) -> None
         of_kitti(tmp_path, table[rows].tobytes())
 
 
+def test_frames_that_no_sensor_measures_are_refused(tmp_path: Path) -> None:
+    table = np.frombuffer(as_kitti(hdl64(60)), "<f4").reshape(-1, 4)
+    with pytest.raises(InputError, match=r"000000\.bin: no point is within 131 m"):
+        of_kitti(tmp_path, (100 * table).astype("<f4").tobytes())
+    with pytest.raises(InputError, match=r"000000\.bin: a ring of fewer than 16 points"):
+        of_kitti(
+            tmp_path, (0 * table + [1e-3, 1e-3, 1, 0] * np.sign(table)).astype("<f4").tobytes()
+        )
+
+
 MOVED = np.array([-0.05, -0.45, -0.015])
 ROLLED = np.array([0.002, -0.001])
 

@@ -160,6 +160,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> Recovered:
     azimuth = np.degrees(np.arctan2(still[..., 0], still[..., 1]))
     apart = np.mod(azimuth - azimuth[:, [lasers // 2]] + 180, 360) - 180
     apart[~(whole & whole[:, [lasers // 2]])] = np.nan
+    if np.isfinite(apart).sum(axis=0).min() < _FEWEST:
+        raise InputError("a laser that hardly returns when the others do, which cannot be found")
     turned_deg = np.nanmedian(apart, axis=0)
     own = np.where(whole, azimuth - turned_deg, np.nan)
     seen = np.flatnonzero(whole.any(axis=1))
@@ -305,5 +307,7 @@ def _image(
         sideways_mm=tuple(1000 * beam.sideways for beam in beams),
     )
     azimuths = (np.rint(known.azimuths_deg * 100) % CENTIDEGREES).astype(np.uint16)
+    if not ranges.any():
+        raise InputError("no point is within 131 m, the most that returns can hold")
     returns = Returns(found, Layout(order), (Turn(ranges, azimuths),), USUAL_QUANTUM_M, sensor)
     return Recovered(returns, source[ranges[0] > 0], xyz)
