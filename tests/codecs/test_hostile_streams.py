@@ -11,9 +11,16 @@ from puckbench.codecs.learned.octree_net import stream as octree_stream
 from puckbench.codecs.learned.pcgcv1 import stream as pcgcv1_stream
 from puckbench.codecs.learned.pcgcv2 import stream as pcgcv2_stream
 from puckbench.codecs.learned.reno import stream as reno_stream
+from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives import stream as limits
 from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.stream import SurfaceHeader, is_decodable, pack_surface
+from puckbench.codecs.primitives.stream import (
+    HybridHeader,
+    SurfaceHeader,
+    is_decodable,
+    pack_hybrid,
+    pack_surface,
+)
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, shell, weights_name
@@ -71,6 +78,26 @@ def test_a_small_stream_cannot_fill_the_whole_grid_of_primitives(
     )._replace(leaf_capacity=limits.MAX_NODES)
     with pytest.raises(InputError, match="damaged"):
         open_codec("primitives").decode(pack_surface(header, b"\0" * 30))
+
+
+def test_voxels_about_the_centre_of_a_sphere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1,150 bytes once asked for minutes: the nearest point of a sphere is any of its points."""
+    directions = np.random.default_rng(0).normal(size=(20_000, 3))
+    sphere = 500 + 400 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    codec = open_codec("primitives")
+    surface = codec.encode(sphere, "r3")
+    cube = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
+    factors = np.ones(limits.CLASSES, np.int8)
+    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 22)
+    for side, is_refused in ((1e-6, True), (0.5, False)):
+        place = 500.0 if is_refused else [900.0, 500.0, 500.0]
+        voxels = voxel_mode.encode_voxel_size(place + cube * side, side)
+        stream = pack_hybrid(HybridHeader(8, factors, surface, voxels))
+        if is_refused:
+            with pytest.raises(InputError, match="too far from its surface"):
+                codec.decode(stream)
+        else:
+            assert len(codec.decode(stream)) >= len(cube)
 
 
 @pytest.mark.parametrize(

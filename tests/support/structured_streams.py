@@ -10,16 +10,18 @@ import struct
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
+from io import BytesIO
 from itertools import count
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
-from puckbench.codecs.common.byte_io import base_128, signed_128
+from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.learned.sparse.voxels import morton_voxels
-from puckbench.codecs.puck.records import Kind, Record, start
+from puckbench.codecs.puck.records import Kind, Record, read_records, start
+from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 
 Random = np.random.Generator
@@ -28,7 +30,7 @@ Random = np.random.Generator
 def structured(codec: str, streams: Sequence[bytes], number: int) -> bytes:
     """One structured stream of a codec, of which `streams` are whole ones."""
     for attempt in count():
-        with suppress(ValueError, struct.error):  # a number that its field has no room for
+        with suppress(ValueError, struct.error, InputError):  # what no field has room for
             return WRITERS[codec](streams, generator(number, f"structured streams {attempt}"))
     raise AssertionError
 
@@ -259,7 +261,8 @@ def _learned(
         from importlib import import_module
 
         stream = import_module(module)
-        coded = stream.read_stream(streams[random.integers(len(streams))])
+        whole = [each for each in streams if each.startswith(stream.MAGIC)]  # not shifted ones
+        coded = stream.read_stream(whole[random.integers(len(whole))])
         if not hasattr(coded, "digest"):  # few points, uncompressed
             return streams[0]
         patches = [patch.object(stream, name, lambda *_: 2**62) for name in checks]
@@ -338,7 +341,7 @@ def _some(changes: dict[str, Any], random: Random) -> dict[str, Any]:
     return {name: changes[name] for name in names}
 
 
-def puck(_: Sequence[bytes], random: Random) -> bytes:
+def puck(streams: Sequence[bytes], random: Random) -> bytes:
     """Turns whose header and parts are at their limits, behind checks that fit."""
     lasers = int(random.choice([1, 2, 16, 32, 64, 128, 129]))
     order = bytes(random.permutation(lasers).astype(np.uint8))
@@ -347,16 +350,69 @@ def puck(_: Sequence[bytes], random: Random) -> bytes:
         layout = bytes(
             [1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(0x10, 0x110, 0x22)]
         )
-    records = [Record(Kind.LAYOUT, layout)]
-    for _ in range(int(random.integers(1, 4))):
-        head = bytes([limit(random, 6) | 1]) + base_128(1 + limit(random, 12))
-        head += base_128(limit(random, 14))
-        parts = [_filling(random) for _ in range(int(random.integers(1, 7)))]
-        body = head + b"".join(base_128(len(part)) + part for part in parts)
-        records.append(Record(Kind.TURN, body))
+    whole = _records(streams, random)
+    records = [whole[0] if random.random() < 0.5 else Record(Kind.LAYOUT, layout)]
+    records += _turns(whole, random)
     records.append(Record(Kind.GAPS, base_128(limit(random, 12)) + _filling(random)))
     records.append(Record(Kind.END, _filling(random)))
     return start() + b"".join(record.packed() for record in records)
+
+
+def puck_smoothed(streams: Sequence[bytes], random: Random) -> bytes:
+    """The same behind the beams of a whole stream, or behind others."""
+    magic = streams[0].partition(start())[0]
+    layout, beams, *whole = _records(streams, random)
+    if random.random() < 0.2:
+        cut = int(random.integers(len(beams.body)))
+        beams = Record(Kind.BEAMS, beams.body[:cut] + _filling(random) + beams.body[cut + 4 :])
+    records = [layout, beams, *_turns(whole, random), Record(Kind.END, b"")]
+    return magic + start() + b"".join(record.packed() for record in records)
+
+
+def _records(streams: Sequence[bytes], random: Random) -> list[Record]:
+    """The records of a whole stream."""
+    stream = streams[random.integers(len(streams))]
+    return list(read_records(BytesIO(start() + stream.partition(start())[2])))
+
+
+def _turns(whole: Sequence[Record], random: Random) -> list[Record]:
+    """A few turns of their own, or a stream's, some of which have another number or part."""
+    turns = [record.body for record in whole if record.kind == Kind.TURN]
+    if not turns or random.random() < 0.3:
+        turns = []
+        for _ in range(int(random.integers(1, 4))):
+            parts = [_filling(random) for _ in range(int(random.integers(1, 7)))]
+            numbers = [1 + limit(random, 12), limit(random, 14)]
+            turns.append(_turn(limit(random, 6) | 1, numbers, parts))
+        return [Record(Kind.TURN, body) for body in turns]
+    turns *= int(random.choice([1, 1, 2]))
+    share = random.choice([0.1, 0.5])
+    return [
+        Record(Kind.TURN, _changed_turn(body, random) if random.random() < share else body)
+        for body in turns
+    ]
+
+
+def _turn(flags: int, numbers: list[int], parts: list[bytes]) -> bytes:
+    head = bytes([flags]) + b"".join(map(base_128, numbers))
+    return head + b"".join(base_128(len(part)) + part for part in parts)
+
+
+def _changed_turn(body: bytes, random: Random) -> bytes:
+    """A turn with other flags, or one of its numbers or parts another."""
+    reader = Reader(body)
+    flags = reader.take(1)[0]
+    numbers, parts = [reader.number(), reader.number()], []
+    while reader.at < len(body):
+        parts.append(reader.take(reader.number()))
+    place = int(random.integers(3 + len(parts)))
+    if place == 0:
+        flags = limit(random, 6) | 1
+    elif place < 3:
+        numbers[place - 1] = limit(random, 14)
+    else:
+        parts[place - 3] = data(random) if random.random() < 0.5 else _filling(random)
+    return _turn(flags, numbers, parts)
 
 
 def _filling(random: Random) -> bytes:
@@ -374,7 +430,7 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "gpcc_angular": gpcc_angular,
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,
-    "puck_smoothed": lambda streams, random: b"SMOOTH" + puck(streams, random),
+    "puck_smoothed": puck_smoothed,
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
     "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),
     "sparse_octree_net": _learned(

@@ -31,6 +31,7 @@ from puckbench.codecs.primitives.stream import (
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.search_work import is_short_search
 from puckbench.geometry.spatial_order import distinct_rows
 
 _DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
@@ -44,6 +45,9 @@ _MAX_POINTS = 1.25
 """Decoded points for each coded one, at most."""
 _MIN_VOXEL_SHARE = 0.1
 """Share of the budget that is left for voxels, below which no voxels are worth their header."""
+
+_MAX_LOOKED_AT = 1 << 28
+"""Points of the surface that the search below all voxels may look at: a second or two of work."""
 
 
 class SurfacePart(NamedTuple):
@@ -191,8 +195,11 @@ def _planes_below(
 ) -> LocalPlanes:
     """The surface at its nearest point to each of some points (m, 3); distances in voxels.
 
-    xyz, tree, normals: points (k, 3) of the surface, their search tree, their normals.
+    xyz, tree, normals: points (k, 3) of the surface, their search tree, their normals. InputError
+    for voxels that are all about as far from much of the surface, as near the centre of a sphere.
     """
+    if not is_short_search(points, xyz, _MAX_LOOKED_AT):
+        raise InputError("the stream is damaged, or its voxels lie too far from its surface")
     distance, row = tree.query(points)
     along = normals[row]
     offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
