@@ -34,8 +34,8 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
-    "reno": {"r1": {"step_m": 2}, "r2": {"step_m": 1}},
 }
+RENO_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
 
 
 def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
@@ -96,9 +96,11 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
 
 def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
     """A codec's entry with weights, at the rates that tiny sets have."""
+    options = {"weights": str(weights), **more}
+    if codec == "reno":
+        return {"metric_rates": RENO_RATES, "options": options}
     rates = RATES[codec if codec in RATES else f"{codec}_plus"]  # as published: the same
-    key = "metric_rates" if codec == "reno" else "rates"
-    return {key: rates, "options": {"weights": str(weights), **more}}
+    return {"rates": rates, "options": options}
 
 
 def shell(radii: tuple[int, int, int] = (20, 14, 9), points: int = 6000) -> np.ndarray:
