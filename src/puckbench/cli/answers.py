@@ -40,9 +40,8 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     least = sum(max(map(len, column)) + len(_INDENT) for column in columns) + _NARROWEST
     terminal = min(shutil.get_terminal_size((_WIDEST, 0)).columns, _WIDEST) - len(_INDENT)
     console = Console(width=max(terminal, least), color_system=None, markup=False, emoji=False)
-    with console.capture() as captured:
-        console.print(drawn)
-    return [(_INDENT + line).rstrip() for line in captured.get().splitlines()]
+    lines = console.render_lines(drawn, pad=False)
+    return [(_INDENT + "".join(part.text for part in line)).rstrip() for line in lines]
 
 
 def _rows(value: Any) -> list[list[str]]:
