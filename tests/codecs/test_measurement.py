@@ -35,13 +35,13 @@ def test_the_result_comes_back() -> None:
 
 def test_the_cost_of_another_process_counts_in_place_of_ours() -> None:
     costs = iter([Cost(5.0, 10.0), Cost(1.0, 30.0), Cost(2.0, 20.0)])
-    found = measured(lambda: "x", repeats=3, outside=lambda: next(costs))
+    found = measured(lambda: "x", repeats=3, whole=lambda _: next(costs))
     assert (found.seconds, found.peak_mib) == (2.0, 30.0)
 
 
 def test_the_spread_is_that_of_the_repetitions() -> None:
     costs = iter([Cost(5.0, 10.0), Cost(1.0, 30.0), Cost(2.0, 20.0)])
-    found = measured(lambda: "x", repeats=3, outside=lambda: next(costs))
+    found = measured(lambda: "x", repeats=3, whole=lambda _: next(costs))
     assert found.costs("encode") == {
         "encode_s": 2.0,
         "encode_s_min": 1.0,

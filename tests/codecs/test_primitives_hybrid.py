@@ -8,7 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from puckbench.codecs.primitives import hybrid_mode, voxel_mode
+from puckbench.codecs.base import Cost
+from puckbench.codecs.primitives import hybrid_mode, mode_decision, voxel_mode
 from puckbench.codecs.primitives.decoder import decode_stream, decode_surface, surface_part
 from puckbench.codecs.primitives.distortion import Distortion, Nearest
 from puckbench.codecs.primitives.mode_decision import _refined_budget
@@ -211,3 +212,28 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
         decode_stream(stream)
     found = hybrid_mode.encode(_floor(), _surface(), len(stream), 16.0, MOST_POINTS)
     assert found is None
+
+
+def test_rates_that_differ_in_refinement_share_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches: list[int] = []
+    search = mode_decision._best_surface
+
+    def counted(*args: Any) -> Any:
+        searches.append(1)
+        return search(*args)
+
+    monkeypatch.setattr(mode_decision, "_best_surface", counted)
+    codec, points = open_codec("primitives"), _floor(2.0)
+    here, streams, cost = Cost(0.5, 1.0), {}, {}
+    for rate in ("r5", "r6", "r8", "r5", "r4"):
+        streams[rate] = codec.encode(points, rate)
+        cost[rate] = codec.cost(here)
+    assert len(searches) == 3  # r5, again r5, and r4
+    assert streams == {rate: open_codec("primitives").encode(points, rate) for rate in streams}
+    assert cost["r5"] == cost["r4"] == here
+    assert cost["r6"].seconds > here.seconds
+    assert cost["r6"].peak_mib > here.peak_mib
+    codec.encode(points, "r8")
+    codec.decode(streams["r8"])
+    assert codec.cost(here) == here
+    assert codec.encode(points[::2], "r8") == open_codec("primitives").encode(points[::2], "r8")

@@ -199,9 +199,16 @@ class Codec(ABC):
     def load(self) -> None:  # noqa: B027 (most codecs have nothing to load)
         """Do once, outside the timed calls, what a first call would pay for (weights, JIT)."""
 
-    def cost(self) -> Cost | None:
-        """What the last call cost, for a codec that runs outside this process; else None."""
-        return None
+    def cost(self, here: Cost) -> Cost:
+        """What the last call cost.
+
+        Parameters
+        ----------
+        here
+            What it cost in this process: all, unless the codec runs outside of it, or had done a
+            part of the work before.
+        """
+        return here
 
     def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
         """The rates for clouds of a frame: lengths for those in metres; empty where it has none.

@@ -43,11 +43,11 @@ class Measured(NamedTuple, Generic[T]):
 
 
 def measured(
-    call: Callable[[], T], repeats: int = 1, outside: Callable[[], Cost | None] = lambda: None
+    call: Callable[[], T], repeats: int = 1, whole: Callable[[Cost], Cost] = lambda here: here
 ) -> Measured[T]:
     """Run `call` `repeats` times; the result is the last one's.
 
-    outside: asked after each call, the cost of what ran in another process in its stead.
+    whole: asked after each call, what it cost in all, by what it cost here (`Codec.cost`).
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -55,8 +55,7 @@ def measured(
         before = _reset_peak()
         start = time.perf_counter()
         result = call()
-        here = Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before))
-        cost = outside() or here
+        cost = whole(Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before)))
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
 
 SIZE = 10
 
 
-@compiled
+@compiled_in_place
 def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> None:
     """Add a weighted point to `moments` (10,)."""
     moments[0] += weight
@@ -28,7 +28,7 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
     moments[9] += weight * z * z
 
 
-@compiled
+@compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
     """Weighted sum of the squared distances to a plane (nx, ny, nz, d), n.p = d, |n| = 1."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
@@ -38,20 +38,36 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
     return float(max(along + d * d * moments[0], 0.0))
 
 
-@compiled
+@compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
     """Write the plane of least squares; returns the weighted sum of squared distances."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
-    xx, xy, xz = moments[4] / w - x * x, moments[5] / w - x * y, moments[6] / w - x * z
-    yy, yz, zz = moments[7] / w - y * y, moments[8] / w - y * z, moments[9] / w - z * z
+    xx, xy, xz, yy, yz, zz = _covariance(moments)
     least = _least_eigenvalue(xx, xy, xz, yy, yz, zz)
     _null_vector(xx - least, xy, xz, yy - least, yz, zz - least, plane)
     plane[3] = plane[0] * x + plane[1] * y + plane[2] * z
     return float(max(least, 0.0) * w)
 
 
-@compiled
+@compiled_in_place
+def distance_to_fit(moments: Floats) -> float:
+    """Weighted sum of squared distances to the plane of least squares."""
+    xx, xy, xz, yy, yz, zz = _covariance(moments)
+    return float(max(_least_eigenvalue(xx, xy, xz, yy, yz, zz), 0.0) * moments[0])
+
+
+@inlined
+def _covariance(moments: Floats) -> tuple[float, float, float, float, float, float]:
+    """Covariances of the points: xx, xy, xz, yy, yz, zz."""
+    w = moments[0]
+    x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
+    xx, xy, xz = moments[4] / w - x * x, moments[5] / w - x * y, moments[6] / w - x * z
+    yy, yz, zz = moments[7] / w - y * y, moments[8] / w - y * z, moments[9] / w - z * z
+    return xx, xy, xz, yy, yz, zz
+
+
+@inlined
 def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
     """Smallest eigenvalue of a symmetric 3 x 3 matrix, in closed form (Smith 1961)."""
     q = (xx + yy + zz) / 3
@@ -66,7 +82,7 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
     return float(q + 2 * p * np.cos(angle + 2 * np.pi / 3))
 
 
-@compiled
+@inlined
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:

@@ -49,9 +49,9 @@ class ExternalCodec(Codec):
         missing = [name for name in self.programs if shutil.which(name) is None]
         return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
 
-    def cost(self) -> Cost | None:
+    def cost(self, here: Cost) -> Cost:
         """Time and memory of the program that ran last."""
-        return self._cost
+        return self._cost or here
 
     _cost: Cost | None = None
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Codec, Pace, Parameters
+from puckbench.codecs.base import Codec, Cost, Pace, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import naming
@@ -15,6 +16,10 @@ from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
+if TYPE_CHECKING:
+    from puckbench.codecs.primitives.mode_decision import CodedOnce
+
+_NOTHING = Cost(0.0, 0.0)
 _SURFACE_PARAMETERS = (
     *("min_leaf_size", "column_size", "max_leaf_size"),
     *("lmbda", "plane_step", "max_bpp"),
@@ -78,20 +83,34 @@ class Primitives(Codec):
         for settings in (Settings(), Settings(min_leaf_size=0.0)):
             self._decode(encode(plane, settings))
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.codecs.primitives.mode_decision import encode
+    def cost(self, here: Cost) -> Cost:
+        """With what finding the surface cost, where an earlier rate did."""
+        seconds, peak_mib = here.seconds + self._before.seconds, self._before.peak_mib
+        return Cost(seconds, max(here.peak_mib, peak_mib))
 
-        return encode(points, rate_settings(parameters))
+    _known: CodedOnce | None = None
+    _before = _NOTHING
+    """What the last call had not to do, since it was done before."""
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        from puckbench.codecs.primitives.mode_decision import CodedOnce, encode
+
+        known = self._known = self._known or CodedOnce()
+        stream = encode(points, rate_settings(parameters), known)
+        self._before = known.cost if known.was_known else _NOTHING
+        return stream
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
         from puckbench.codecs.primitives.decoder import surface_part
         from puckbench.codecs.primitives.mesh_reconstruction import decode_mesh
 
+        self._before = _NOTHING
         with naming(f"codec {self.name}"):
             return decode_mesh(*surface_part(stream))
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.codecs.primitives.decoder import decode_stream
 
+        self._before = _NOTHING
         with naming(f"codec {self.name}"):
             return decode_stream(stream)

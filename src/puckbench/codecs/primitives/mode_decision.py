@@ -11,10 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
+from hashlib import sha256
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from puckbench.codecs.base import Cost
+from puckbench.codecs.measurement import measured
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import (
     DecodedSurface,
@@ -55,6 +58,10 @@ _MAX_REFUSED = 3
 """Surfaces of revolution in a row that cost more than they save, after which no more are tried."""
 _MIN_SAVING = 0.98
 """Ratio of the costs below which the grid is moved: a smaller saving may be chance."""
+_WITHOUT_REFINEMENT = {
+    name: Settings.model_fields[name].default
+    for name in ("refinement", "refined_bpp", "max_voxel_size")
+}
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
 """Squared distance of a surface to the points, as a multiple of undisplaced voxels'.
 
@@ -62,7 +69,7 @@ The position of points within the surface is not coded, and alone keeps them som
 """
 
 
-def encode(points: Floats, settings: Settings) -> bytes:
+def encode(points: Floats, settings: Settings, known: CodedOnce | None = None) -> bytes:
     """Code a cloud as surfaces, as voxels, or as both, whichever costs less.
 
     Parameters
@@ -71,24 +78,64 @@ def encode(points: Floats, settings: Settings) -> bytes:
         (n, 3) finite coordinates, n > 0.
     settings
         Parameters of the rate.
+    known
+        What earlier rates found, and where this rate writes what it finds.
 
     Returns
     -------
     bytes
         A self-contained stream.
     """
-    max_bytes = int(settings.max_bpp * len(points) / 8)
     low, high = bounds(points)
     if (low == high).all():
         return voxel_mode.encode_voxel_size(points, 1.0)
     if settings.min_leaf_size == 0:
-        return voxel_mode.encode_to_budget(points, max_bytes, settings.max_voxel_size)
+        budget = _max_bytes(points, settings)
+        return voxel_mode.encode_to_budget(points, budget, settings.max_voxel_size)
+    found = (known or CodedOnce()).surfaces_of(points, settings)
+    return _hybrid_or_voxels(found, settings) if settings.refinement else found.kept.stream
+
+
+def _max_bytes(points: Floats, settings: Settings) -> int:
+    return int(settings.max_bpp * len(points) / 8)
+
+
+class CodedOnce:
+    """What rates that differ in their refinement alone have in common: the surface.
+
+    It is found by the first of them, and again by each rate without refinement, so that repeated
+    calls of that one are timed whole.
+
+    Attributes
+    ----------
+    cost
+        Of finding it.
+    was_known
+        Whether the last rate had it from an earlier one.
+    """
+
+    def __init__(self) -> None:
+        self.cost, self.was_known = Cost(0.0, 0.0), False
+        self._key: tuple[bytes, Settings] | None = None
+        self._found: _Surfaces
+
+    def surfaces_of(self, points: Floats, settings: Settings) -> _Surfaces:
+        """The surface of points (n, 3) by the settings, whatever their refinement."""
+        key = sha256(points.tobytes()).digest(), settings.model_copy(update=_WITHOUT_REFINEMENT)
+        self.was_known = key == self._key and settings.refinement > 0
+        if not self.was_known:
+            found = measured(partial(_find_surfaces, points, key[1]))
+            self._found, self._key = found.result, key
+            self.cost = Cost(found.seconds, found.peak_mib)
+        return self._found
+
+
+def _find_surfaces(points: Floats, settings: Settings) -> _Surfaces:
     cloud = prepare(points, settings)
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
-    if settings.refinement:
-        return _hybrid_or_voxels(cloud, estimator, best, max_bytes)
-    return _surface_or_voxels(cloud, estimator, best, max_bytes).stream
+    kept = _surface_or_voxels(cloud, estimator, best, _max_bytes(points, settings))
+    return _Surfaces(cloud, estimator, best, kept)
 
 
 class _Candidate(NamedTuple):
@@ -104,6 +151,15 @@ class _Kept(NamedTuple):
 
     stream: bytes
     surface: DecodedSurface | None
+
+
+class _Surfaces(NamedTuple):
+    """A cloud, the surface of least cost, and what is kept of it without refinement."""
+
+    cloud: PreparedCloud
+    estimator: DistortionEstimator
+    best: _Candidate
+    kept: _Kept
 
 
 def _surface_or_voxels(
@@ -134,9 +190,7 @@ def _surface_or_voxels(
     return smallest if surface_wins else _Kept(voxel_streams[0], None)
 
 
-def _hybrid_or_voxels(
-    cloud: PreparedCloud, estimator: DistortionEstimator, best: _Candidate, max_bytes: int
-) -> bytes:
+def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
     """The surface refined by voxels, or voxels of as many bytes.
 
     What is refined is the surface that would be kept without voxels, and voxels alone take its
@@ -144,18 +198,18 @@ def _hybrid_or_voxels(
     kept, the product of the errors decides. The less the surface is refined, the more the distance
     to it counts.
     """
-    points, settings = cloud.source, cloud.settings
+    cloud, estimator, best, kept = found
+    points = cloud.source
 
     def nearest(decoded: Floats) -> Nearest:
         return estimator.nearest(cloud.in_units(decoded))
 
-    def measured(decoded: Floats, found: Nearest) -> Distortion:
-        return estimator.measure(cloud.in_units(subset(decoded)), found)
+    def measured(decoded: Floats, near: Nearest) -> Distortion:
+        return estimator.measure(cloud.in_units(subset(decoded)), near)
 
-    def product(found: Distortion) -> float:
-        return float(found.point * found.plane * found.surface ** (1 - settings.refinement))
+    def product(errors: Distortion) -> float:
+        return float(errors.point * errors.plane * errors.surface ** (1 - settings.refinement))
 
-    kept = _surface_or_voxels(cloud, estimator, best, max_bytes)
     max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings)
     surface = kept
     if kept.surface is None and best.coded:

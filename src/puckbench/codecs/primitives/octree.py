@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.primitives.octree_arrays import Ints, Leaves
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, fit_plane
+from puckbench.geometry.moments import SIZE, distance_to_fit
 from puckbench.geometry.morton import codes
 
 
@@ -152,7 +152,6 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 def plane_errors(moments: Floats) -> Floats:
     """Weighted sums (n,) of squared distances to the least-squares planes of moments (n, 10)."""
     costs: Floats = np.empty(len(moments))
-    plane = np.empty(4)
     for i in range(len(moments)):
-        costs[i] = fit_plane(moments[i], plane)
+        costs[i] = distance_to_fit(moments[i])
     return costs

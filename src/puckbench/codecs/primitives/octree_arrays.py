@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.core.compiling import compiled_in_place
 from puckbench.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
@@ -75,7 +75,7 @@ def leaf_at(geometry: OctreeGeometry, leaf_map: LeafMap, x: int, y: int, z: int)
     return int(leaf_map[x >> down, y >> down, z >> down])
 
 
-@compiled
+@compiled_in_place
 def dominant_axis(plane: Floats) -> int:
     """The axis nearest to a plane's normal, along which its columns run."""
     axis = 0
@@ -85,7 +85,7 @@ def dominant_axis(plane: Floats) -> int:
     return axis
 
 
-@compiled
+@compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
     """Coordinate of a plane along `axis` where the next two axes' coordinates are u and v."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v

@@ -18,7 +18,7 @@ from puckbench.codecs.primitives.octree_arrays import (
     dominant_axis,
     leaf_at,
 )
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import fit_plane, squared_distance
 
@@ -91,19 +91,20 @@ def code_plane(
     _add_leaf(geometry, corner, side, plane, leaves, leaf_map)
 
 
-@compiled
+@compiled_in_place
 def _add_leaf(
     geometry: OctreeGeometry, corner: Ints, side: int, plane: int, leaves: Leaves, leaf_map: LeafMap
 ) -> None:
     """Append a leaf and enter it into the grid of the smallest leaves."""
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
-    leaves.corner[leaf] = corner
+    for k in range(3):
+        leaves.corner[leaf, k] = corner[k]
     leaves.side[leaf] = side
     leaves.plane_index[leaf] = plane
     down = geometry.depth - geometry.finest_leaf_level
-    low, high = corner >> down, (corner + side) >> down
-    leaf_map[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = leaf + 1
+    x, y, z, size = corner[0] >> down, corner[1] >> down, corner[2] >> down, side >> down
+    leaf_map[x : x + size, y : y + size, z : z + size] = leaf + 1
 
 
 @compiled
@@ -130,7 +131,7 @@ def _candidates(
     return kept
 
 
-@compiled
+@compiled_in_place
 def _contacts(
     geometry: OctreeGeometry,
     corner: Ints,
@@ -142,12 +143,10 @@ def _contacts(
 ) -> int:
     """Count the cells around a cube by the plane of their leaf; the number of planes."""
     count = 0
-    low = np.maximum(corner - 1, 0)
-    high = np.minimum(corner + side, geometry.shape - 1)
-    for x in range(low[0], high[0] + 1):
-        for y in range(low[1], high[1] + 1):
+    for x in range(max(corner[0] - 1, 0), min(corner[0] + side + 1, geometry.shape[0])):
+        for y in range(max(corner[1] - 1, 0), min(corner[1] + side + 1, geometry.shape[1])):
             inside = corner[0] <= x < corner[0] + side and corner[1] <= y < corner[1] + side
-            for z in range(low[2], high[2] + 1):
+            for z in range(max(corner[2] - 1, 0), min(corner[2] + side + 1, geometry.shape[2])):
                 if inside and corner[2] <= z < corner[2] + side:
                     continue
                 leaf = leaf_at(geometry, leaf_map, x, y, z) - 1
@@ -156,7 +155,7 @@ def _contacts(
     return count
 
 
-@compiled
+@compiled_in_place
 def _count_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
     for k in range(count):
         if planes[k] == plane:
@@ -169,7 +168,7 @@ def _count_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
     return count + 1
 
 
-@compiled
+@compiled_in_place
 def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -> bool:
     """Whether a plane crosses a cube, or misses it by at most the side of a smallest leaf."""
     half = side / 2
@@ -246,7 +245,7 @@ def _quantise_region_plane(
     return best, bits_of_best
 
 
-@compiled
+@compiled_in_place
 def _code_merge_index(
     coder: Coder, base: tuple[int, int], merge_index: int, count: int, down: int
 ) -> int:
@@ -259,7 +258,7 @@ def _code_merge_index(
     return count
 
 
-@compiled
+@compiled_in_place
 def _code_reach(
     coder: Coder, base: tuple[int, int], reach_log2: int, down: int, max_reach: int
 ) -> int:
@@ -273,7 +272,7 @@ def _code_reach(
     return max_reach
 
 
-@compiled
+@compiled_in_place
 def _code_parameters(
     coder: Coder,
     base: tuple[int, int],
@@ -296,7 +295,7 @@ def _code_parameters(
         indices[k + 1] = guess + number
 
 
-@compiled
+@compiled_in_place
 def _code_axis(coder: Coder, base: tuple[int, int], axis: int, expected: int, known: int) -> int:
     """Code the dominant axis, given the expected one."""
     at, mixer = base[0] + _AXIS + 6 * known, base[1] + _AXIS_MIXER
@@ -307,7 +306,7 @@ def _code_axis(coder: Coder, base: tuple[int, int], axis: int, expected: int, kn
     return following if bit == 1 else (expected + 2) % 3
 
 
-@compiled
+@compiled_in_place
 def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: Ints) -> None:
     """Write the quantisation indices of a plane: axis, height at a cube's centre, two slopes.
 

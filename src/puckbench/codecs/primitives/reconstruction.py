@@ -14,7 +14,7 @@ from puckbench.codecs.primitives.octree_arrays import (
     dominant_axis,
     plane_height,
 )
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
 
 
@@ -85,7 +85,7 @@ def reconstruct_points(
     return count
 
 
-@compiled
+@compiled_in_place
 def _reconstruct_column(
     leaves: Leaves,
     i: int,

@@ -5,15 +5,16 @@ Pairs of least cost are merged first (a priority queue over a graph of adjacent 
 
 from __future__ import annotations
 
-import heapq
 from typing import NamedTuple
 
 import numpy as np
 
 from puckbench.codecs.primitives.octree_arrays import Ints, LeafMap, Leaves
-from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.core.compiling import compiled, compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, fit_plane
+from puckbench.geometry.moments import SIZE, distance_to_fit, fit_plane
+
+_LOW = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
@@ -33,7 +34,7 @@ class _Regions(NamedTuple):
 
     moments: (n, 10), planes: (n, 4), errors: (n,) of the regions. parent: (n,) the region that a
     leaf was merged into, itself at first. version: (n,) number of merges, -1 for part of another
-    region. scratch: (14,) room for moments and a plane.
+    region. scratch: (10,) room for moments.
     """
 
     moments: Floats
@@ -54,6 +55,19 @@ class _Adjacency(NamedTuple):
     end: Ints
     other: Ints
     next: Ints
+
+
+class _Queue(NamedTuple):
+    """Pairs of regions that may be merged, as a binary heap: those of least cost are first.
+
+    cost: (m,) of merging. pair: (m,) both regions. versions: (m,) of both when they were queued;
+    two numbers in one, of 32 bits each. size: (1,) number of entries.
+    """
+
+    cost: Floats
+    pair: Ints
+    versions: Ints
+    size: Ints
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
@@ -89,20 +103,22 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
         np.zeros(n),
         np.arange(n),
         np.zeros(n, np.int64),
-        np.empty(SIZE + 4),
+        np.empty(SIZE),
     )
     for i in range(n):
         if moments[i, 0] > 0:
             regions.errors[i] = fit_plane(moments[i], regions.planes[i])
     adjacency = _linked_lists(n, pairs)
-    queue = [(0.0, 0, 0, 0, 0)]
-    queue.pop()
+    most = 2 * len(pairs) + 1  # those that are not outdated are half of these at most
+    queue = _Queue(
+        np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.zeros(1, np.int64)
+    )
     for k in range(len(pairs)):
         _push_pair(queue, regions, limits, pairs[k, 0], pairs[k, 1])
     seen = np.full(n, -1)
-    while queue:
-        _, a, b, of_a, of_b = heapq.heappop(queue)
-        if regions.version[a] == of_a and regions.version[b] == of_b:
+    while queue.size[0]:
+        is_current, a, b = _pop(queue, regions)
+        if is_current:
             _merge(regions, adjacency, a, b)
             _push_neighbours(queue, regions, adjacency, limits, a, seen)
     for i in range(n):
@@ -121,7 +137,7 @@ def _linked_lists(n: int, pairs: Ints) -> _Adjacency:
     return adjacency
 
 
-@compiled
+@inlined
 def _append(adjacency: _Adjacency, a: int, begin: int, end: int) -> None:
     """Append a list, from `begin` to `end`, to a region's."""
     if adjacency.begin[a] < 0:
@@ -131,20 +147,21 @@ def _append(adjacency: _Adjacency, a: int, begin: int, end: int) -> None:
     adjacency.end[a] = end
 
 
-@compiled
+@inlined
 def _merge(regions: _Regions, adjacency: _Adjacency, a: int, b: int) -> None:
     """Make region b part of a."""
     regions.parent[b] = a
     regions.version[b] = -1
     regions.version[a] += 1
-    regions.moments[a] += regions.moments[b]
+    for k in range(SIZE):
+        regions.moments[a, k] += regions.moments[b, k]
     regions.errors[a] = fit_plane(regions.moments[a], regions.planes[a])
     _append(adjacency, a, adjacency.begin[b], adjacency.end[b])
 
 
-@compiled
+@compiled_in_place
 def _push_neighbours(
-    queue: list[tuple[float, int, int, int, int]],
+    queue: _Queue,
     regions: _Regions,
     adjacency: _Adjacency,
     limits: MergeLimits,
@@ -172,9 +189,9 @@ def _push_neighbours(
     adjacency.end[a] = before
 
 
-@compiled
+@inlined
 def _push_pair(
-    queue: list[tuple[float, int, int, int, int]],
+    queue: _Queue,
     regions: _Regions,
     limits: MergeLimits,
     a: int,
@@ -187,27 +204,98 @@ def _push_pair(
     allowed = limits.fixed + limits.per_weight * smaller
     added = _error_of_both(regions, a, b) - (regions.errors[a] + regions.errors[b])
     if added <= allowed:
-        version = regions.version
-        heapq.heappush(queue, (added / allowed, a, b, version[a], version[b]))
+        _push(queue, regions, added / allowed, a, b)
+
+
+@inlined
+def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None:
+    """Queue two regions at their present versions."""
+    if queue.size[0] == len(queue.cost):
+        _drop_outdated(queue, regions)
+    last = queue.size[0]
+    queue.size[0] += 1
+    versions = regions.version[a] << 32 | regions.version[b]
+    _sift_up(queue, last, cost, a << 32 | b, versions)
+
+
+@inlined
+def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
+    """Take the first pair off the queue, and whether both are as they were when it was queued."""
+    pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
+    queue.size[0] -= 1
+    last, hole = queue.size[0], 0
+    while 2 * hole + 1 < last:
+        child = 2 * hole + 1
+        if child + 1 < last and _is_before(
+            queue, child + 1, queue.cost[child], queue.pair[child], queue.versions[child]
+        ):
+            child += 1
+        _move(queue, child, hole)
+        hole = child
+    _sift_up(queue, hole, queue.cost[last], queue.pair[last], queue.versions[last])
+    return is_current, pair >> 32, pair & _LOW
+
+
+@inlined
+def _sift_up(queue: _Queue, hole: int, cost: float, pair: int, versions: int) -> None:
+    """Write an entry to a free place or above it, and move those down that come after it."""
+    while hole > 0 and not _is_before(queue, (hole - 1) // 2, cost, pair, versions):
+        _move(queue, (hole - 1) // 2, hole)
+        hole = (hole - 1) // 2
+    queue.cost[hole], queue.pair[hole], queue.versions[hole] = cost, pair, versions
+
+
+@inlined
+def _is_before(queue: _Queue, at: int, cost: float, pair: int, versions: int) -> bool:
+    """Whether an entry of the queue comes before another one."""
+    if queue.cost[at] != cost:
+        return bool(queue.cost[at] < cost)
+    if queue.pair[at] != pair:
+        return bool(queue.pair[at] < pair)
+    return bool(queue.versions[at] < versions)
+
+
+@inlined
+def _move(queue: _Queue, start: int, end: int) -> None:
+    queue.cost[end], queue.pair[end] = queue.cost[start], queue.pair[start]
+    queue.versions[end] = queue.versions[start]
+
+
+@inlined
+def _is_current(queue: _Queue, regions: _Regions, at: int) -> bool:
+    """Whether the regions of an entry are as they were when it was queued."""
+    a, b = queue.pair[at] >> 32, queue.pair[at] & _LOW
+    return bool(queue.versions[at] == regions.version[a] << 32 | regions.version[b])
 
 
 @compiled_in_place
+def _drop_outdated(queue: _Queue, regions: _Regions) -> None:
+    """Remove the entries of regions that have been merged since."""
+    size, queue.size[0] = queue.size[0], 0
+    for at in range(size):
+        if _is_current(queue, regions, at):
+            last = queue.size[0]
+            queue.size[0] += 1
+            _sift_up(queue, last, queue.cost[at], queue.pair[at], queue.versions[at])
+
+
+@inlined
 def _cosine(planes: Floats, a: int, b: int) -> float:
     """Cosine of the angle between two planes."""
     along = planes[a, 0] * planes[b, 0] + planes[a, 1] * planes[b, 1]
     return float(abs(along + planes[a, 2] * planes[b, 2]))
 
 
-@compiled_in_place
+@inlined
 def _error_of_both(regions: _Regions, a: int, b: int) -> float:
     """Squared distance to the common plane of two regions."""
-    moments, plane = regions.scratch[:SIZE], regions.scratch[SIZE:]
+    moments = regions.scratch
     for k in range(SIZE):
         moments[k] = regions.moments[a, k] + regions.moments[b, k]
-    return fit_plane(moments, plane)
+    return distance_to_fit(moments)
 
 
-@compiled_in_place
+@inlined
 def _root(regions: _Regions, i: int) -> int:
     """The region that a piece is in."""
     parent = regions.parent

@@ -75,13 +75,6 @@ class RevolutionSurface(NamedTuple):
             return xyz, (xyz - self.origin) / self.radius
         return xyz, radial * np.cos(self.angle) - self.axis * np.sin(self.angle)
 
-    def distances(self, xyz: Floats) -> Floats:
-        """Signed distances (n,) of points (n, 3), faster than by `coordinates`."""
-        u, v = orthogonal_axes(self.axis)
-        vector = xyz - self.origin
-        height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
-        return self._distance(height, radius)
-
     def _distance(self, height: Floats, radius: Floats) -> Floats:
         if self.kind == SPHERE:
             return np.asarray(np.maximum(np.hypot(radius, height), 1e-9) - self.radius)

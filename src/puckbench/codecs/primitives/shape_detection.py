@@ -6,6 +6,7 @@ Schnabel, Wahl and Klein (2007), but at equal steps instead of at random: it is 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ _MAX_SEEDS = 300
 _MAX_SCORED = 1200
 _MAX_FITTED = 400
 _MAX_SURFACES = 16
+_STEP = float(np.sqrt(np.finfo(np.float64).eps))
+"""Step of a derivative, in the larger of the perturbation and 1."""
 _MAX_TRIALS = 24
 _MIN_CURVED_SHARE = 0.03
 """Share of the samples that have to lie where a surface bends."""
@@ -277,23 +280,53 @@ def _refine(
     """Robust least-squares fit of a surface to its inliers."""
     from scipy.optimize import least_squares
 
+    search = partial(
+        least_squares,
+        _distances,
+        jac=_derivatives,
+        loss="soft_l1",
+        f_scale=tolerance / 2,
+        max_nfev=15,
+    )
     for _ in range(2):
         rows = np.flatnonzero(free & _inliers(surface, xyz, normals, tolerance))
         if len(rows) < 12:
             return surface
         near = xyz[rows[:: -(-len(rows) // _MAX_FITTED)]]
-        start, base = np.zeros(7), surface._replace(origin=_foot_of_mean(surface, near))
+        base = surface._replace(origin=_foot_of_mean(surface, near))
         base = base._replace(radius=_radius_at(surface, base.origin))
-        answer = least_squares(
-            _residuals, start, args=(base, near), loss="soft_l1", f_scale=tolerance / 2, max_nfev=15
-        )
-        surface = _perturbed(base, answer.x)
+        fitted = (base, np.stack(orthogonal_axes(base.axis)), near)
+        surface = _perturbed(search(np.zeros(7), args=fitted).x, *fitted[:2])
     return surface
 
 
-def _residuals(perturbation: Floats, surface: RevolutionSurface, xyz: Floats) -> Floats:
-    """Distances of points (n, 3) from a perturbed surface."""
-    return _perturbed(surface, perturbation).distances(xyz)
+@compiled
+def _distances(
+    perturbation: Floats, surface: RevolutionSurface, across: Floats, xyz: Floats
+) -> Floats:
+    """Distances (n,) of points (n, 3) from a surface that is perturbed as by `_perturbed`."""
+    perturbed = _perturbed(perturbation, surface, across)
+    sine, cosine = np.sin(perturbed.angle), np.cos(perturbed.angle)
+    distances = np.empty(len(xyz))
+    for i in range(len(xyz)):
+        distances[i] = distance_to(perturbed, sine, cosine, xyz[i])[0]
+    return distances
+
+
+@compiled
+def _derivatives(
+    perturbation: Floats, surface: RevolutionSurface, across: Floats, xyz: Floats
+) -> Floats:
+    """Derivatives (n, 7) of `_distances` by the perturbations, as differences of small steps."""
+    distances = _distances(perturbation, surface, across, xyz)
+    derivatives = np.empty((len(perturbation), len(xyz)))
+    for k in range(len(perturbation)):
+        moved = perturbation.copy()
+        step = _STEP * max(abs(moved[k]), 1.0)
+        moved[k] += step if moved[k] >= 0 else -step
+        difference = _distances(moved, surface, across, xyz) - distances
+        derivatives[k] = difference / (moved[k] - perturbation[k])
+    return derivatives.T
 
 
 def _foot_of_mean(surface: RevolutionSurface, near: Floats) -> Floats:
@@ -310,19 +343,22 @@ def _radius_at(surface: RevolutionSurface, origin: Floats) -> float:
     return surface.radius + height * float(np.tan(surface.angle))
 
 
-def _perturbed(surface: RevolutionSurface, perturbation: Floats) -> RevolutionSurface:
-    """A surface with seven small perturbations: origin (3), axis (2), radius, angle."""
-    if surface.kind == SPHERE:
-        return surface._replace(
-            origin=surface.origin + perturbation[:3], radius=surface.radius + float(perturbation[5])
-        )
-    u, v = orthogonal_axes(surface.axis)
-    axis = surface.axis + (perturbation[3] * u + perturbation[4] * v) / 100
-    return surface._replace(
-        origin=surface.origin + perturbation[:3],
-        axis=axis / np.linalg.norm(axis),
-        radius=surface.radius + float(perturbation[5]),
-        angle=surface.angle + float(perturbation[6]) / 100,
+@compiled
+def _perturbed(
+    perturbation: Floats, surface: RevolutionSurface, across: Floats
+) -> RevolutionSurface:
+    """A surface with seven small perturbations: origin (3), axis (2), radius, angle.
+
+    across: (2, 3) unit vectors orthogonal to the axis and to each other.
+    """
+    origin = surface.origin + perturbation[:3]
+    radius, axis, angle = surface.radius + perturbation[5], surface.axis, surface.angle
+    if surface.kind != SPHERE:
+        axis = axis + (perturbation[3] * across[0] + perturbation[4] * across[1]) / 100
+        axis = axis / np.sqrt((axis * axis).sum())
+        angle += perturbation[6] / 100
+    return RevolutionSurface(
+        surface.kind, origin, axis, radius, angle, surface.first_row, surface.rows
     )
 
 

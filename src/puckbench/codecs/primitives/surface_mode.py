@@ -326,8 +326,9 @@ def _density(patches: Patches, max_points: int, column: float) -> tuple[int, int
     revolution_columns = sum(int(bits.sum()) for _, bits in patches.revolutions)
     max_points = min(max_points, MAX_POINTS)
     across, spacing = min(max(round(column / _POINT_SPACING), 1), _MAX_POINTS_ACROSS), 1
+    columns = count_points(*arrays, 1, 1)
     while True:
-        points = count_points(*arrays, across, spacing)
+        points = columns * across**2 if spacing == 1 else count_points(*arrays, 1, spacing)
         of_revolutions = revolution_columns * across**2
         points += of_revolutions // spacing**2
         if points <= max_points and of_revolutions <= MAX_REVOLUTION_POINTS:
