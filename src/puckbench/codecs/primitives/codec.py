@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -75,13 +75,19 @@ class Primitives(Codec):
     version = "4"
 
     def load(self) -> None:
-        """Compile what encoding and decoding need."""
+        """Compile all that coding needs: code a floor and a column on it, as both kinds."""
         from puckbench.codecs.primitives.mode_decision import encode
+        from puckbench.geometry.search_work import is_short_search
 
         rng = np.random.default_rng(0)
-        plane = np.column_stack([rng.random((2000, 2)), np.zeros(2000)])
-        for settings in (Settings(), Settings(min_leaf_size=0.0)):
-            self._decode(encode(plane, settings))
+        turn = 2 * np.pi * rng.random(1000)
+        column = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0.6 * rng.random(1000)])
+        floor = np.column_stack([rng.random((1000, 2)) - 0.5, np.zeros(1000)])
+        points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
+        self._decode(encode(points, Settings(**self._MOST)))
+        is_short_search(floor, floor, 0)  # counted for large clouds alone
+
+    _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def cost(self, here: Cost) -> Cost:
         """With what finding the surface cost, where an earlier rate did."""
