@@ -11,9 +11,12 @@ import pytest
 from puckbench.codecs.puck.records import Kind, read_records
 from puckbench.codecs.puck.stream import decode, encode
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
+from puckbench.codecs.registry import open_codec
+from puckbench.codecs.returns_codec import step_in_quanta
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import packets_of, split_turns, turn_of
 from puckbench.lidar.turns import Layout, Turn
+from tests.support.returns import recorded
 from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, spin
 
 EFFORTS = ("fast", "normal", "thorough")
@@ -271,6 +274,35 @@ def test_optimised_ranges_cost_less_at_a_smaller_error(effort: str) -> None:
     assert most <= 12  # one step and a half
     assert error < plain_error
     assert size < plain_size
+
+
+@pytest.mark.parametrize("name", ["puck", "puck_smoothed"])
+def test_lossy_rates_are_optimised_and_the_exact_one_is_as_it_was(name: str) -> None:
+    returns = recorded()
+    codec, plain = open_codec(name), open_codec(name, {"options": {"lmbda": 0}})
+    for rate, parameters in codec.metric_rates.items():
+        sizes = [len(one.encode_returns(returns, rate)) for one in (codec, plain)]
+        steps = step_in_quanta(returns, parameters)
+        if steps == 1:
+            assert codec.encode_returns(returns, rate) == plain.encode_returns(returns, rate)
+        elif steps % 2 == 0 or steps > 20:
+            assert sizes[0] < sizes[1]
+        else:  # no tie to break and noise as large as the step: hardly a choice
+            assert sizes[0] <= 1.001 * sizes[1]
+
+
+def test_of_two_multiples_as_near_the_cheaper_one_is_taken_at_any_lambda() -> None:
+    """Odd ranges lie in the middle of steps of two: the error stays as it is."""
+    layout, turns = turns_of(spin(packets=150))
+    coded = {}
+    for lmbda in (0.0, 1e-6):
+        asked = Settings(2, lmbda, times=False, reflectivities=False)
+        stream = encode(turns, layout, asked)
+        pairs = zip(turns, decode(stream), strict=True)
+        wrong = np.concatenate([(a.ranges.astype(int) - b.ranges).ravel() for a, b in pairs])
+        coded[lmbda] = len(stream), int(np.sum(wrong**2))
+    assert coded[1e-6][1] == coded[0.0][1]
+    assert coded[1e-6][0] < coded[0.0][0]
 
 
 def test_the_ends_of_what_a_range_can_be_are_kept() -> None:

@@ -59,18 +59,22 @@ def test_the_finest_rate_is_exact(codec: ReturnsCodec, returns: Returns) -> None
     assert decoded.returns.beams == returns.beams
 
 
-def test_errors_keep_within_half_a_step(codec: ReturnsCodec, returns: Returns) -> None:
-    sizes, most = [], []
+def test_errors_keep_within_their_bound(codec: ReturnsCodec, returns: Returns) -> None:
+    """Half a step; where rate-distortion optimisation may take the next multiple, one more."""
+    optimises = "lmbda" in codec.Options.model_fields
+    sizes, most, rms = [], [], []
     for rate, parameters in codec.metric_rates.items():
         stream = codec.encode_returns(returns, rate)
         found = range_errors(returns, codec.decode_returns(stream))
         step_mm = 1000 * max(parameters["step_m"], returns.quantum_m)
-        assert found["range_max_mm"] <= step_mm / 2 + 1e-6
+        assert found["range_max_mm"] <= step_mm * (1.5 if optimises else 0.5) + 1e-6
         assert found["returns_lost"] == found["returns_added"] == 0
         sizes.append(len(stream))
         most.append(found["range_max_mm"])
+        rms.append(found["range_rms_mm"])
     assert sizes == sorted(sizes)
     assert most == sorted(most, reverse=True)
+    assert rms == sorted(rms, reverse=True)
 
 
 def test_the_same_returns_give_the_same_bytes(codec: ReturnsCodec) -> None:

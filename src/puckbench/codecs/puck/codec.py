@@ -33,7 +33,7 @@ class PuckOptions(Model):
         "normal", description="how many estimates are taken of each range"
     )
     lmbda: float = Field(
-        0.0,
+        0.05,
         ge=0,
         description="Lagrangian weight of rate against squared error, in squared steps a nat; "
         "above 0 ranges may be off by more than half a step (lossy rates only)",
@@ -46,7 +46,8 @@ class PuckOptions(Model):
 class Puck(ReturnsCodec):
     """Ranges by laser and firing column, predicted and coded by context mixing.
 
-    A rate is the step of the ranges; the sensor's own (2 mm) is without loss. No return is lost.
+    A rate is the step of the ranges; the sensor's own (2 mm) is without loss. No return is lost,
+    and no range is off by more than a step and a half.
     """
 
     title = "Puck"

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pydantic import Field
+
 from puckbench.codecs.base import Pace, lengths
-from puckbench.codecs.puck.codec import Puck
+from puckbench.codecs.puck.codec import Puck, PuckOptions
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import PointCloud
 from puckbench.lidar.returns import Returns
 
 _MAGIC = b"SMOOTH"
+
+
+class PuckSmoothedOptions(PuckOptions):
+    """As of `puck`; ranges far off their interval would mislead the smoothing."""
+
+    lmbda: float = Field(0.002, ge=0, description=PuckOptions.model_fields["lmbda"].description)
 
 
 @CODECS.register("puck_smoothed")
@@ -30,6 +38,8 @@ class PuckSmoothed(Puck):
     line = "--"
     rank = 6
     metric_rates = lengths(200, 100, 50, 20, 10, 4, 2)
+    Options = PuckSmoothedOptions
+    options: PuckSmoothedOptions
     magic = _MAGIC
     estimates: ClassVar[bool] = True
     pace = Pace(0.05, 3.0)

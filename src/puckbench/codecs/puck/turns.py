@@ -71,7 +71,8 @@ class Settings:
     step
         Ranges are coded as multiples of this many quanta; 1 is lossless.
     lmbda
-        Lagrangian weight of rate against squared error, in quanta squared a nat (lossy only).
+        Lagrangian weight of rate against squared error, in quanta squared a nat (lossy only),
+        rounded to sixteenths, at least one: of two multiples as near the cheaper one is taken.
     times, reflectivities
         Code these where a turn has them.
     effort
@@ -127,10 +128,11 @@ class _Before:
 def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
     chosen = list(EFFORTS.values())[effort]
+    whole = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
         layout, step, effort,
         new_track(bits, CENTIDEGREES),
-        new_model(bits, lasers, chosen, step, round(16 * lmbda)),
+        new_model(bits, lasers, chosen, step, whole),
         new_second_model(bits, lasers, step),
         new_track(bits, _CLOCK),
         [],
