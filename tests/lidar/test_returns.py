@@ -147,6 +147,24 @@ def test_seconds_are_those_of_the_packets() -> None:
     assert replace(returns, turns=(bare,)).seconds is None
 
 
+@pytest.mark.parametrize("order", ["as sent", "two swapped", "reversed"])
+def test_seconds_do_not_depend_on_the_order_of_packets(order: str) -> None:
+    """Ten packets of 1,327 microseconds pass the hour after seven."""
+    places = np.arange(10)
+    if order == "two swapped":
+        places[[4, 5]] = places[[5, 4]]
+    elif order == "reversed":
+        places = places[::-1]
+    found = returns_of_packets(spin(packets=10)[places])
+    assert found.seconds == pytest.approx(10 * 1327e-6, abs=3e-6)
+
+
+def test_a_clock_that_stands_still_tells_no_seconds() -> None:
+    returns = recorded(20)
+    still = tuple(replace(turn, times=np.zeros_like(turn.times)) for turn in returns.turns)
+    assert replace(returns, turns=still).seconds is None
+
+
 def test_turns_can_be_had_alone() -> None:
     returns = recorded()
     assert sum(len(turn) for turn in returns.split()) == len(returns)

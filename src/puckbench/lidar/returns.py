@@ -26,6 +26,8 @@ USUAL_QUANTUM_M = 0.002
 _GREATEST_RISE = 100
 """Of the azimuth from block to block, in 0.01 degrees; a greater one shows missing blocks."""
 
+_HOUR_US = 3_600_000_000
+
 Firing = Literal["own_moment", "together"]
 
 
@@ -231,14 +233,16 @@ class Returns:
     def seconds(self) -> float | None:
         """How long the turns took by the sensor's clock; None where they have no times.
 
-        The time of the last packet is that of the others on average.
+        From the earliest packet to the latest, whatever their order; the time of one packet is
+        that of the others on average. The clock starts again every hour.
         """
         times = [turn.times for turn in self.turns if turn.times is not None]
-        every = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
+        every = np.concatenate(times).astype(np.int64) if times else np.zeros(0, np.int64)
         if len(every) < 2:
             return None
-        steps = np.mod(np.diff(every), 3.6e9)
-        return float(steps.sum() * len(every) / len(steps)) * 1e-6
+        nearest = np.mod(np.diff(every) + _HOUR_US // 2, _HOUR_US) - _HOUR_US // 2
+        span = int(np.ptp(np.concatenate([[0], np.cumsum(nearest)])))
+        return span * len(every) / len(nearest) * 1e-6 or None
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
