@@ -5,9 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from puckbench.codecs.puck.recording import compress
 from puckbench.core.errors import InputError
+from puckbench.datasets import recordings
 from puckbench.datasets.registry import open_scene_set
-from tests.support.spinning import pcap, spin
+from puckbench.lidar.recordings import reading
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.returns import Returns
+from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +67,252 @@ def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=why):
             open_scene_set("recordings", {"path": str(path)}).names()
+    (tmp_path / "again").symlink_to(folder / "a.pcap")
+    with pytest.raises(InputError, match="named twice"):
+        open_scene_set(
+            "recordings", {"path": [str(folder / "a.pcap"), str(tmp_path / "again")]}
+        ).names()
     short = tmp_path / "short.pcap"
     short.write_bytes(pcap([bytes(one) for one in spin(packets=4)]))
     with pytest.raises(InputError, match="no whole turn"):
         open_scene_set("recordings", {"path": str(short)}).names()
     with pytest.raises(InputError, match="no scene 'a_0009'"):
         open_scene_set("recordings", {"path": str(folder)}).load("a_0009")
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the recordings that are read."""
+    found: list[str] = []
+
+    def counted(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int]]:
+        found.append(path.name)
+        return reading_turns(path, start_s)
+
+    reading_turns = reading.read_turns
+    monkeypatch.setattr(reading, "read_turns", counted)
+    monkeypatch.setattr(recordings, "_kept", {})
+    return found
+
+
+def test_a_cloud_is_found_without_reading_other_recordings(folder: Path, reads: list[str]) -> None:
+    scenes = open_scene_set("recordings", {"path": str(folder)})
+    assert scenes.files("drive_b_0002") == [folder / "drive b.pcap"]
+    assert not reads
+    scenes.load("drive_b_0002")
+    scenes.load("drive_b_0003")
+    assert reads == ["drive b.pcap"]
+    alone = open_scene_set("recordings", scenes.options_of("a_0001"))  # type: ignore[attr-defined]
+    assert alone.files("a_0001") == [folder / "a.pcap"]
+    assert alone.names() == ["a_0001"]
+    assert reads == ["drive b.pcap", "a.pcap"]
+
+
+def test_recordings_are_read_once_in_a_process(folder: Path, reads: list[str]) -> None:
+    for _ in range(2):
+        scenes = open_scene_set("recordings", {"path": str(folder)})
+        for name in scenes.names():
+            scenes.load(name)
+    assert sorted(reads) == ["a.pcap", "drive b.pcap"]
+
+
+def test_of_large_recordings_the_last_is_kept(
+    folder: Path, reads: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recordings, "_MOST_KEPT", 1000)
+    open_scene_set("recordings", {"path": str(folder)}).names()
+    open_scene_set("recordings", {"path": str(folder / "drive b.pcap")}).names()
+    open_scene_set("recordings", {"path": str(folder / "a.pcap")}).names()
+    assert reads == ["a.pcap", "drive b.pcap", "a.pcap"]
+
+
+def test_a_recording_that_changes_is_read_again(tmp_path: Path, reads: list[str]) -> None:
+    path = tmp_path / "a.pcap"
+    for packets in (42, 100):
+        path.write_bytes(pcap(rows(spin(packets=packets))))
+        count = len(open_scene_set("recordings", {"path": str(path)}).names())
+    assert count == 4
+    assert len(reads) == 2
+
+
+def test_patterns_subfolders_and_folders_of_bags_are_read(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for place in ("drives/one", "drives/two", "drives/.hidden", "bags/first", "bags/second"):
+        Path(place).mkdir(parents=True)
+        Path(place, "run.pcap").write_bytes((folder / "a.pcap").read_bytes())
+    for bag in ("first", "second"):
+        Path("bags", bag, "metadata.yaml").touch()
+
+    def places(path: object) -> list[Path]:
+        scenes = open_scene_set("recordings", {"path": path})
+        return list(scenes._recordings.values())  # type: ignore[attr-defined]
+
+    both = [Path("drives/one/run.pcap"), Path("drives/two/run.pcap")]
+    assert places("drives") == places("drives/*/*.pcap") == places("drives/**/*.pcap") == both
+    assert places("bags") == places("bags/*") == [Path("bags/first"), Path("bags/second")]
+    assert places(["bags/first", "drives/one"]) == [Path("bags/first"), both[0]]
+    names = open_scene_set("recordings", {"path": "drives"}).names()
+    assert names == ["one-run_0001", "two-run_0001"]
+    with pytest.raises(InputError, match="no such file or folder"):
+        places("drives/*.bag")
+
+
+def test_a_recording_that_cannot_be_used_is_named(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "good.pcap").write_bytes((folder / "a.pcap").read_bytes())
+    (tmp_path / "torn.pcap").write_bytes(b"no capture at all")
+    (tmp_path / "short.pcap").write_bytes(pcap(rows(spin(packets=4))))
+    scenes = open_scene_set("recordings", {"path": str(tmp_path)})
+    assert scenes.names() == ["short", "torn", "good_0001"]
+    for name, why in (("torn", "torn.pcap"), ("short", "no whole turn")):
+        assert scenes.files(name) == [tmp_path / f"{name}.pcap"]
+        with pytest.raises(InputError, match=why):
+            scenes.load(name)
+
+
+def test_a_compressed_recording_is_read_as_the_one_it_was_made_of(
+    folder: Path, tmp_path: Path
+) -> None:
+    compress(folder / "drive b.pcap", tmp_path / "small.puck")
+    scenes = open_scene_set("recordings", {"path": str(tmp_path)})
+    assert scenes.names() == [f"small_000{turn}" for turn in (1, 2, 3, 4)]
+    found = scenes.load("small_0003").returns
+    plain = open_scene_set("recordings", {"path": str(folder)}).load("drive_b_0003").returns
+    assert found is not None
+    assert plain is not None
+    np.testing.assert_array_equal(found.turns[0].ranges, plain.turns[0].ranges)
+    (tmp_path / "small.pcap").write_bytes((folder / "drive b.pcap").read_bytes())
+    again = open_scene_set("recordings", {"path": str(tmp_path)})
+    assert again.files("small_0001") == [tmp_path / "small.pcap"]
+    (tmp_path / "small.pcap").unlink()
+    (tmp_path / "small.puck").write_bytes((tmp_path / "small.puck").read_bytes()[:-9])
+    with pytest.raises(InputError, match=r"small\.puck: the stream is damaged"):
+        open_scene_set("recordings", {"path": str(tmp_path)}).names()
+
+
+@pytest.mark.parametrize("product", [VLP16, HDL32E])
+@pytest.mark.parametrize("mode", [STRONGEST, DUAL])
+def test_every_sensor_and_return_mode_comes_by_turns(
+    tmp_path: Path, product: int, mode: int
+) -> None:
+    packets = spin(product, mode, packets=100)
+    (tmp_path / "a.pcap").write_bytes(pcap(rows(packets)))
+    scenes = open_scene_set("recordings", {"path": str(tmp_path)})
+    whole = returns_of_packets(packets)
+    assert len(scenes.names()) == len(whole.turns) - 2 >= 1
+    for number, name in enumerate(scenes.names(), start=1):
+        found = scenes.load(name).returns
+        assert found is not None
+        assert found.layout.kinds == (2 if mode == DUAL else 1)
+        np.testing.assert_array_equal(found.points(), replace_turns(whole, number).points())
+
+
+def replace_turns(returns: Returns, number: int) -> Returns:
+    return list(returns.split())[number]
+
+
+def loaded(folder: Path, data: bytes) -> tuple[Returns, dict[str, object]]:
+    """All whole turns of a capture as one cloud, and what is told of it."""
+    (folder / "bad.pcap").write_bytes(data)
+    path = str(folder / "bad.pcap")
+    turns = len(open_scene_set("recordings", {"path": path}).names())
+    scenes = open_scene_set("recordings", {"path": path, "turns": turns})
+    scene = scenes.load(scenes.names()[0])
+    assert scene.returns is not None
+    return scene.returns, scene.about
+
+
+def altered(packets: np.ndarray, changes: dict[tuple[int, int], int]) -> np.ndarray:
+    found = packets.copy()
+    for place, value in changes.items():
+        found[place] = value
+    return found
+
+
+@pytest.mark.parametrize(
+    ("packets", "why"),
+    [
+        (np.concatenate([spin(packets=60), spin(HDL32E, packets=60)]), "more than one sensor"),
+        (np.concatenate([spin(packets=60), spin(mode=DUAL, packets=60)]), "or return mode"),
+        (altered(spin(packets=60), {(9, 1205): 0x28}), "packets of VLP-32C"),
+        (altered(spin(packets=60), {(9, 1204): 0x99}), "return mode 0x99"),
+        (spin(packets=60) * 0, "none of its 60 data packets"),
+    ],
+)
+def test_packets_of_several_or_other_sensors_are_refused_in_one_line(
+    tmp_path: Path, packets: np.ndarray, why: str
+) -> None:
+    with pytest.raises(InputError, match=why) as refused:
+        loaded(tmp_path, pcap(rows(packets)))
+    assert str(tmp_path / "bad.pcap") in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {(30, 0): 0, (31, 500): 0},  # flags
+        {(30, 2): 0xFF, (30, 3): 0xFF, (31, 203): 0x8D},  # azimuths of 36,000 and more
+    ],
+)
+def test_damaged_packets_make_no_returns_and_are_counted(
+    tmp_path: Path, damage: dict[tuple[int, int], int]
+) -> None:
+    packets = spin(packets=100)
+    found, about = loaded(tmp_path, pcap(rows(altered(packets, damage))))
+    assert about["damaged_packets"] == 2
+    without = returns_of_packets(np.delete(packets, [30, 31], axis=0))
+    expected = without.turns[1:-1]
+    np.testing.assert_array_equal(
+        np.concatenate([turn.ranges for turn in found.turns], axis=1),
+        np.concatenate([turn.ranges for turn in expected], axis=1),
+    )
+
+
+def test_pairs_of_returns_with_two_azimuths_are_damaged(tmp_path: Path) -> None:
+    packets = altered(spin(mode=DUAL, packets=150), {(30, 102): 1, (30, 103): 0})
+    _, about = loaded(tmp_path, pcap(rows(packets)))
+    assert about["damaged_packets"] == 1
+
+
+def test_a_gap_moves_no_point(tmp_path: Path) -> None:
+    packets = spin(packets=100)
+    kept = np.delete(packets, np.s_[40:52], axis=0)
+    found, about = loaded(tmp_path, pcap(rows(kept)))
+    assert "damaged_packets" not in about
+    everything = {tuple(point) for point in np.round(returns_of_packets(packets).points(), 6)}
+    apart = [tuple(point) in everything for point in np.round(found.points(), 6)]
+    # In the block before the gap the azimuth goes on as it usually rises.
+    assert np.count_nonzero(np.logical_not(apart)) <= 32
+    count = len(returns_of_packets(kept))
+    ends = returns_of_packets(kept).turns[0].returns + returns_of_packets(kept).turns[-1].returns
+    assert len(found) == count - ends
+
+
+def test_time_that_runs_backwards_loses_nothing(tmp_path: Path) -> None:
+    packets = spin(packets=100)
+    swapped = np.arange(100)
+    swapped[[50, 51]] = [51, 50]
+    found, about = loaded(tmp_path, pcap(rows(packets[swapped])))
+    straight, _ = loaded(tmp_path, pcap(rows(packets)))
+    assert "damaged_packets" not in about
+    assert len(found) == len(straight)
+    assert found.seconds == pytest.approx(straight.seconds, rel=1e-6)
+
+
+def test_turns_of_one_packet_are_turns(tmp_path: Path) -> None:
+    packets = spin(packets=20, rise=3000)
+    found, _ = loaded(tmp_path, pcap(rows(packets)))
+    assert len(found.turns) > 15
+    assert {len(turn.azimuths) for turn in found.turns} <= {12, 24}
+    whole = returns_of_packets(packets)
+    assert len(found) == sum(turn.returns for turn in whole.turns[1:-1])
+
+
+def test_a_file_that_is_cut_off_gives_its_whole_packets(tmp_path: Path) -> None:
+    data = pcap(rows(spin(packets=100)))
+    found, about = loaded(tmp_path, data[:-700])
+    whole, _ = loaded(tmp_path, pcap(rows(spin(packets=100)[:99])))
+    assert about["bytes_cut_off"] == 16 + 42 + 1206 - 700
+    assert len(found) == len(whole)

@@ -12,7 +12,9 @@ import yaml
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.planning.config import checked
 from puckbench.planning.own_files import OwnRun, write_configuration
+from puckbench.planning.plan import Plan
 from tests.io.test_cloud_formats import write_las
 from tests.support.spinning import pcap, spin
 
@@ -81,6 +83,31 @@ def test_meshes_are_scanned_where_that_is_asked_for() -> None:
 )
 def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size: object) -> None:
     assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
+
+
+def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
+    Path("torn.pcap").write_bytes(b"no capture at all")
+    config = made("*.pcap")
+    assert config["scenes"]["recordings"]["options"]["path"] == "*.pcap"
+    plan = Plan(checked(config), check_scenes=True)
+    assert list(plan.left_out["recordings"]) == ["torn"]
+    assert "torn.pcap: not a packet capture" in plan.left_out["recordings"]["torn"]
+    assert all(cloud.startswith("drive_") for cloud in plan.datasets["recordings"].clouds)
+    points = plan.datasets["recordings"].points
+    assert 5000 < points < 10_000  # of a turn of 225 blocks of 32 firings, four of five returned
+    with pytest.raises(InputError, match=r"scene torn: torn\.pcap"):
+        made("*.pcap", strict=True)
+
+
+def test_folders_of_bag_folders_are_recordings() -> None:
+    Path("bags/one").mkdir(parents=True)
+    Path("bags/one/metadata.yaml").touch()
+    Path("bags/one/one.db3").write_bytes(b"SQLite format 3\0" + bytes(600))
+    Path("bags/drive.pcap").write_bytes(Path("drive.pcap").read_bytes())
+    for paths in (("bags",), ("bags/*",)):
+        plan = Plan(checked(made(*paths)), check_scenes=True)
+        assert list(plan.left_out["recordings"]) == ["one"]
+        assert "bags/one: not a readable ROS bag" in plan.left_out["recordings"]["one"]
 
 
 def test_codecs_of_ones_own_are_called_after_their_class() -> None:

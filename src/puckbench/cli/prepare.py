@@ -23,6 +23,8 @@ _SHOWN = (
         "size_m",
         "scale",
         "offset",
+        "damaged_packets",
+        "bytes_cut_off",
         "neighbours",
         "diameter",
         "elongation",
@@ -37,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "cloud",
         type=Path,
         help="cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), "
-        "or recording (.pcap, ...)",
+        "or recording (.pcap, .puck, ...)",
     )
     parser.add_argument("out", type=Path, help="PLY file to write; its description goes beside it")
     parser.add_argument(

@@ -2,39 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import glob
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, PositiveInt
 
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, found
+from puckbench.datasets.files import scene_names
 from puckbench.datasets.registry import LOADERS
-from puckbench.datasets.scene import Scene, safe_name, unique_names
+from puckbench.datasets.scene import Scene, safe_name
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
-RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap")
+COMPRESSED = ".puck"
+RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap", COMPRESSED)
+_MOST_KEPT = 1 << 28
+"""Ranges of recordings that a process keeps for their next turns, at most."""
 
 
 @LOADERS.register("recordings")
 class Recordings(DataSet):
     """Turns of recordings: packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    Of the VLP-16, the Puck Hi-Res or the HDL-32E, with one or two returns of each beam. Only whole
-    turns are taken. Scenes are named after the file and the first turn (drive_0012).
+    Of the VLP-16, the Puck Hi-Res or the HDL-32E, with one or two returns of each beam, also
+    compressed (.puck). Only whole turns are taken. Scenes are named after the file and the first
+    turn (drive_0012); a recording that cannot be used is left out and named. Damaged packets are
+    left out and counted.
     """
 
     of_clouds: ClassVar[bool] = True
     of_returns: ClassVar[bool] = True
     of_packets: ClassVar[bool] = True
+    read_first: ClassVar[bool] = True
 
-    path: str | tuple[str, ...]
-    """A recording, a folder with recordings, or a list of such."""
+    path: str | tuple[str, ...] | dict[str, str]
+    """A recording, a folder with all below it, a pattern (``drives/*.pcap``), a list of such, or a
+    table of names and recordings. The folder of a ROS 2 bag is one recording."""
     turns: PositiveInt = 1
     """Turns that make one cloud."""
     every: PositiveInt = 1
@@ -43,52 +53,156 @@ class Recordings(DataSet):
     """Seconds of each recording to leave out at its start."""
 
     def names(self) -> list[str]:
-        """Names of the clouds; reads the packets of all recordings."""
-        return list(self._table)
+        """Names of the clouds, `unusable` recordings first; reads the packets of all recordings."""
+        return list(self._clouds)
+
+    @property
+    def unusable(self) -> list[str]:
+        """Names of recordings that have no cloud; `load` tells why."""
+        return [name for name, (_, first) in self._clouds.items() if first is None]
 
     def files(self, name: str) -> list[Path]:
         """The recording that a cloud is taken from."""
-        return [found(self._table, name, str(self.path))[0]]
+        return [self._place(name)[0]]
+
+    def options_of(self, name: str) -> dict[str, Any]:
+        """Options of a set of this cloud's recording alone."""
+        path, first = self._place(name)
+        whole = name if first is None else name.rpartition("_")[0]
+        return {**self.model_dump(exclude_defaults=True), "path": {whole: str(path)}}
 
     def load(self, name: str) -> Scene:
-        """The returns of a cloud's turns."""
-        path, first = found(self._table, name, str(self.path))
-        whole = _returns(path, self.start_s)
-        about = {"source": path.name, "first_turn": first, "sensor": whole.sensor}
+        """The returns of a cloud's turns; reads its recording alone.
+
+        `about` has the counts of damaged packets and of bytes cut off, where there are any.
+        """
+        path, first = self._place(name)
+        whole, left_out = _read(path, self.start_s)
+        if first is None:
+            raise InputError(f"{path}: {self._no_turns(whole)}")
+        if first not in self._firsts(whole):
+            found(self._clouds, name, str(self.path))
+        about = {"source": path.name, "first_turn": first, "sensor": whole.sensor, **left_out}
         chosen = replace(whole, turns=whole.turns[first : first + self.turns])
         return Scene(name, safe_name(path.stem), returns=chosen, about=about)
 
+    def _place(self, name: str) -> tuple[Path, int | None]:
+        """Recording and first turn of a cloud; None where the name is a recording's."""
+        recording, _, number = name.rpartition("_")
+        if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
+            return self._recordings[recording], int(number)
+        if name in self._recordings:
+            return self._recordings[name], None
+        return found(self._clouds, name, str(self.path))
+
+    def _firsts(self, whole: Returns) -> range:
+        """First turns of the clouds of a recording; turn 0 and the last may be cut off."""
+        return range(1, len(whole.turns) - self.turns, self.turns * self.every)
+
+    def _no_turns(self, whole: Returns) -> str:
+        wanted = "no whole turn" if self.turns == 1 else f"not {self.turns} whole turns"
+        return f"{wanted} in the recording, which has {len(whole.turns)}, the first and last cut"
+
     @cached_property
-    def _table(self) -> Mapping[str, tuple[Path, int]]:
-        """Recording and first turn of each cloud; turn 0 and the last may be cut off."""
-        table: dict[str, tuple[Path, int]] = {}
+    def _recordings(self) -> Mapping[str, Path]:
+        """Recordings by name, without reading any."""
+        if isinstance(self.path, dict):
+            return {name: Path(text) for name, text in self.path.items()}
         given = (self.path,) if isinstance(self.path, str) else self.path
-        paths = [path for one in given for path in _files(Path(one))]
-        for path, name in zip(paths, unique_names(path.stem for path in paths), strict=True):
-            count = len(_returns(path, self.start_s).turns)
-            for first in range(1, count - self.turns, self.turns * self.every):
-                table[f"{name}_{first:04d}"] = (path, first)
+        paths = [path for text in given for path in recordings_at(text)]
+        twice = [path for path, count in Counter(map(Path.resolve, paths)).items() if count > 1]
+        if twice:
+            raise InputError(f"{twice[0].name}: the recording is named twice")
+        return dict(zip(scene_names(paths), paths, strict=True))
+
+    @cached_property
+    def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
+        """Recording and first turn of each cloud, and the recordings that have none."""
+        table: dict[str, tuple[Path, int | None]] = {}
+        faulty: dict[str, tuple[Path, int | None]] = {}
+        faults = []
+        for name, path in self._recordings.items():
+            try:
+                whole = _read(path, self.start_s)[0]
+                firsts = self._firsts(whole)
+                faults += [] if firsts else [InputError(f"{path}: {self._no_turns(whole)}")]
+            except InputError as error:
+                firsts = range(0)
+                faults.append(error)
+            table |= {f"{name}_{first:04d}": (path, first) for first in firsts}
+            if not firsts:
+                faulty[name] = (path, None)
         if not table:
-            raise InputError(f"{self.path}: no whole turn in the recording")
-        return table
+            raise faults[0]
+        return faulty | table
 
 
-def _files(path: Path) -> list[Path]:
-    """The recording at a path, or those in a folder; a folder of ROS 2 is one recording."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder (recordings should lie there)")
-    if not path.is_dir() or (path / "metadata.yaml").exists():
+def recordings_at(text: str) -> list[Path]:
+    """The recordings that a path, a folder or a pattern stands for.
+
+    The folder of a ROS 2 bag is one recording. A compressed recording beside the one that it was
+    made of is no other one.
+    """
+    path = Path(text)
+    if path.is_dir() and not is_bag_folder(path):
+        inside = list(_below(path))
+        if not inside:
+            raise InputError(f"{text}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
+        return inside
+    if path.exists():
         return [path]
-    inside = [one for one in sorted(path.iterdir()) if one.suffix.lower() in RECORDING_SUFFIXES]
+    matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
+    inside = [one for one in matches if is_bag_folder(one) or _is_recording(one)]
     if not inside:
-        raise InputError(f"{path}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
+        raise InputError(f"{text}: no such file or folder (recordings should lie there)")
     return inside
 
 
-def _returns(path: Path, start_s: float) -> Returns:
-    from puckbench.lidar.recordings.packet_turns import returns_of_packets
-    from puckbench.lidar.recordings.reading import read_packets
+def is_bag_folder(path: Path) -> bool:
+    """Whether a path is the folder of a ROS 2 bag, which is one recording."""
+    return (path / "metadata.yaml").is_file()
 
-    with naming(path):
-        log = read_packets(path).between(start_s, float("inf"))
-        return returns_of_packets(log.payloads)
+
+def _below(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and not path.name.startswith("."):
+            yield from [path] if is_bag_folder(path) else _below(path)
+        elif _is_recording(path) and not _is_copy(path):
+            yield path
+
+
+def _is_recording(path: Path) -> bool:
+    known = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
+    return known and path.is_file()
+
+
+def _is_copy(path: Path) -> bool:
+    """Whether a compressed recording lies beside the one that it was made of."""
+    others = (path.with_suffix(suffix) for suffix in RECORDING_SUFFIXES if suffix != COMPRESSED)
+    return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
+
+
+_State = tuple[tuple[str, int, int], ...]
+_kept: dict[tuple[Path, float, _State], tuple[Returns, dict[str, int]]] = {}
+"""Recordings that were read, the last one at the end."""
+
+
+def _read(path: Path, start_s: float) -> tuple[Returns, dict[str, int]]:
+    """The turns of a recording and what was left out; read once while it fits and is the same."""
+    from puckbench.lidar.recordings.reading import read_turns
+
+    key = (path, start_s, _state(path))
+    if key not in _kept:
+        _kept[key] = read_turns(path, start_s)
+        sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, _ in _kept.values()]
+        while len(_kept) > 1 and sum(sizes) > _MOST_KEPT:
+            del _kept[next(iter(_kept))]
+            del sizes[0]
+    return _kept[key]
+
+
+def _state(path: Path) -> _State:
+    """Names, sizes and times of a recording's files; none where it is missing."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    stats = ((one.name, one.stat()) for one in files if one.exists())
+    return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

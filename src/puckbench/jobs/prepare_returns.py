@@ -79,9 +79,9 @@ class PrepareReturns(Job):
         with naming(path):
             if ScanTable.declared.key.encode() in metadata_of(path):
                 return self._read_scan(path)
-            returns, whole = _read_returns(path)
+            returns, whole, left_out = _read_returns(path)
             chosen = self._chosen(returns, whole)
-        return chosen, None, {"source": path.name, "sensor": returns.sensor}
+        return chosen, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
         first, last = self.turns or whole
@@ -123,17 +123,19 @@ def is_recording(path: Path) -> bool:
     return path.suffix.lower() not in (".parquet", *SUFFIXES)
 
 
-def _read_returns(path: Path) -> tuple[Returns, tuple[int, int]]:
-    """Returns of a table of firings or of a recording; first and last turn to take by default."""
-    from puckbench.lidar.recordings.packet_turns import returns_of_packets
-    from puckbench.lidar.recordings.reading import read_packets
+def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:
+    """Returns of a table of firings or of a recording.
+
+    With the first and last turn to take by default, and counts of what a recording left out.
+    """
+    from puckbench.lidar.recordings.reading import read_turns
 
     if not is_recording(path):
         returns = read_firings(path)
-        return returns, (0, len(returns.turns) - 1)
-    returns = returns_of_packets(read_packets(path).payloads)
+        return returns, (0, len(returns.turns) - 1), {}
+    returns, left_out = read_turns(path)
     first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
-    return returns, (first, first)
+    return returns, (first, first), left_out
 
 
 def _timing(returns: Returns) -> dict[str, Any]:

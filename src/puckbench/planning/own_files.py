@@ -149,9 +149,11 @@ class OwnRun:
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
-            turns = len(open_scene_set(_LOADERS[kind], options).names())
-            limit = limit or _TURNS
+            found = open_scene_set(_LOADERS[kind], options)
+            unusable = len(found.unusable) if isinstance(found, recordings.Recordings) else 0
+            turns, limit = len(found.names()) - unusable, limit or _TURNS
             options |= {"every": turns // limit} if turns >= 2 * limit else {}
+            limit += unusable
         return {"loader": _LOADERS[kind], "options": options, **({"limit": limit} if limit else {})}
 
     # ---- data sets
@@ -217,7 +219,7 @@ class OwnRun:
 def _files(text: str) -> Iterator[Path]:
     """The files that a path or pattern stands for, and folders that are one recording."""
     path = Path(text)
-    if path.is_dir() and not (path / "metadata.yaml").exists():
+    if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (one for one in sorted(path.rglob("*")) if one.is_file())
     elif path.exists():
         yield path
@@ -225,7 +227,8 @@ def _files(text: str) -> Iterator[Path]:
         found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
         if not found:
             raise InputError(f"{text}: no such file")
-        yield from (Path(one) for one in found if Path(one).is_file())
+        matches = map(Path, found)
+        yield from (one for one in matches if one.is_file() or recordings.is_bag_folder(one))
 
 
 def _kind(path: Path) -> Kind | None:

@@ -87,7 +87,8 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
         job: object = (settings.make, options)
     else:
         job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
-    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in files if (stat := path.stat())]
+    every = [one for path in files for one in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in every if (stat := path.stat())]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
 
@@ -97,8 +98,9 @@ def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | 
 
     try:
         scene = scenes.load(name)
-        if scene.cloud is not None and settings.make == "cloud":
-            return None, len(scene.cloud)
+        points = scene.returns if scene.cloud is None else scene.cloud
+        if points is not None and settings.make == "cloud":
+            return None, len(points)
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
             return f"it holds points, which are taken as they are ({how})", None

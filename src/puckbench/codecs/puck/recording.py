@@ -33,6 +33,7 @@ from puckbench.lidar.recordings.packet_turns import (
     turn_of,
 )
 from puckbench.lidar.recordings.packets import PACKET_BYTES
+from puckbench.lidar.recordings.reading import RECORDING_COMPRESSIONS
 
 _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; their turns are one batch."""
@@ -98,6 +99,7 @@ def compress(
     return account
 
 
+@RECORDING_COMPRESSIONS.register("PUCK")
 def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
     """Write the recording of a stream.
 

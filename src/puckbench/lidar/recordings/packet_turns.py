@@ -29,6 +29,7 @@ from puckbench.lidar.recordings.packets import (
     MODES,
     PACKET,
     PACKET_BYTES,
+    PRODUCTS,
 )
 from puckbench.lidar.recordings.packets import SENSORS as PUCKS
 from puckbench.lidar.returns import Beams, Returns
@@ -60,8 +61,14 @@ class PacketKind:
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
     """The kind of packets that end with these bytes; InputError for none that is known."""
-    if product not in SENSORS or mode not in MODES:
-        raise InputError(f"no known packets: product 0x{product:02X}, return mode 0x{mode:02X}")
+    if product not in SENSORS:
+        name = PRODUCTS.get(product, "an unknown sensor")
+        raise InputError(
+            f"packets of {name} (product 0x{product:02X}), not of a VLP-16, a Puck Hi-Res or an "
+            "HDL-32E"
+        )
+    if mode not in MODES:
+        raise InputError(f"return mode 0x{mode:02X}, where one of 0x37, 0x38, 0x39 is expected")
     sensor = load_sensor(SENSORS[product])
     order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
     kinds = 2 if mode == DUAL_MODE else 1
@@ -133,16 +140,34 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
     )
 
 
+def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
+    """Which packets (p, 1206) are not damaged, as far as their blocks show.
+
+    Each block has its flag and an azimuth below 360 degrees, and both blocks of a pair of returns
+    have the same one.
+    """
+    packets = _viewed(payloads)
+    azimuth = packets["blocks"]["azimuth"]
+    whole = (packets["blocks"]["flag"] == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)
+    paired = (azimuth[:, ::2] == azimuth[:, 1::2]).all(axis=1)
+    found: NDArray[np.bool_] = whole & (paired | (packets["mode"] != DUAL_MODE))
+    return found
+
+
 def returns_of_packets(payloads: Payloads) -> Returns:
     """The returns of packets (p, 1206); the first and the last turn may be parts of one.
 
     Raises
     ------
     InputError
-        There are none, of an unknown sensor, or of more than one sensor or return mode.
+        There are none, of an unknown sensor, of more than one sensor or return mode, or one is
+        damaged (`is_whole` tells which).
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
+    whole = is_whole(payloads)
+    if not whole.all():
+        raise InputError(f"packet {int(np.argmin(whole))} is damaged")
     parts = list(split_turns(payloads))
     if len({kind for kind, _ in parts}) > 1:
         raise InputError("packets of more than one sensor or return mode")

@@ -1,18 +1,23 @@
-"""The recording of a real VLP-16, whatever its file's format, as a table of returns."""
+"""Recordings of real sensors, whatever their files' format, as packets, turns or a table."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Protocol
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
+from puckbench.core.registry import Registry
 from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
+from puckbench.lidar.recordings.packet_turns import is_whole, returns_of_packets
 from puckbench.lidar.recordings.packets import PACKET_BYTES, PacketLog, decode_packets, joined
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
+from puckbench.lidar.returns import Returns
 from puckbench.lidar.sensor import Sensor
 
 SCAN = "velodyne_msgs/msg/VelodyneScan"
@@ -21,6 +26,17 @@ MESSAGES = {
     SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
 }
 """Messages of the ROS driver velodyne_msgs, in ROS's notation."""
+
+
+class Restore(Protocol):
+    """What restores a compressed recording."""
+
+    def __call__(self, path: Path, out: Path) -> object:
+        """Write the recording of `path` to `out`; InputError where it is damaged."""
+
+
+RECORDING_COMPRESSIONS: Registry[Restore] = Registry("recording compression", "codecs/puck")
+"""Functions that restore compressed recordings, by the letters that these begin with."""
 
 
 def read_recording(
@@ -68,11 +84,51 @@ def read_recording(
     return replace(table, about={**table.about, "source": path.name})
 
 
+def read_turns(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int]]:
+    """The turns of a recording, and counts of what was left out of them.
+
+    Packets that are damaged are left out and counted as `damaged_packets`, and the bytes of a last
+    one that is not whole as `bytes_cut_off`; only counts above 0 are told.
+
+    Parameters
+    ----------
+    path
+        As of `read_packets`.
+    start_s
+        Seconds to leave out at the start.
+
+    Raises
+    ------
+    InputError
+        One line that names the file, when it holds no turns of one known sensor and return mode.
+    """
+    with naming(path):
+        log = read_packets(path).between(start_s, math.inf)
+        whole = is_whole(log.payloads)
+        if len(log) and not whole.any():
+            raise InputError(f"none of its {len(log)} data packets has the flags of a Velodyne's")
+        counts = {
+            "damaged_packets": int((~whole).sum()),
+            "bytes_cut_off": int(log.about.get("bytes_cut_off", 0)),
+        }
+        left_out = {name: count for name, count in counts.items() if count}
+        return returns_of_packets(log.payloads[whole]), left_out
+
+
 def read_packets(path: Path) -> PacketLog:
-    """Data packets of a recording; its format is known by its first bytes, not its name."""
+    """Data packets of a recording, compressed or not.
+
+    The format is known by its first bytes, not by its name.
+    """
     if path.is_dir():
         return _packets_of_bag(path)
     data = read_bytes(path)
+    letters = data[:4].decode("ascii", "replace")
+    if letters.isalpha() and letters in RECORDING_COMPRESSIONS:
+        with TemporaryDirectory() as folder:
+            restored = Path(folder, "recording")
+            RECORDING_COMPRESSIONS.get(letters)(path, restored)
+            return read_packets(restored)
     return _packets_of_bag(path) if bag_format(data) else packets_of_capture(data)
 
 
