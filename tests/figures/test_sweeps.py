@@ -11,8 +11,8 @@ from puckbench.core.errors import InputError
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.figures.sweeps import noise_bits_table
 from puckbench.geometry.cloud import PointCloud
+from puckbench.metrics.noise_bits import noise_bits
 from tests.support.figures_lookalike import (
     sweeps_clouds_table,
     sweeps_scan_errors_table,
@@ -51,17 +51,50 @@ def test_a_recording_has_no_panel_of_the_truth_and_the_scan_a_line() -> None:
     assert 10.0 in [line.get_ydata()[0] for line in level]
 
 
-def test_noise_is_compared_in_the_same_scenes() -> None:
-    clouds = sweeps_clouds_table(3)
-    once = clouds[(clouds["error_model"] != "vlp16") | (clouds["cloud"] != "cloud_2")]
-    found = noise_bits_table(sweeps_table(3), once)
-    assert set(found["cloud"]) == {"cloud_0", "cloud_1"}
-    assert set(found["dataset"]) == {"rooms", "rooms_vlp16"}
-    assert set(found["rate"]) == {"10mm"}
-    figure = draw("noise_cost", metrics=sweeps_table(3), clouds=once)
-    (axes,) = figure.axes
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["none", "vlp16"]
-    assert axes.get_lines()[-1].get_ydata() == pytest.approx([0.0, 4.4])
+def test_errors_of_ranges_are_drawn_over_bits() -> None:
+    figure = draw("sweeps_ranges", metrics=sweeps_table(clouds=1))
+    assert "RMS error of ranges" in figure.axes[0].get_ylabel()
+    drawn = {line.get_color(): line.get_ydata() for line in figure.axes[0].get_lines()}
+    rows = sweeps_table(clouds=1).query("codec == 'gpcc' and dataset == 'rooms'")
+    np.testing.assert_allclose(drawn[codec_style("gpcc").colour], rows["range_rms_mm"])
+
+
+def _noise_rows() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Spins of two models by a codec that is exact, one on a grid of 1 mm, and a coarser one."""
+    metrics, clouds = sweeps_table(3), sweeps_clouds_table(3)
+    grid = metrics.query("codec == 'gpcc'").copy()
+    grid.loc[grid["rate"] == "10mm", "d1_rms_m"] = 0.0005
+    grid.loc[grid["dataset"] == "rooms_vlp16", "bpp"] += 6
+    return pd.concat([metrics.query("codec == 'puck'"), grid, grid.assign(
+        codec="reno", d1_rms_m=grid["d1_rms_m"] + 0.004, bpp=2 * grid["bpp"]
+    )]), clouds  # fmt: skip
+
+
+def test_what_noise_costs_is_drawn_at_equal_errors() -> None:
+    metrics, clouds = _noise_rows()
+    figure = draw("noise_cost", metrics=metrics, clouds=clouds)
+    exact, at_error = figure.axes
+    titles = {name: codec_style(name).title for name in ("puck", "gpcc", "reno")}
+    assert [tick.get_text() for tick in exact.get_yticklabels()] == [
+        "entropy of the noise", titles["puck"], titles["gpcc"],
+    ]  # fmt: skip
+    table = noise_bits(metrics, clouds).set_index(["codec", "error_model"])
+    none, vlp16 = [line.get_xdata() for line in exact.get_lines()[-2:]]
+    for drawn, model, noise in ((none, "none", 0.0), (vlp16, "vlp16", 4.4)):
+        bits = [table.loc[(codec, model), "grid_1_mm"] for codec in ("puck", "gpcc")]
+        np.testing.assert_allclose(drawn, [noise, *bits])
+    shown = [tick.get_text() for tick in at_error.get_yticklabels()]
+    assert set(shown) == {titles["gpcc"], titles["reno"]}  # puck has 6.7 mm, then none
+    gpcc = table.loc[("gpcc", "vlp16"), "at_5_mm"]
+    assert at_error.get_lines()[-1].get_xdata()[shown.index(titles["gpcc"])] == pytest.approx(gpcc)
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend == ["none", "vlp16"]
+
+
+def test_codecs_that_reach_neither_error_are_an_input_error() -> None:
+    metrics, clouds = _noise_rows()
+    with pytest.raises(InputError, match="no codec is exact"):
+        draw("noise_cost", metrics=metrics.assign(d1_rms_m=0.5), clouds=clouds)
 
 
 def test_nothing_to_draw_is_an_input_error() -> None:
@@ -69,7 +102,7 @@ def test_nothing_to_draw_is_an_input_error() -> None:
         draw("sweeps_rd", metrics=sweeps_table(1).iloc[:0])
     recordings = sweeps_clouds_table(2).query("dataset == 'recording'")
     with pytest.raises(InputError, match="no cloud has the entropy"):
-        noise_bits_table(sweeps_table(2), pd.DataFrame(recordings))
+        draw("noise_cost", metrics=sweeps_table(2), clouds=pd.DataFrame(recordings))
     with pytest.raises(InputError, match="has no returns"):
         draw("spin_images", example_spin=PointCloud(recorded().points()))
 

@@ -5,6 +5,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
+from puckbench.jobs.prepare_returns import PEAK_M
 from puckbench.metrics.geometry import DistinctPoints, Reference
 from puckbench.metrics.measures import measures, picture_measures
 from puckbench.metrics.truth import Truth
@@ -34,6 +35,16 @@ def test_peak_and_diameter_may_be_given() -> None:
     assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 100**2 / 0.25))
     assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(100**2 / 0.25))
     assert "d2_psnr" not in found
+
+
+def test_a_sensors_cloud_in_square_millimetres_and_a_peak_of_30_m() -> None:
+    """Half a centimetre is 25 mm^2; MPEG's peak for such data is 30,000 units of 1 mm."""
+    about = {"scale": 1.0, "offset": [0.0, 0, 0], "size": 0, "peak": PEAK_M}
+    found = measures(PointCloud(GRID, UP, about=about), GRID + np.array([0, 0, 0.005]))
+    assert found["d1_mm2"] == pytest.approx(25)
+    assert found["d2_mm2"] == pytest.approx(25)
+    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30_000**2 / 25))
+    assert "d1_mm2" not in measures(PointCloud(GRID, UP, about=ABOUT), RAISED)
 
 
 def test_a_psnr_without_a_peak_or_an_error_is_left_out() -> None:

@@ -50,6 +50,23 @@ def test_finest_rates_and_a_common_error() -> None:
     assert puck["bits_at_5_mm"] == pytest.approx(2**share * (1 + 3) / 2)
 
 
+def test_rates_of_different_errors_stand_apart() -> None:
+    """The most bits are not the finest rate, and what loses more is not above what is exact."""
+    rows = _rows().query("codec == 'puck'").assign(
+        d2_rms_m=0.001, truth_d2_rms_m=0.009, returns_added=3, encode_ms_per_turn=7.0
+    )  # fmt: skip
+    grid = rows.assign(codec="laz", d1_rms_m=rows["d1_rms_m"] + 0.0005)
+    coarse = rows.assign(codec="reno", bpp=rows["bpp"] / 100, d1_rms_m=0.002)
+    coarse.loc[coarse["rate"] == "10mm", ["bpp", "d1_rms_m"]] = (99.0, 0.003)
+    table = storage(pd.concat([rows, grid, coarse]))
+    assert list(table["codec"]) == ["puck", "laz", "reno"]
+    assert list(table["kept"]) == ["exact", "1 mm", "less"]
+    assert table["rate"].iloc[2] == "5mm"  # of equal errors that of the fewest bits
+    first = table.iloc[0]
+    assert (first["d2_rms_mm"], first["truth_rms_mm"]) == pytest.approx((1, 9))
+    assert (first["returns_added"], first["encode_ms_per_turn"]) == (3, 7)
+
+
 def test_an_error_that_no_rate_has_is_left_empty() -> None:
     rows = _rows()
     rows["d1_rms_m"] /= 10

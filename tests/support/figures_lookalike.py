@@ -107,6 +107,7 @@ def sweeps_table(clouds: int = 4) -> pd.DataFrame:
                             "rate": f"{length}mm",
                             "bpp": most * (number + 1) * spread,
                             "d1_rms_m": error,
+                            "range_rms_mm": 1700 * error,
                             "truth_d2_rms_m": np.hypot(error, far_m),
                         }
                     )

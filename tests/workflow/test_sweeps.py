@@ -81,8 +81,14 @@ def test_noise_is_in_the_distance_to_the_truth_and_in_the_bits(bench: Bench) -> 
 def test_figures_and_tables_of_spins_are_made(bench: Bench) -> None:
     drawn = {path.stem for path in (bench.results / "figures").glob("*.png")}
     assert {"sweeps_rd", "sweeps_truth", "noise_cost", "spin_images", "fig_6_6"} <= drawn
+    assert "sweeps_ranges" in drawn
     table = pd.read_csv(bench.results / "tables" / "storage.csv")
     assert set(table["dataset"]) == {"spin", "spin_noisy", "real"}
+    assert set(table["kept"]) == {"exact", "less"}
+    assert {"d2_rms_mm", "truth_rms_mm", "returns_added", "encode_ms_per_turn"} < set(table)
+    cost = pd.read_csv(bench.results / "tables" / "noise_bits.csv").set_index(["codec", "dataset"])
+    assert cost.loc[("puck", "spin_noisy"), "added_grid_1_mm"] > 2
+    assert pd.isna(cost.loc[("draco", "spin_noisy"), "grid_1_mm"])  # 2 mm at most
     assert bench.planned() == {}
 
 

@@ -28,8 +28,6 @@ BOTH_GPCC = "gpcc"
 
 SPINS = "spins"
 """What a figure may need of a configuration: virtual spins, level and still, with their truth."""
-SEVERAL_NOISES = "noises"
-"""The same: spins in the same scenes under several error models."""
 
 
 def at(distance_m: float) -> str:
@@ -52,8 +50,8 @@ class FigureEntry:
     thesis
         Number of the thesis's figure, which orders the report; empty for others.
     needs
-        What a configuration must have beside the inputs: the sensor study, `BOTH_GPCC`, `SPINS`,
-        `SEVERAL_NOISES`, scans `at` a distance, or the name of an error model of its sensor study.
+        What a configuration must have beside the inputs: as for a table, `BOTH_GPCC`, `SPINS`,
+        scans `at` a distance, or the name of an error model of its sensor study.
     frame
         Of the clouds whose results it draws; rows of others are left out.
     """

@@ -1,24 +1,17 @@
-"""Spins of a sensor, in metres: bits per return against error, and what noise costs."""
+"""Spins of a sensor, in metres: bits per return against error, and range images."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import draw_data_sets
-from puckbench.figures.panels import (
-    SCAN_LINE,
-    add_legend,
-    draw_over_rates,
-    panel_grid,
-    set_title,
-)
+from puckbench.figures.panels import panel_grid, set_title
 from puckbench.figures.quantities import Quantity
-from puckbench.figures.registry import FIGURES, SEVERAL_NOISES, SPINS
+from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
 
 if TYPE_CHECKING:
@@ -31,8 +24,8 @@ if TYPE_CHECKING:
 BITS = "Bits per return"
 ERROR = Quantity("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
 TO_TRUTH = Quantity("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
+RANGES = Quantity("range_rms_mm", "RMS error of ranges", "mm", (0.1, 100))
 _SOURCES = {"error_mm": "d1_rms_m", "truth_mm": "truth_d2_rms_m"}
-_NOISE: dict[str, Any] = {**SCAN_LINE, "marker": "_"}
 _PANEL_IN = 2.1
 
 
@@ -86,72 +79,19 @@ def _draw(
 
 
 @FIGURES.register(
-    "noise_cost",
-    title="What the sensor's noise costs in bits",
+    "sweeps_ranges",
+    title="Error of decoded ranges against bits per return",
     category="Spins of a sensor",
-    needs=(SEVERAL_NOISES,),
     frame="metric",
 )
-def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of every codec at its finest rate (exact, or 1 mm), under the sensor's error
-    models; the rays and the surfaces are the same. Medians over the clouds.
+def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Root mean square error of ranges in millimetres against bits per return, medians over the
+    clouds at each rate.
 
-    Dashed: the entropy of the noise that the model added, in steps of the sensor's ranges. No exact
-    codec can need less; what lies above is the cost of the scene, and of what a codec does not know
-    about the sensor. (The mean error of each laser in each turn is not counted as noise: a codec
-    can learn it.)
+    Where a codec gives back returns, each is compared with its own; of points alone the error is
+    how far the nearest is off along the ray. A stream without loss stands on the lower edge.
     """
-    bits = noise_bits_table(metrics, clouds)
-    order = bits.groupby("error_model")["noise_bits"].median().sort_values().index
-    codecs = style.ordered_codecs(bits["codec"])
-    figure, (axes,) = panel_grid(1, 1, 2.6, style)
-    places = np.arange(len(order))
-    for codec in codecs:
-        of_codec = bits[bits["codec"] == codec].groupby("error_model")["bpp"].median()
-        draw_over_rates(axes, of_codec.reindex(order).to_numpy(float), style.of_codec(codec), 0)
-    noise = bits.groupby("error_model")["noise_bits"].median().reindex(order)
-    (line,) = axes.plot(places, noise, label="entropy of the noise", **_NOISE)
-    axes.set_xticks(places, [name.replace("_", "\n", 1) for name in order])
-    axes.set_xlabel("Error model")
-    axes.set_ylabel(BITS)
-    axes.set_ylim(bottom=0)
-    axes.grid(axis="y", linewidth=0.4, alpha=0.6)
-    add_legend(figure, codecs, style, (line,))
-    return figure
-
-
-def noise_bits_table(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return at the finest rate of each cloud and codec, with the entropy of the noise.
-
-    Scenes that were not scanned under every error model are left out.
-
-    Parameters
-    ----------
-    metrics, clouds
-        Of spins; clouds without `noise_bits` (recordings) are left out.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``dataset``, ``cloud``, ``codec``, ``rate``, ``bpp``, ``error_model``, ``noise_bits``.
-
-    Raises
-    ------
-    InputError
-        No cloud has the entropy of its noise.
-    """
-    needed = ("dataset", "cloud", "error_model", "noise_bits")
-    require_rows(clouds, ("dataset", "cloud"), "clouds")
-    require_numbers(metrics, ("bpp",), "metrics")
-    is_told = {*needed, "sensor"} <= set(clouds)
-    known = clouds.dropna(subset=["noise_bits"]) if is_told else clouds.iloc[:0]
-    if known.empty:
-        raise InputError("clouds table: no cloud has the entropy of its noise (noise_bits)")
-    models = known.groupby(["cloud", "sensor"])["error_model"].transform("nunique")
-    known = known.loc[models == models.max(), list(needed)]
-    finest = metrics.loc[metrics.groupby(["dataset", "cloud", "codec"])["bpp"].idxmax()]
-    keys = ["dataset", "cloud"]
-    return finest[[*keys, "codec", "rate", "bpp"]].merge(known, on=keys)
+    return _draw(metrics, RANGES, style, {})
 
 
 @FIGURES.register(

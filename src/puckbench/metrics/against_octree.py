@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.metrics.frames import in_frame
 from puckbench.metrics.registry import OCTREE_AND_SENSOR, SPINS_OR_RECORDINGS, TABLES
-from puckbench.metrics.storage import bits_at_error
+from puckbench.metrics.storage import ROUNDING, bits_at_error
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,8 +20,6 @@ ERRORS_MM = (20.0, 10.0, 5.0)
 """Root mean square errors (D1) at which codecs are compared."""
 GRIDS_MM = (2.0, 1.0)
 """Grids that are coded without loss."""
-_ROUNDING = 1.02
-"""By how much an error may exceed that of rounding to a grid, which is of points on average."""
 
 
 @TABLES.register(
@@ -98,5 +96,5 @@ def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: fl
 
     Rounding x, y and z to a grid has a root mean square error of half its step.
     """
-    enough = bits[error_mm <= _ROUNDING * grid_mm / 2]
+    enough = bits[error_mm <= ROUNDING * grid_mm / 2]
     return float(enough.min()) if len(enough) else float("nan")

@@ -17,6 +17,8 @@ def measures(
 ) -> dict[str, float]:
     """All distortions in the reference's frame, as PSNRs and in metres.
 
+    Of clouds in metres D1 and D2 are given in mm² as well.
+
     Parameters
     ----------
     reference
@@ -31,13 +33,15 @@ def measures(
     """
     from puckbench.metrics.geometry import Reference, distortion
     from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
-    from puckbench.metrics.units import in_metres
+    from puckbench.metrics.units import in_metres, in_square_millimetres
 
     reference = Reference.of(reference)
     cloud, found = reference.cloud, distortion(reference, decoded)
     peak = peak or cloud.peak
     decibels = {**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, reference.diameter)}
-    return {**found, **_finite(decibels), **in_metres(found, cloud.about.get("scale", 1.0))}
+    lengths = in_metres(found, cloud.about.get("scale", 1.0))
+    squares = in_square_millimetres(found) if cloud.frame == "metric" else {}
+    return {**found, **_finite(decibels), **lengths, **squares}
 
 
 def picture_measures(

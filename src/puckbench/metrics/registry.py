@@ -31,6 +31,8 @@ SEVERAL_CODECS = "codecs"
 """Needed of a configuration: a codec beside the anchor of Bjontegaard deltas."""
 SPINS_OR_RECORDINGS = "metric"
 """What a table may need of a configuration: clouds in metres with a sensor's returns."""
+SEVERAL_NOISES = "noises"
+"""Needed of a configuration: spins in the same scenes under several error models."""
 OCTREE_AND_SENSOR = "octree"
 """Needed of a configuration: the codec ``gpcc``, and one that the sensor helps."""
 
@@ -51,8 +53,8 @@ class TableEntry:
         Number of the thesis's table; empty for others.
     needs
         What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
-        `SPINS_OR_RECORDINGS`, `OCTREE_AND_SENSOR`, or the table's own name where only a plan can
-        tell.
+        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_SENSOR`, or the table's own name where
+        only a plan can tell.
     rule
         The rule of the workflow that makes the table, where it has one of its own.
     """

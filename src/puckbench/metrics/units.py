@@ -32,3 +32,12 @@ def in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
         if name.endswith(("hausdorff_point", "hausdorff_plane"))
     }
     return {**roots, **distances}
+
+
+def in_square_millimetres(values: Mapping[str, float]) -> dict[str, float]:
+    """``d1_mm2`` and ``d2_mm2`` of the ``d1_mse`` and ``d2_mse`` of a cloud in metres."""
+    return {
+        name.removesuffix("_mse") + "_mm2": 1e6 * value
+        for name, value in values.items()
+        if name in ("d1_mse", "d2_mse")
+    }

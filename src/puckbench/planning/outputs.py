@@ -13,7 +13,6 @@ from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import (
     BOTH_GPCC,
     FIGURES,
-    SEVERAL_NOISES,
     SPINS,
     FigureEntry,
     at,
@@ -33,6 +32,7 @@ from puckbench.metrics.registry import (
     OCTREE_AND_SENSOR,
     SENSOR,
     SEVERAL_CODECS,
+    SEVERAL_NOISES,
     SPINS_OR_RECORDINGS,
     STUDY,
     TABLES,

@@ -108,6 +108,7 @@ _PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
         lambda m: (f"{_TIMES[m[1]]}, {_ENDS[m[2]]} of the repetitions", "s"),
     ),
     (r"(d1|d2)_mse", lambda m: (f"Mean squared error {_MPEG[m[1]]}", SQUARED)),
+    (r"(d1|d2)_mm2", lambda m: (f"Mean squared error {_MPEG[m[1]]}", "mm²")),
     (r"(d1|d2)_psnr", lambda m: (f"PSNR {_MPEG[m[1]]}", "dB")),
     (r"(d1|d2)_rms_m", lambda m: (f"Root mean square error {_MPEG[m[1]]}", "m")),
     (r"hausdorff_(point|plane)", lambda m: (f"Hausdorff distance, {_DISTANCES[m[1]]}", GRID)),

@@ -1,0 +1,85 @@
+"""The table of what noise costs, on rows made by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from puckbench.core.errors import InputError
+from puckbench.metrics.noise_bits import noise_bits
+
+MODELS = {"none": 0.0, "vlp16": 4.0}
+CURVES = {
+    # Bits and error (mm) by rate. An exact codec, one on a grid of 1 mm, and one that has no such
+    # rate, though its largest bits are the most of all.
+    "puck": {"10mm": (2.0, 2.5), "2mm": (3.0, 0.0)},
+    "gpcc": {"10mm": (2.0, 5.0), "1mm": (8.0, 0.5)},
+    "reno": {"8mm": (5.0, 4.0), "4mm": (30.0, 2.0)},
+}
+
+
+def _clouds() -> pd.DataFrame:
+    """Rooms under two models; a street under one, and a recording."""
+    rows = [
+        {"dataset": f"rooms_{model}", "cloud": cloud, "error_model": model, "noise_bits": bits}
+        for model, bits in MODELS.items()
+        for cloud in ("a", "b")
+    ]
+    rows += [{"dataset": "street", "cloud": "c", "error_model": "vlp16", "noise_bits": 4.5}]
+    rows += [{"dataset": "tape", "cloud": "a", "error_model": None, "noise_bits": np.nan}]
+    return pd.DataFrame(rows).assign(frame="metric", sensor="VLP-16", turns=1, firings=1800)
+
+
+def _metrics() -> pd.DataFrame:
+    """Bits grow with the noise: one and a half bits for each of it in the second room."""
+    rows = []
+    for _, cloud in _clouds().iterrows():
+        noise = 0.0 if np.isnan(cloud["noise_bits"]) else cloud["noise_bits"]
+        more = noise * (1.5 if cloud["cloud"] == "b" else 1.0)
+        rows += [
+            {
+                "dataset": cloud["dataset"], "frame": "metric", "cloud": cloud["cloud"],
+                "codec": codec, "rate": rate, "bpp": bits + more, "d1_rms_m": error_mm / 1000,
+            }
+            for codec, curve in CURVES.items()
+            for rate, (bits, error_mm) in curve.items()
+        ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_exact_and_1_mm_are_compared_and_no_coarser_rate() -> None:
+    found = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
+    assert found.loc[("none", "puck"), "grid_1_mm"] == 3
+    assert found.loc[("none", "gpcc"), "grid_1_mm"] == 8
+    assert np.isnan(found.loc[("none", "reno"), "grid_1_mm"])
+    # 4 and 6 bits more for the noise of 4 bits, in the median of two rooms.
+    assert found.loc[("vlp16", "puck"), "added_grid_1_mm"] == 5
+    assert found.loc[("none", "puck"), "added_grid_1_mm"] == 0
+    assert set(found["noise_bits"]) == {0, 4}
+    assert set(found["clouds"]) == {2}
+
+
+def test_bits_at_an_equal_error_stand_beside_them() -> None:
+    found = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
+    assert found.loc[("none", "gpcc"), "at_5_mm"] == pytest.approx(2)
+    assert found.loc[("vlp16", "gpcc"), "added_at_5_mm"] == pytest.approx(5)
+    assert np.isnan(found.loc[("none", "reno"), "at_5_mm"])  # 4 mm is its coarsest
+
+
+def test_rays_of_one_model_and_recordings_have_no_part_in_it() -> None:
+    found = noise_bits(_metrics(), _clouds())
+    assert set(found["dataset"]) == {"rooms_none", "rooms_vlp16"}
+    both = pd.concat([_clouds(), _clouds().query("dataset == 'street'").assign(
+        dataset="street_none", error_model="none", noise_bits=0.0
+    )])  # fmt: skip
+    drives = both.assign(turns=np.where(both["dataset"] == "street", 10, 1))
+    assert set(noise_bits(_metrics(), drives)["dataset"]) == {"rooms_none", "rooms_vlp16"}
+    more = _metrics().query("dataset == 'street'").assign(dataset="street_none")
+    found = noise_bits(pd.concat([_metrics(), more]), both)
+    assert {"street", "street_none"} < set(found["dataset"])
+
+
+def test_without_several_models_it_is_an_input_error() -> None:
+    with pytest.raises(InputError, match="same rays under several error models"):
+        noise_bits(_metrics(), _clouds().query("error_model == 'none'"))
+    with pytest.raises(InputError, match="no cloud has the entropy"):
+        noise_bits(_metrics(), _clouds().drop(columns="noise_bits"))
