@@ -116,11 +116,31 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     }  # fmt: skip
 
 
+def test_noise_is_studied_in_rooms_with_every_codec_and_outdoors_without_those_of_rooms() -> None:
+    plan = Workflow(read("sweeps.yaml")).plan
+    codecs = {
+        name: {codec for codec in plan.codecs if plan.codes(codec, name)} for name in plan.datasets
+    }
+    every = set(plan.codecs) - {"packets_xz", "packets_zstd"}  # of recordings alone
+    rooms = [name for name in codecs if name.startswith("rooms")]
+    models = {plan.datasets[name].settings.errors for name in rooms}
+    assert models >= {"none", "vlp16", "vlp16_divergence", "vlp16_measured", "hdl64e"}
+    assert all(codecs[name] == every for name in rooms)
+    slow = {"primitives", "pcgcv1_plus", "pcgcv2_plus", "pcgcv2_plus_rooms"}
+    assert codecs["streets"] == codecs["streets_none"] == codecs["streets_hires"] == every - slow
+    sensors = {data.settings.sensor for data in plan.datasets.values()}
+    assert sensors >= {"hdl32e", "hdl64e_s2", "puck_hires"}
+
+
 def test_reno_runs_on_sweeps_beside_gpcc_at_its_rates(data: Path) -> None:
     put(data / "reno_weights" / "KITTIDetection.pt", "")
-    config = read("sweeps.yaml")
-    config["codecs"] |= read("sweeps_reno.yaml")["codecs"]
-    codecs = Workflow(config).plan.codecs
+    config, laid_over = read("sweeps.yaml"), read("sweeps_reno.yaml")
+    config["codecs"] |= laid_over["codecs"]
+    for name, changes in laid_over["datasets"].items():
+        config["datasets"][name] |= changes
+    plan = Workflow(config).plan
+    codecs = plan.codecs
+    assert all(plan.codes("reno", name) for name in plan.datasets)
     rates = codecs["reno"]["metric_rates"]
     assert list(rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
     assert codecs["gpcc"]["metric_rates"] == rates
