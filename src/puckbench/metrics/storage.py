@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 ERROR_MM = 5.0
 """Root mean square error (D1) at which lossy codecs are compared."""
-ROUNDING = 1.02
-"""By how much an error may exceed that of rounding to a grid, which is of points on average."""
+ROUNDING = 1.1
+"""By how much an error may exceed that of rounding to a grid, which holds for points that lie
+anywhere: on walls along its axes it is larger."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
