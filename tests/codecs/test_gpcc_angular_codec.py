@@ -16,13 +16,34 @@ from tests.support.small_turn import SENSOR, small_turn
 @pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize("rate", ["100mm", "10mm", "1mm"])
 def test_returns_come_back_to_within_the_grid(name: str, rate: str) -> None:
-    returns, codec = EXAMPLES[name](), open_codec("gpcc_angular")
+    returns = EXAMPLES[name]()
+    codec = open_codec("gpcc_angular", {"options": {"duplicates": "kept"}})
     step = codec.metric_rates[rate]["step_m"]
     decoded = np.rint(codec.decode(codec.encode_returns(returns, rate)) / step)
     expected = returns.points() / step
     assert len(decoded) == len(returns)
     order, wanted = np.lexsort(decoded.T), np.lexsort(np.rint(expected).T)
     assert np.abs(decoded[order] - expected[wanted]).max() < 0.5 + 1e-6
+
+
+@pytest.mark.parametrize("rate", ["100mm", "5mm", "2mm", "1mm"])
+def test_points_of_one_position_are_merged_where_there_is_loss(rate: str) -> None:
+    """MPEG's common test conditions have mergeDuplicatedPoints 1 with loss, 0 without."""
+    twice = np.repeat(recorded(60).points(), 2, axis=0)
+    codec = open_codec("gpcc_angular")
+    decoded = codec.decode(codec.encode(twice, rate))
+    wanted = np.rint(twice / codec.metric_rates[rate]["step_m"])
+    lossless = rate in ("2mm", "1mm")
+    assert len(decoded) == (len(twice) if lossless else len(np.unique(wanted, axis=0)))
+
+
+def test_points_of_one_position_are_merged_below_scale_1() -> None:
+    scaled = np.array([[0.0, 0, 0], [0, 0, 0], [9, 9, 9], [80, 10, 3]])
+    codec = open_codec("gpcc_angular")
+    counts = [len(codec.decode(codec.encode(scaled, rate))) for rate in ("r7", "r8")]
+    assert counts == [3, 4]
+    merged = open_codec("gpcc_angular", {"options": {"duplicates": "merged"}})
+    assert len(merged.decode(merged.encode(scaled, "r8"))) == 3
 
 
 def test_the_sensor_saves_bits() -> None:

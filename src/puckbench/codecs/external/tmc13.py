@@ -84,7 +84,7 @@ class Tmc13(ExternalCodec, GridCodec):
                 positions, origin = quantised(points, frame, scale, self.options.rounding)
                 write_points(at / "in.ply", positions + origin, "float64")
                 scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
-            merge = f"--mergeDuplicatedPoints={int(self.options.duplicates == 'merged')}"
+            merge = f"--mergeDuplicatedPoints={int(self._merges(parameters))}"
             command = (
                 *(*self.programs, "--mode=0", "--disableAttributeCoding=1", merge),
                 *(*PROFILES[self.options.profile], *scaling),

@@ -19,7 +19,7 @@ _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 class AngularOptions(GridOptions):
     """How points come to the grid, and which tools are used besides angular mode."""
 
-    duplicates: Literal["merged", "kept"] = "kept"
+    duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
     direct_coding: Literal[0, 1, 2, 3] = Field(
         1,
         description="points are coded directly 0 never, 1 in isolated nodes, 2 in nodes without "
@@ -31,9 +31,10 @@ class AngularOptions(GridOptions):
 class GpccAngular(SensorCodec):
     """G-PCC's octree, of a cloud with returns in the contexts of its sensor's lasers.
 
-    The tools are those of MPEG's common test conditions for spinning sensors, but that only points
-    of isolated nodes are coded directly, which takes fewer bits (`direct_coding` 3: those of any
-    node, as in the conditions). Rates of clouds in metres are steps of the grid.
+    The tools are those of MPEG's common test conditions for spinning sensors: points of one grid
+    position are merged where there is loss. Only points of isolated nodes are coded directly, also
+    without loss, where the conditions do so in any node (`direct_coding` 3), which takes more bits.
+    Rates of clouds in metres are steps of the grid.
     """
 
     title = "G-PCC (angular octree)"
@@ -48,17 +49,18 @@ class GpccAngular(SensorCodec):
     def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
-        tools = self._tools(float(parameters.get("step_m", self.options.step)))
+        tools = self._tools(parameters)
         return encode_geometry(given.positions, tools, given.scale, given.origin, given.sensor)
 
-    def _tools(self, step: float) -> GpccOptions:
-        """The coding tools on a grid of a step in metres: its low nodes are of one height in m."""
+    def _tools(self, parameters: Parameters) -> GpccOptions:
+        """The coding tools of a rate: low nodes of its grid are of one height in metres."""
+        step = float(parameters.get("step_m", self.options.step))
         finer = int(math.log2(0.001 / step)) if step < 1 else 0
         sizes = {
             "angular_max_node_min_dim_log2_to_split_z": min(max(_LOWEST_LOG2 + finer, 0), 21),
             "angular_max_diff_to_split_z": min(max(_FLATTEST_LOG2 + finer, 0), 21),
         }
-        merged = {"merge_duplicates": self.options.duplicates == "merged"}
+        merged = {"merge_duplicates": self._merges(parameters)}
         direct = {"inferred_direct_coding_mode": self.options.direct_coding}
         chosen = {**SPINNING, **sizes, **merged, **direct}
         return PROFILES[self.options.profile].model_copy(update=chosen)

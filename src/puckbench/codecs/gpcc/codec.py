@@ -30,6 +30,10 @@ EIGHTHS: Mapping[str, Parameters] = {
 """PCC Arena's rates, as the thesis ran them: what coordinates are multiplied by."""
 
 
+LOSSLESS_STEP_M = 0.002
+"""Step of the coarsest grid on which sensors' points count as coded without loss."""
+
+
 class UnitOptions(Model):
     """Options of a codec whose rates are scales of the input's grid."""
 
@@ -56,8 +60,10 @@ class GridOptions(UnitOptions):
     rounding: Rounding = Field(
         "nearest", description="of coordinates; `truncate` as TMC13 reads floating-point files"
     )
-    duplicates: Literal["merged", "kept"] = Field(
-        "merged", description="points of one grid position: one, or all of them"
+    duplicates: Literal["merged", "kept", "by_rate"] = Field(
+        "merged",
+        description="points of one grid position: one, or all of them; `by_rate`: all at scale 1 "
+        "and on grids of 2 mm or finer, else one",
     )
     raw: bool = Field(False, description="write bare streams, as the reference software does")
 
@@ -106,6 +112,14 @@ class GridCodec(Codec):
         with naming(f"codec {self.name}"):
             bare, frame = unpacked(stream)
             return in_frame(self._units(bare), frame)
+
+    def _merges(self, parameters: Parameters) -> bool:
+        """Whether points of one grid position are merged at a rate."""
+        if self.options.duplicates != "by_rate":
+            return self.options.duplicates == "merged"
+        if "step_m" in parameters:
+            return float(parameters["step_m"]) > LOSSLESS_STEP_M
+        return scale_of(parameters) < 1
 
     @abstractmethod
     def _code(
@@ -179,11 +193,12 @@ class Gpcc(OwnCodec):
     marker = "s"
     rank = 10
 
-    def _options(self) -> GpccOptions:
-        merged = self.options.duplicates == "merged"
-        return PROFILES[self.options.profile].model_copy(update={"merge_duplicates": merged})
+    def _options(self, parameters: Parameters) -> GpccOptions:
+        merged = {"merge_duplicates": self._merges(parameters)}
+        return PROFILES[self.options.profile].model_copy(update=merged)
 
     def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.codecs.gpcc.coder import encode_geometry
 
-        return encode_geometry(given.positions, self._options(), given.scale, given.origin)
+        tools = self._options(parameters)
+        return encode_geometry(given.positions, tools, given.scale, given.origin)

@@ -84,4 +84,5 @@ SPINNING = {
     "merge_duplicates": False,
     "planar_buffer": False,
 }
-"""What MPEG's common test conditions for spinning sensors change in the profile `ctc`."""
+"""What MPEG's common test conditions for lossless coding of spinning sensors' frames change in the
+profile `ctc`. With loss they merge duplicates and code points of isolated nodes alone directly."""

@@ -21,7 +21,7 @@ _LEAST_QP = 58
 class TreeOptions(GridOptions):
     """How points come to the grid, and how trees are built."""
 
-    duplicates: Literal["merged", "kept"] = "kept"
+    duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(
         "azimuth", description="of the points, in which trees are built"
     )
@@ -75,5 +75,5 @@ class GpccPredictive(SensorCodec):
             steps["base_qp"] = max(_LEAST_QP, 8 * radius_log2 + 2)
         elif radius_log2:
             steps["base_qp"] = 8 * radius_log2
-        merged = self.options.duplicates == "merged"
+        merged = self._merges(parameters)
         return PredictiveOptions(order=self.options.order, merge_duplicates=merged, **steps)

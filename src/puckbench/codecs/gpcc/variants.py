@@ -51,7 +51,7 @@ class GpccDyadic(Gpcc):
 class LosslessOptions(GridOptions):
     """Every point is coded, also where several have one position."""
 
-    duplicates: Literal["merged", "kept"] = "kept"
+    duplicates: Literal["merged", "kept", "by_rate"] = "kept"
 
 
 @CODECS.register("gpcc_lossless")
