@@ -61,6 +61,7 @@ def _study(reference: Any) -> str:
     page += f' (<a href="{folder}/tables/metrics.csv">all rows</a>)</p>'
     lines = [f"## {reference.title} (`{reference.name}`)", f"{facts}.", page]
     lines += [f"BD-rates are against {found.anchor}."] if found.anchor else []
+    lines += [f"Not timed: {reference.not_timed}."] if reference.not_timed else []
     for dataset in found.datasets:
         clouds = "1 cloud" if dataset.clouds == 1 else f"{dataset.clouds} clouds"
         heads = ["codec", *(column.head for column in dataset.columns)]

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from puckbench.cli import main
+from puckbench.report.reference_results import read_reference, write_reference
 from tests.support.reference_lookalike import CLOUDS, GPCC, MINE, rows_of, write_run, write_study
 
 
@@ -78,6 +79,25 @@ def test_the_table_is_grey_where_it_is_theirs(
         True,
         True,
     ]
+
+
+def test_a_study_without_times_is_not_timed(
+    mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = read_reference(str(write_study(tmp_path / "known.parquet")))
+    rows = known.metrics.drop(columns=["digest", "encode_s", "decode_s"])
+    about = {**known.about, "not_timed": "the machine was busy"}
+    write_reference(tmp_path / "slow.parquet", rows, about)
+    folder = write_run(tmp_path, mine)
+    _, out, _ = compare(capsys, folder, "--with", tmp_path / "slow.parquet")
+    heads, own, draco, *_ = out.splitlines()
+    ends = heads.index("s, at most") + len("s, at most")
+    assert [line[:ends].split("  ")[-1].strip() for line in (own, draco)] == ["0.15", "not timed"]
+    assert "slow is not timed: the machine was busy." in out
+    _, out, _ = compare(capsys, folder, "--with", tmp_path / "slow.parquet", "--json")
+    assert json.loads(out)["not_timed"] == "the machine was busy"
+    _, out, _ = compare(capsys, folder, "--with", tmp_path / "known.parquet")
+    assert "not timed" not in out
 
 
 def test_other_points_are_refused_and_named(

@@ -95,6 +95,7 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
         "study": reference.name,
         "codecs": list(dict.fromkeys(found.own["codec"])),
         "curves": list(_curves(found, reference.style)),
+        **({"not_timed": reference.not_timed} if reference.not_timed else {}),
         "deltas": [_plain(row) for row in found.deltas[list(_OF_DELTAS)].to_dict("records")],
         "left_out": list(found.left_out),
         "same_streams": {name: list(counts) for name, counts in found.same_streams.items()},
@@ -188,7 +189,7 @@ def _short(metric: str) -> str:
 def _cells(row: Mapping[str, Any], title: str) -> list[str]:
     slowest = sum(row[name][1] for name in ("encode_s", "decode_s") if name in row)
     cells = [_range(row, "bpp", ".3g"), _range(row, "d1_psnr", ".1f")]
-    return [title, *cells, f"{slowest:.2g}" if slowest else ""]
+    return [title, *cells, f"{slowest:.2g}" if slowest else "not timed"]
 
 
 def _range(row: Mapping[str, Any], name: str, form: str) -> str:
@@ -212,6 +213,8 @@ def _delta(row: Mapping[str, Any] | None) -> str:
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
     yield "BD-rate: bits that the codec above needs more (+) or fewer (−) than this one for equal"
     yield "quality, with 95 % intervals over three clouds and more. Times may be of two machines."
+    if "not_timed" in answer:
+        yield f"{answer['study']} is not timed: {answer['not_timed']}."
     for codec, (same, streams) in answer["same_streams"].items():
         yield f"{codec}: {same} of {streams} streams have as many bytes as there."
     if answer["left_out"]:

@@ -30,16 +30,22 @@ class Reference(Job):
     def run(
         self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
     ) -> dict[str, Any]:
-        """Write the file (.parquet), named after the study."""
+        """Write the file (.parquet), named after the study; of a busy machine without times."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents
         from puckbench.report.facts import this_machine
-        from puckbench.report.reference_results import plain_rows, write_reference
+        from puckbench.report.reference_results import (
+            plain_rows,
+            why_not_timed,
+            without_times,
+            write_reference,
+        )
         from puckbench.report.run_record import RunRecord
 
         contents = Contents.from_json(self.contents)
-        costs = [] if contents.logs is None else read_costs(Path(contents.logs))
+        costs = [] if contents.logs is None else list(read_costs(Path(contents.logs)))
+        not_timed = why_not_timed(costs)
         record = RunRecord.of(cost for cost in costs if cost["job"] not in _AFTERWARDS)
         tables = {"clouds": clouds, **({"scan_errors": scan_errors} if scan_errors else {})}
         about = {
@@ -48,8 +54,9 @@ class Reference(Job):
             "bd_rate": self.bd_rate,
             "machine": this_machine(),
             "record": record.as_json(),
+            **({"not_timed": not_timed} if not_timed else {}),
             **{name: plain_rows(read_table(file)) for name, file in tables.items()},
         }
         table = read_table(metrics)
-        write_reference(out, table, about)
+        write_reference(out, without_times(table) if not_timed else table, about)
         return {"file": str(out), "rows": len(table), "bytes": out.stat().st_size}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from puckbench.core.files import read_bytes
@@ -72,6 +73,7 @@ def build_page(
     machine: Mapping[str, str],
     folder: Path,
     record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
+    remarks: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
     """The page as text; the same files, machine and record give the same text.
 
@@ -85,6 +87,8 @@ def build_page(
         Where the page will lie, which its links start from.
     record
         When the run took place, and of what sources.
+    remarks
+        Further facts of the run, by name, that its reader has to know first.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def build_page(
     there = {**data, **shown}
     return whole_page(
         title=contents.title,
-        record=record.facts(),
+        record={**record.facts(), **remarks},
         parts={name: heading for name, heading in _PARTS.items() if there.get(name)},
         data=data,
         shown=shown,

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _NEAREST = ("truth_d2_rms_m", "truth_cd_plane")
 """Distances to the true surface, of which the first that a table has is told."""
+FASTEST = "Fastest"
+"""Under what the codecs with the least times are told."""
 _EXACT = 1e-4
 """Of a scan nearer to the truth (a tenth of a millimetre) nothing is told: it has no errors."""
 
@@ -77,6 +79,11 @@ class Findings:
 
     datasets: tuple[DatasetFindings, ...]
     anchor: str = ""
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether times are among them."""
+        return any(column.group == FASTEST for data in self.datasets for column in data.columns)
 
 
 def findings(
@@ -229,7 +236,7 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[Column]:
         if f"{way}_s" in metrics:
             medians = metrics.groupby("codec")[f"{way}_s"].median()
             cells = {codec: _seconds(float(medians[codec])) for codec in codecs}
-            yield Column(f"Time{purpose}", "Fastest", purpose, cells)
+            yield Column(f"Time{purpose}", FASTEST, purpose, cells)
 
 
 def _seconds(value: float) -> Cell:

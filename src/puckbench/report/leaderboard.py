@@ -64,7 +64,8 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
         style=tuple(reference.about["style"]),
     )
     page = folder / "index.html"
-    text = build_page(contents, reference.about["machine"], folder, reference.record)
+    remarks = {"Times": f"not timed: {reference.not_timed}"} if reference.not_timed else {}
+    text = build_page(contents, reference.about["machine"], folder, reference.record, remarks)
     write_bytes(page, text.encode())
     return page
 

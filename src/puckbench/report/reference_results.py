@@ -8,7 +8,8 @@ made stands as JSON in the metadata of its schema.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +40,14 @@ _TITLES = {
 _DIGITS = 6
 """Significant digits of measured numbers."""
 _CLOUD = ["dataset", "cloud"]
+_TIME = re.compile(r"(?:en|de)code_(?:s|s_min|s_max|ms_per_turn|real_time)")
+"""Columns of times, and of factors that are made of them."""
+_TIMED = ("encode_curve", "evaluate_curve")
+"""Jobs whose calls of a codec are timed: the second one decodes."""
+LEAST_SHARE = 0.95
+"""Processor time of these jobs over their wall time, with one thread each, below which a machine
+was busy. On an idle one it was 0.97 for encoding and 0.99 for decoding with measuring, beside other
+work 0.83 and 0.88 (docs/notes/times.md)."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +62,8 @@ class ReferenceResults:
         A row for each data set, cloud, codec and rate, with the `DIGEST` of the cloud.
     about
         How they were made: ``configuration``, ``style``, ``bd_rate``, ``machine``, ``record``, and
-        the tables ``clouds`` and ``scan_errors`` as lists of rows.
+        the tables ``clouds`` and ``scan_errors`` as lists of rows. ``not_timed`` says why there are
+        no times, where there are none.
     """
 
     name: str
@@ -82,6 +92,11 @@ class ReferenceResults:
     def record(self) -> RunRecord:
         """When the study was run, and of what sources."""
         return RunRecord.from_json(self.about["record"])
+
+    @property
+    def not_timed(self) -> str:
+        """Why the study has no times; empty where it has them."""
+        return str(self.about.get("not_timed", ""))
 
     def table(self, name: str) -> pd.DataFrame | None:
         """The table ``clouds`` or ``scan_errors``; None where the study has no such rows."""
@@ -156,7 +171,6 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
         A cloud has no digest.
     """
     import pyarrow as pa
-    from pyarrow import parquet
 
     digests = {(row["dataset"], row["cloud"]): row.get(DIGEST) for row in about["clouds"]}
     keys = [(str(s), str(c)) for s, c in metrics[_CLOUD].itertuples(index=False)]
@@ -168,8 +182,59 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
     table = pa.Table.from_pandas(rows, preserve_index=False)
     text = json.dumps({"format": FORMAT, **about}, sort_keys=True, allow_nan=False)
     with written_whole(path) as temporary:
-        described = table.replace_schema_metadata({**table.schema.metadata, KEY: text})
-        parquet.write_table(described, temporary, compression="zstd", compression_level=19)
+        _write_small(temporary, table, {**table.schema.metadata, KEY: text})
+
+
+def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
+    """Write a table of Arrow in as few bytes as Parquet can.
+
+    Words alone repeat, so they alone have dictionaries; bytes of equal weight stand together, and
+    the metadata once, not a second time within Arrow's own schema.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    words = [field.name for field in table.schema if pa.types.is_large_string(field.type)]
+    words += [field.name for field in table.schema if pa.types.is_string(field.type)]
+    numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
+    plain = table.replace_schema_metadata(None)
+    with parquet.ParquetWriter(
+        path,
+        plain.schema,
+        compression="zstd",
+        compression_level=19,
+        use_dictionary=words,
+        column_encoding=dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
+        write_statistics=False,
+        store_schema=False,
+    ) as writer:
+        writer.write_table(plain)
+        writer.add_key_value_metadata(metadata)
+
+
+def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
+    """Why the times of a run are none to compare with; empty where they are.
+
+    Parameters
+    ----------
+    costs
+        What the run's jobs cost: see `puckbench.jobs.cost`.
+    """
+    timed = [cost for cost in costs if cost["job"] in _TIMED]
+    if not timed:
+        return "no log tells whether the machine was idle"
+    processor, wall = (sum(cost[name] for cost in timed) for name in ("processor_s", "wall_s"))
+    if processor >= LEAST_SHARE * wall:
+        return ""
+    return (
+        f"the machine was busy: its coding jobs had a processor for {processor / wall:.0%} of "
+        f"their time, of which {LEAST_SHARE:.0%} are asked"
+    )
+
+
+def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
+    """The result rows without seconds and what is made of them."""
+    return metrics[[name for name in metrics if not _TIME.fullmatch(str(name))]]
 
 
 def _rounded(table: Any) -> pd.DataFrame:
