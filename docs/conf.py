@@ -29,7 +29,8 @@ default_role = "py:obj"
 
 html_theme = "furo"
 html_title = "puckbench"
-html_static_path: list[str] = []
+html_static_path = ["static"]
+html_css_files = ["ranking.css"]
 html_theme_options = {"navigation_with_keys": True}
 html_show_sourcelink = False
 

@@ -8,7 +8,8 @@ import dataclasses
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from html import escape
 from importlib.resources import files
 from inspect import cleandoc
 from pathlib import Path
@@ -28,8 +29,10 @@ def setup(app: Any) -> dict[str, bool]:
     return {"parallel_read_safe": True}
 
 
-def _replaced(_app: Any, _page: str, source: list[str]) -> None:
-    source[0] = MARKER.sub(lambda found: GENERATED[found[1]](), source[0])
+def _replaced(app: Any, _page: str, source: list[str]) -> None:
+    if MARKER.search(source[0]):
+        source[0] = MARKER.sub(lambda found: GENERATED[found[1]](), source[0])
+        app.env.note_reread()  # it is not this page alone that may change until the next build
 
 
 def _with_studies(app: Any, fault: Exception | None) -> None:
@@ -60,30 +63,42 @@ def _study(reference: Any) -> str:
     page = f'<p><a href="{folder}/index.html">Curves, tables, and how they were made</a>'
     page += f' (<a href="{folder}/tables/metrics.csv">all rows</a>)</p>'
     lines = [f"## {reference.title} (`{reference.name}`)", f"{facts}.", page]
-    lines += [f"BD-rates are against {found.anchor}."] if found.anchor else []
-    lines += [f"Not timed: {reference.not_timed}."] if reference.not_timed else []
+    told = [f"BD-rates are against {found.anchor}."] if found.anchor else []
+    told += [f"Not timed: {escape(reference.not_timed)}."] if reference.not_timed else []
+    lines += [" ".join([*told, *([_MEDIANS] if found.is_timed else [])])]
     for dataset in found.datasets:
         clouds = "1 cloud" if dataset.clouds == 1 else f"{dataset.clouds} clouds"
-        heads = ["codec", *(column.head for column in dataset.columns)]
-        best_first = sorted(dataset.codecs, key=lambda codec: _rank(dataset.columns[0], codec))
-        rows = (
-            [codec["title"], *(_cell(column, codec["name"]) for column in dataset.columns)]
-            for codec in best_first
-        )
-        lines += [f"### {dataset.title}, {clouds}", _table(heads, rows)]
+        lines += [f"### {dataset.title}, {clouds}", _ranking(dataset)]
     return "\n\n".join(lines)
 
 
-def _rank(column: Any, codec: Mapping[str, str]) -> float:
-    rank = column.cells[codec["name"]].rank
+_MEDIANS = "Times: medians over clouds and rates."
+
+
+def _ranking(dataset: Any) -> str:
+    """The codecs of a data set, the best first, as HTML that a narrow window shows as cards."""
+    heads = "".join(f'<th scope="col">{escape(column.head)}</th>' for column in dataset.columns)
+    rows = "\n".join(
+        f'<tr><th scope="row">{escape(codec["title"])}</th>'
+        f"{''.join(_cell(column, codec['name']) for column in dataset.columns)}</tr>"
+        for codec in sorted(dataset.codecs, key=lambda codec: _rank(dataset.columns, codec))
+    )
+    head = f'<thead><tr><th scope="col">Codec</th>{heads}</tr></thead>'
+    return f'<table class="docutils ranking">\n{head}\n<tbody>\n{rows}\n</tbody></table>'
+
+
+def _rank(columns: Sequence[Any], codec: Mapping[str, str]) -> float:
+    """Place of a codec in the first column; one that cannot be compared there stands last."""
+    rank = columns[0].cells[codec["name"]].rank if columns else None
     return float("inf") if rank is None else float(rank)
 
 
 def _cell(column: Any, codec: str) -> str:
-    """A value with its remark; the best one is bold."""
+    """A value with its remark below; the best one is bold."""
     cell = column.cells[codec]
-    text = f"**{cell.text}**" if codec in column.best else cell.text
-    return f"{text} ({cell.note})" if cell.note else text
+    text = f"<strong>{escape(cell.text)}</strong>" if codec in column.best else escape(cell.text)
+    note = f"<small>{escape(cell.note)}</small>" if cell.note else ""
+    return f'<td data-head="{escape(column.head)}">{text}{note}</td>'
 
 
 def command_line() -> str:
