@@ -15,12 +15,14 @@ from puckbench.core.errors import InputError
 from puckbench.planning.config import checked
 from puckbench.planning.own_files import OwnRun, write_configuration
 from puckbench.planning.plan import Plan
+from puckbench.planning.study_run import study_configuration
+from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
 from tests.support.spinning import pcap, spin
 
 POINTS = np.random.default_rng(1).random((50, 3))
 OWN = """
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, lengths
 
 
 class MyCodec(Codec):
@@ -129,6 +131,38 @@ def test_codecs_get_fewer_rates_where_all_would_take_long(monkeypatch: pytest.Mo
     assert made("mine/a.npy", rates=("all",))["codecs"]["draco"] == {}
 
 
+def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
+    asked = OwnRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
+    config = asked.configuration()
+    assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
+    assert asked.unused() == ["mine.py"]
+
+
+def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
+    study = read_reference("default")
+    config = study_configuration(study, ["mine.py:MyCodec"], "out", ["objects", "rooms_raw"])
+    assert config["codecs"] == {"my_codec": {"class": "mine.py:MyCodec"}}
+    assert list(config["datasets"]) == ["objects", "rooms_raw"]
+    assert set(config["scenes"]) == {"objects", "raw_rooms"}
+    assert config["figures"]["examples"] == {
+        "object": "objects/airplane_01",
+        "raw": "rooms_raw/office_1",
+    }
+    assert "sensor_study" not in config
+    assert config["results"] == "out"
+    assert "bd_rate" not in config, "the first codec is, as G-PCC is not among these"
+    both = study_configuration(study, ["mine.py:MyCodec", "gpcc"], "out", ["objects"])
+    assert both["bd_rate"]["anchor"] == "gpcc"
+    theirs = study.about["configuration"]
+    again = checked(config).as_json()
+    for name in config["datasets"]:
+        assert again["datasets"][name] == theirs["datasets"][name]
+    for name in config["scenes"]:
+        assert again["scenes"][name] == theirs["scenes"][name]
+    assert again["seed"] == theirs["seed"]
+    assert "anywhere" not in config["datasets"]["objects"], "defaults are left to the program"
+
+
 def test_an_edited_configuration_is_kept() -> None:
     path = Path("out/config.yaml")
     write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")
@@ -148,6 +182,25 @@ BAD = {
     "mine/a.npy --codecs draco draco": ["a codec is named twice"],
     "mine/a.npy --rates r77": ["--rates: codec draco has none of r77"],
     "mine/a.npy --frame metric --codecs primitives": ["no rates for clouds in metres"],
+    "mine/a.npy --codecs draco metric.py:MyCodec": [
+        "codec my_codec: has no rates for scaled clouds (--frame metric)"
+    ],
+    "mine/a.npy mine.py --strict": ["mine.py: no cloud, mesh or recording there"],
+    "mine.py notes.md": ["mine.py: no cloud, mesh or recording there"],
+    "mine/a.npy --datasets objects": ["--datasets: of a study alone"],
+    "mine/a.npy --study default --codecs draco": ["a study (--study) has clouds of its own"],
+    "--study defualt --codecs draco": ["no reference results 'defualt'", "did you mean 'default'"],
+    "--study default": ["--codecs: name those to compare with default"],
+    "--study default --codecs mine.py:MyCodec --datasets spin": [
+        "--datasets: default has no data set 'spin'",
+        "did you mean 'spins'",
+    ],
+    "--study default --codecs mine.py:MyCodec --points 7": ["--points: the study says that"],
+    "--study default --codecs puck --datasets objects": ["codec puck: codes the returns"],
+    "--study default --codecs mine.py:MyCodec --datasets spins": [
+        "codec my_codec: has no rates for clouds in metres"
+    ],
+    "--codecs draco": ["name files, a configuration, or a study (--study)"],
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
     "mine --out mine/out": ["--out mine/out: lies in mine"],
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
@@ -162,6 +215,8 @@ def test_a_fault_is_one_line_before_anything_runs(
     words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("empty.xyz").touch()
+    Path("notes.md").touch()
+    Path("metric.py").write_text(OWN.replace('rates = {"r1": {}}', "metric_rates = lengths(10)"))
     np.save("nan.npy", np.vstack([POINTS, [np.nan, 0, 0]]))
     assert main(["run", *words.split()]) == 2
     said = capsys.readouterr()

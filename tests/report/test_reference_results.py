@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,12 +12,8 @@ import pytest
 from pyarrow import parquet
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Frame
-from puckbench.io.tables import write_table
-from puckbench.jobs.registry import JOBS
 from puckbench.metrics.frames import in_frame
-from puckbench.planning.workflow import Workflow
 from puckbench.report.leaderboard import study_findings, write_study
 from puckbench.report.reference_results import (
     DIGEST,
@@ -31,6 +26,7 @@ from puckbench.report.reference_results import (
 )
 from tests.support import reference_lookalike
 from tests.support.in_process import run_in_process
+from tests.support.reference_lookalike import kept
 
 CONFIG: dict[str, Any] = {
     "seed": 3,
@@ -45,33 +41,6 @@ SAMPLED = ("draco", "gpcc")
 """Fast codecs that every study has; a small one may have one of them alone."""
 FRAMES: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
 COMPARED = {"d1_mse", "d2_mse", "d1_psnr", "d2_psnr", "cd_plane", "truth_cd_plane"}
-
-
-def write_logs(folder: Path, share: float) -> None:
-    """Logs of a curve that was coded and measured in 10 s of processor time, and of a figure."""
-    when = {"ended": "2026-05-03T10:00:00+00:00", "commit": "0123456789ab"}
-    for job, wall in (("encode_curve", 6), ("evaluate_curve", 4), ("figure", 100)):
-        cost = {"job": job, "processor_s": wall, "wall_s": wall / share, "work": {}, **when}
-        if job == "figure":  # what others took while it was drawn says nothing
-            cost["wall_s"] = 10 * wall
-        write_bytes(folder / f"{job}.log", f"{json.dumps(cost)}\n".encode())
-
-
-def kept(config: dict[str, Any], folder: Path, share: float = 1.0) -> ReferenceResults:
-    """The results of a small study, kept as `make reference` keeps them.
-
-    share: of their time in which its coding jobs had a processor, as their logs tell.
-    """
-    config = {**config, "results": str(folder / "results")}
-    metrics, clouds = run_in_process(config)
-    write_logs(folder / "results" / "logs", share)
-    files = {"metrics": folder / "metrics.parquet", "clouds": folder / "clouds.parquet"}
-    write_table(metrics, files["metrics"])
-    write_table(clouds, files["clouds"])
-    job = Workflow(config).outputs.reference
-    done = JOBS.get(job.name).given(**json.loads(job.record))
-    done.run(**files, out=folder / "small.parquet")
-    return read_reference(str(folder / "small.parquet"))
 
 
 @pytest.fixture(scope="module")

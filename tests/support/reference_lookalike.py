@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
+from puckbench.core.files import write_bytes
 from puckbench.io.tables import write_table
-from puckbench.report.reference_results import plain_rows, write_reference
+from puckbench.jobs.registry import JOBS
+from puckbench.planning.workflow import Workflow
+from puckbench.report.reference_results import (
+    ReferenceResults,
+    plain_rows,
+    read_reference,
+    write_reference,
+)
 from puckbench.report.run_record import RunRecord
+from tests.support.in_process import run_in_process
 
 CLOUDS = {("objects", f"thing_{number}"): f"{number:032x}" for number in range(4)}
 """Data set and name of each cloud -> its digest."""
@@ -69,3 +80,30 @@ def write_run(
     write_table(metrics, folder / "tables" / "metrics.parquet")
     write_table(clouds_of(digests or CLOUDS), folder / "tables" / "clouds.parquet")
     return folder
+
+
+def write_logs(folder: Path, share: float) -> None:
+    """Logs of a curve that was coded and measured in 10 s of processor time, and of a figure."""
+    when = {"ended": "2026-05-03T10:00:00+00:00", "commit": "0123456789ab"}
+    for job, wall in (("encode_curve", 6), ("evaluate_curve", 4), ("figure", 100)):
+        cost = {"job": job, "processor_s": wall, "wall_s": wall / share, "work": {}, **when}
+        if job == "figure":  # what others took while it was drawn says nothing
+            cost["wall_s"] = 10 * wall
+        write_bytes(folder / f"{job}.log", f"{json.dumps(cost)}\n".encode())
+
+
+def kept(config: dict[str, Any], folder: Path, share: float = 1.0) -> ReferenceResults:
+    """The results of a small study, kept as `make reference` keeps them.
+
+    share: of their time in which its coding jobs had a processor, as their logs tell.
+    """
+    config = {**config, "results": str(folder / "results")}
+    metrics, clouds = run_in_process(config)
+    write_logs(folder / "results" / "logs", share)
+    files = {"metrics": folder / "metrics.parquet", "clouds": folder / "clouds.parquet"}
+    write_table(metrics, files["metrics"])
+    write_table(clouds, files["clouds"])
+    job = Workflow(config).outputs.reference
+    done = JOBS.get(job.name).given(**json.loads(job.record))
+    done.run(**files, out=folder / "small.parquet")
+    return read_reference(str(folder / "small.parquet"))

@@ -13,6 +13,7 @@ import pandas as pd
 from puckbench.io.clouds import read_cloud
 from tests.io.test_cloud_formats import COLOURS, INTENSITY, UTM, write_las
 from tests.support.bench import ROOT
+from tests.support.reference_lookalike import kept
 
 OWN = """
 import zlib
@@ -73,6 +74,11 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     assert (cloud.colours == COLOURS).all()
     assert (cloud.fields["intensity"] == INTENSITY).all()
 
+    # At once again, when the table is younger than clocks of servers may differ.
+    once_more = run(tmp_path, *words, *("--rates", "100mm", "50mm", "20mm", "10mm"))
+    assert "Nothing to be done" in once_more.stderr
+    assert once_more.stdout.splitlines() == [head, draco, steps, *rest]
+
     again = run(tmp_path, "out/config.yaml", "--json")
     assert again.returncode == 0
     assert "Nothing to be done" in again.stderr
@@ -82,3 +88,57 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     expected = deltas[deltas.metric == "d1_psnr"].bd_rate_percent.item()
     assert answer["results"][1]["bd_rate_percent"] == expected
     assert answer["report"] == "out/report.html"
+
+
+COARSE = """
+import numpy as np
+from puckbench.codecs.base import Codec
+
+
+class Coarse(Codec):
+    title = "Coarse"
+    rates = {f"r{step}": {"step": 2.0 ** (5 - step)} for step in (1, 2, 3)}
+
+    def _encode(self, points, parameters):
+        grid = np.unique(np.rint(points / parameters["step"]).astype("<u2"), axis=0)
+        return np.float32(parameters["step"]).tobytes() + grid.tobytes()
+
+    def _decode(self, stream):
+        return np.frombuffer(stream[4:], "<u2").reshape(-1, 3) * np.frombuffer(stream[:4], "<f4")
+"""
+
+
+def test_ones_own_codec_is_compared_with_a_study_in_two_commands(tmp_path: Path) -> None:
+    config = {
+        "seed": 3,
+        "scenes": {"some": {"loader": "embedded_objects", "select": ["lamp_01", "chair_01"]}},
+        "datasets": {
+            "few": {"scenes": "some", "make": "sample", "points": 900, "truth": False},
+            "many": {"scenes": "some", "make": "sample", "points": 1500, "truth": False},
+        },
+        "codecs": {"draco": {"rates": ["r2", "r4", "r6"]}},
+        "timing": {"repeats": 1},
+    }
+    study = kept(config, tmp_path / "theirs")
+    (tmp_path / "mine.py").write_text(COARSE)
+    words = ["--codecs", "mine.py:Coarse", "--datasets", "many", "--out", "out"]
+    done = run(tmp_path, "--study", "theirs/small.parquet", *words)
+    assert done.returncode == 0, done.stderr[-4000:]
+    (tmp_path / "theirs" / "results").rename(tmp_path / "gone")
+    last = done.stdout.splitlines()[-1]
+    assert last == ("to compare with the study: puckbench compare out --with theirs/small.parquet")
+    assert set(pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")["dataset"]) == {"many"}
+    compared = subprocess.run(
+        [sys.executable, "-m", "puckbench", *last.split()[6:], "--json"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert compared.returncode == 0, compared.stderr
+    answer = json.loads(compared.stdout)
+    assert answer["codecs"] == ["coarse"]
+    (delta,) = [row for row in answer["deltas"] if row["metric"] == "d1_psnr"]
+    assert (delta["dataset"], delta["anchor"], delta["clouds"]) == ("many", "draco", 2)
+    assert set(study.metrics["dataset"]) == {"few", "many"}

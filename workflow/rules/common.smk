@@ -15,6 +15,7 @@ if SOURCE.is_dir():
 from puckbench.core.errors import InputError
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.faster_snakemake import plan_faster
+from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import compiling_seconds, job_seconds
 from puckbench.planning.running import (
@@ -105,8 +106,9 @@ onstart:
 
 onsuccess:
     end_bar()
-    for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
-        print(line, flush=True)
+    if TOLD_BY_CALLER not in os.environ:
+        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
+            print(line, flush=True)
 
 
 onerror:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, whole
+from puckbench.cli.types import chosen, tell, whole
 from puckbench.core.errors import InputError
 from puckbench.figures.style import FigureStyle
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
-from puckbench.planning.launch import snakemake_command
-from puckbench.planning.running import now
+from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
 from puckbench.planning.workflow import Workflow
 
 _CODECS = ("draco", "gpcc")
+_OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
@@ -32,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "files",
-        nargs="+",
+        nargs="*",
         help="clouds (PLY, PCD, LAS, LAZ, E57, XYZ, CSV, TXT, NPY, NPZ, KITTI's .bin), meshes "
         "(OBJ, OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), folders or patterns; or "
         "one configuration (.yaml), and after -- words for Snakemake",
@@ -44,6 +46,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="names (puckbench codecs), or path/to/file.py:Class; the others are compared with the "
         f"first (default: {' '.join(_CODECS)})",
     )
+    add(
+        "--study",
+        metavar="STUDY",
+        help="code the clouds of reference results (puckbench compare --help names them)",
+    )
+    add("--datasets", nargs="+", metavar="NAME", help="of the study (default: all)")
     add("--out", type=Path, help="folder for everything that is made (default: out)")
     add(
         "--frame",
@@ -72,11 +80,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any] | None:
     """Write the configuration and run the workflow, which tells its results in a table."""
     path, more = _configuration(options)
-    begun = now()
     command = snakemake_command(path, options.cores, *more)
     # With --json standard output has the answer alone.
     output = sys.stderr if options.json else None
-    with subprocess.Popen(command, stdout=output) as workflow:
+    is_told_here = not (options.json or more)
+    environment = {**os.environ, **({TOLD_BY_CALLER: "yes"} if is_told_here else {})}
+    with subprocess.Popen(command, stdout=output, env=environment) as workflow:
         try:
             status = workflow.wait()
         except KeyboardInterrupt:
@@ -86,8 +95,8 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
         raise SystemExit(status)
     if options.json:
         return _answer(path)
-    if not more:
-        _tell_where(path, begun)
+    if is_told_here:
+        _tell(path, options.study)
     return None
 
 
@@ -98,14 +107,16 @@ def _answer(path: Path) -> dict[str, Any]:
     return {"results": rows, "report": str(results / REPORT), "configuration": str(path)}
 
 
-def _tell_where(path: Path, begun: float) -> None:
-    """The table once more where nothing had to be made, and the configuration's place."""
+def _tell(path: Path, study: str | None) -> None:
+    """The table, also where nothing had to be made, and what can be done next."""
     results, style, anchor = _results(path)
-    if not any(closing_lines(results, style, anchor, begun)):
-        for line in closing_lines(results, style, anchor, since=0.0):
-            print(line)  # noqa: T201
+    for line in closing_lines(results, style, anchor, since=0.0):
+        print(line)  # noqa: T201
     again = f"puckbench run {shlex.quote(str(path))}"
     print(f"to change the run, edit {path}, then: {again}")  # noqa: T201
+    if study:
+        beside = f"puckbench compare {shlex.quote(str(results))} --with {shlex.quote(study)}"
+        print(f"to compare with the study: {beside}")  # noqa: T201
 
 
 def _results(path: Path) -> tuple[Path, FigureStyle, str]:
@@ -116,18 +127,50 @@ def _results(path: Path) -> tuple[Path, FigureStyle, str]:
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
     """The file of the configuration, given or made, and further words for Snakemake."""
-    from puckbench.planning.own_files import CONFIG, OwnRun, write_configuration
-
+    if options.study:
+        return _of_study(options), []
+    if options.datasets:
+        raise InputError("--datasets: of a study alone (--study)")
+    if not options.files:
+        raise InputError("name files, a configuration, or a study (--study)")
     first, *others = options.files
     if Path(first).suffix.lower() in _CONFIGS:
-        given = [name for name in _OF_CONFIG if getattr(options, name)]
-        if given:
-            option = given[0].replace("_", "-")
-            raise InputError(f"--{option}: the configuration says that: edit {first}")
+        _refuse(options, _OF_CONFIG, f"the configuration says that: edit {first}")
         if not Path(first).is_file():
             raise InputError(f"{first}: no such file")
         return Path(first), others
-    out = options.out or Path("out")
+    return _of_files(options), []
+
+
+def _refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """InputError where one of some options is given."""
+    for name in names:
+        if getattr(options, name):
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
+
+
+def _of_study(options: argparse.Namespace) -> Path:
+    """The configuration of one's own codecs on a study's clouds."""
+    from puckbench.planning.study_run import study_configuration
+    from puckbench.report.reference_results import read_reference
+
+    others = [name for name in _OF_CONFIG if name not in ("codecs", "out")]
+    _refuse(options, others, "the study says that: edit the configuration that is made")
+    if options.files:
+        raise InputError(f"{options.files[0]}: a study (--study) has clouds of its own")
+    if not options.codecs:
+        raise InputError(f"--codecs: name those to compare with {options.study}")
+    study = read_reference(options.study)
+    out = options.out or Path(_OUT)
+    config = study_configuration(study, options.codecs, out.as_posix(), options.datasets or ())
+    return _written(out, config)
+
+
+def _of_files(options: argparse.Namespace) -> Path:
+    """The configuration of a user's own files."""
+    from puckbench.planning.own_files import NOTHING_THERE, OwnRun
+
+    out = options.out or Path(_OUT)
     wanted = chosen(options, "frame", "limit", "scan", "strict")
     for name in ("errors", "points"):
         if getattr(options, name):
@@ -147,5 +190,14 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
         **wanted,
     )
     config = asked.configuration()
+    for path in asked.unused():
+        tell(f"left out: {path}: {NOTHING_THERE}")
+    return _written(out, config)
+
+
+def _written(out: Path, config: dict[str, Any]) -> Path:
+    """The file of a configuration that was made."""
+    from puckbench.planning.own_files import CONFIG, write_configuration
+
     write_configuration(out / CONFIG, config, shlex.join(["puckbench", *sys.argv[1:]]))
-    return out / CONFIG, []
+    return out / CONFIG

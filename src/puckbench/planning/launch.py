@@ -11,6 +11,9 @@ _PACKAGE = Path(__file__).parents[1]
 _PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
 """In a repository (also where it is installed as editable), and in a wheel (see setup.py)."""
 
+TOLD_BY_CALLER = "PUCKBENCH_TOLD_BY_CALLER"
+"""Environment variable whose presence says that the caller prints the closing lines."""
+
 
 def snakefile() -> Path:
     """The workflow's Snakefile; InputError where this installation has none."""

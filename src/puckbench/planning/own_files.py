@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -44,6 +44,7 @@ _LOADERS: dict[Kind, str] = {
 }
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
+NOTHING_THERE = "no cloud, mesh or recording"
 _MARK = "# Made by puckbench run"
 
 
@@ -102,12 +103,10 @@ class OwnRun:
             **({"strict": True} if self.strict else {}),
             "scenes": scenes,
             "datasets": datasets,
-            "codecs": dict(map(_codec, self.codecs)),
+            "codecs": codec_entries(self.codecs),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1},
         }
-        if len(config["codecs"]) < len(self.codecs):
-            raise InputError(f"--codecs: a codec is named twice: {' '.join(self.codecs)}")
         plan = Plan(checked(config), check_scenes=True)
         chosen = self._chosen_rates(plan)
         for codec, rates in chosen.items():
@@ -120,15 +119,26 @@ class OwnRun:
 
     # ---- files
 
+    def unused(self) -> list[str]:
+        """Paths that hold nothing of use, as a shell's pattern may find them among others."""
+        return [text for text, kinds in self._kinds() if not kinds]
+
+    def _kinds(self) -> list[tuple[str, set[Kind]]]:
+        """The paths, each with what there is below it."""
+        return [
+            (text, {kind for path in _files(text) if (kind := _kind(path))}) for text in self.paths
+        ]
+
     def _sorted_paths(self) -> dict[Kind, list[str]]:
-        """The paths by what they hold; InputError names one that holds nothing of use."""
+        """The paths by what they hold; InputError where none holds anything, or, strictly, one."""
         found: dict[Kind, list[str]] = {}
-        for text in self.paths:
-            kinds = {kind for path in _files(text) if (kind := _kind(path))}
-            if not kinds:
-                known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-                also = ", ".join(recordings.RECORDING_SUFFIXES)
-                raise InputError(f"{text}: no cloud, mesh or recording there ({known}, {also})")
+        held = self._kinds()
+        unused = self.unused()
+        if unused and (self.strict or len(unused) == len(held)):
+            known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
+            also = ", ".join(recordings.RECORDING_SUFFIXES)
+            raise InputError(f"{unused[0]}: {NOTHING_THERE} there ({known}, {also})")
+        for text, kinds in held:
             for kind in kinds:
                 found.setdefault(kind, []).append(text)
         order: tuple[Kind, ...] = ("clouds", "meshes", "recordings")
@@ -186,12 +196,7 @@ class OwnRun:
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
         """Names of rates by codec and key, where not all are taken."""
-        for name, opened in plan.opened.items():
-            if not any(plan.codes(name, data) for data in plan.datasets):
-                raise InputError(f"codec {name}: {_why_not(plan, name)}")
-            ok, why = opened.available()
-            if not ok:
-                raise InputError(f"codec {name} cannot run here: {why}")
+        check_codecs(plan)
         keys: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
         found: dict[str, Options] = {codec: {} for codec in plan.codecs}
@@ -251,6 +256,27 @@ def _frame(scenes: Options) -> Frame:
     return "metric" if all(path.suffix.lower() in IN_METRES for path in files) else "scaled"
 
 
+def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
+    """Names and entries of codecs in a configuration; InputError where one is named twice."""
+    entries = dict(map(_codec, codecs))
+    if len(entries) < len(codecs):
+        raise InputError(f"--codecs: a codec is named twice: {' '.join(codecs)}")
+    return entries
+
+
+def check_codecs(plan: Plan, advice: bool = True) -> None:
+    """InputError where a codec codes none of a plan's clouds, or cannot run here.
+
+    advice: whether to name the option by which the clouds would be in another frame.
+    """
+    for name, opened in plan.opened.items():
+        if not any(plan.codes(name, data) for data in plan.datasets):
+            raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")
+        ok, why = opened.available()
+        if not ok:
+            raise InputError(f"codec {name} cannot run here: {why}")
+
+
 def _codec(text: str) -> tuple[str, Options]:
     """Name and entry of a codec that is named, or of a class of the user's own."""
     own = _OWN_CLASS.fullmatch(text)
@@ -270,12 +296,15 @@ def _seconds(plan: Plan) -> float:
     return total
 
 
-def _why_not(plan: Plan, codec: str) -> str:
-    if plan.opened[codec].takes == "returns":
+def _why_not(plan: Plan, codec: str, advice: bool) -> str:
+    opened = plan.opened[codec]
+    if opened.takes == "returns":
         return "codes the returns of a spinning sensor, and there are none here"
     frames = {"scaled": "scaled clouds", "metric": "clouds in metres"}
-    other = " (--frame scaled)" if plan.frames == ("metric",) else ""
-    return f"has no rates for {frames[plan.frames[0]]}{other}"
+    rates: dict[Frame, Any] = {"scaled": opened.rates, "metric": opened.metric_rates}
+    others = [frame for frame in rates if rates[frame] and frame not in plan.frames]
+    other = f" (--frame {others[0]})" if others and advice else ""
+    return f"has no rates for {' or '.join(frames[frame] for frame in plan.frames)}{other}"
 
 
 def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:

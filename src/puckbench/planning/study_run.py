@@ -1,0 +1,80 @@
+"""The configuration of a user's codecs on the clouds of a study with reference results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import among
+from puckbench.planning.config import checked
+from puckbench.planning.own_files import check_codecs, codec_entries
+from puckbench.planning.plan import Plan
+from puckbench.report.reference_results import ReferenceResults
+
+Options = dict[str, Any]
+_NOT_KEPT = ("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container")
+"""Keys of the study's configuration that say nothing of its clouds and measures."""
+
+
+def study_configuration(
+    reference: ReferenceResults,
+    codecs: Sequence[str],
+    results: str,
+    datasets: Sequence[str] = (),
+) -> Options:
+    """The study's configuration with one's own codecs in place of its own.
+
+    Parameters
+    ----------
+    reference
+        The study's results, which have its configuration.
+    codecs
+        Names, ``path/to/file.py:Class`` or ``module:Class``.
+    results
+        Folder of everything that is made.
+    datasets
+        Names of the study's data sets; all if there are none.
+
+    Raises
+    ------
+    InputError
+        The study has no such data set, its data are not here, or a codec codes none of its clouds.
+    """
+    known: Mapping[str, Options] = reference.about["configuration"]["datasets"]
+    for name in datasets:
+        if name not in known:
+            raise InputError(
+                f"--datasets: {reference.name} has no data set '{name}'{among(name, list(known))}"
+            )
+    chosen = {
+        name: {key: value for key, value in data.items() if key != "codecs"}
+        for name, data in known.items()
+        if name in (datasets or known)
+    }
+    study = reference.about["configuration"]
+    used = {data["scenes"] for data in chosen.values()}
+    shown = study["figures"].get("examples", {})
+    examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in chosen}
+    own = codec_entries(codecs)
+    deltas = study["bd_rate"]
+    if deltas.get("anchor") not in own:  # then the first one is
+        deltas = {key: value for key, value in deltas.items() if key != "anchor"}
+    config = {
+        **{key: value for key, value in study.items() if key not in _NOT_KEPT},
+        "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
+        "datasets": chosen,
+        "codecs": own,
+        "bd_rate": deltas,
+        "figures": {**study["figures"], "examples": examples},
+        "report": {**study["report"], "title": f"{reference.title}: {', '.join(own)}"},
+    }
+    made = {"results": results, **_without_defaults(config)}
+    check_codecs(Plan(checked(made)), advice=False)
+    return made
+
+
+def _without_defaults(config: Options) -> Options:
+    """The keys whose values are not those that they have anyway, as a person would write them."""
+    kept = checked(config).model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return {**kept, "codecs": config["codecs"]}
