@@ -69,7 +69,7 @@ def files(folder: str, suffix: str) -> tuple[Path, ...]:
     return tuple(Path(folder) / f"{rate}{suffix}" for rate in RATES)
 
 
-@pytest.mark.parametrize("codec", ["draco", "gpcc"])
+@pytest.mark.parametrize("codec", ["draco", "gpcc", "primitives"])
 def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
     folder: Path, codec: str
 ) -> None:

@@ -54,6 +54,15 @@ def test_planning_imports_nothing_heavy(module: str) -> None:
     assert HEAVY & set(loaded) == set()
 
 
+def test_help_imports_nothing_heavy() -> None:
+    """Each command's own."""
+    program = (
+        "import sys; from puckbench.cli import COMMANDS, parser_of; parser_of(COMMANDS);"
+        "print(*sys.modules)"
+    )
+    assert HEAVY & set(_lines(sys.executable, "-c", program)[-1].split()) == set()
+
+
 NEEDED = {"draco": {"DracoPy"}, "gpcc": {"numba", "scipy"}}  # numba looks for scipy
 
 

@@ -24,6 +24,11 @@ def test_it_names_rules_that_exist() -> None:
     assert set(RESOURCES) <= RULES
 
 
+def test_each_job_is_submitted_alone() -> None:
+    """A curve is long enough for a job of its own."""
+    assert not {"groups", "group-components"} & set(PROFILE)
+
+
 @pytest.mark.parametrize("rule", RESOURCES)
 def test_another_attempt_gets_more_time(rule: str) -> None:
     def asked(attempt: int) -> int:
