@@ -81,11 +81,7 @@ def test_the_source_archive_has_the_workflow(archive: Path) -> None:
         assert {f"{folder}/{name}" for name in files_below(ROOT / folder)} <= names
 
 
-RUN = """
-results: out
-scenes: {mine: {loader: point_clouds, options: {path: a.ply}}}
-datasets: {mine: {scenes: mine, make: cloud}}
-"""
+RUN = ("--codecs", "draco", "gpcc", "--rates", "r2", "r8", "--cores", "2")
 
 
 def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
@@ -116,6 +112,9 @@ def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
         assert ("weights" in record) == (codec == "pcgcv2_plus")
         done(*puckbench, "decode", "a.bin", "b.ply", cwd=tmp_path)
         assert len(read_cloud(tmp_path / "b.ply")) > 0
-    (tmp_path / "run.yaml").write_text(RUN)
-    done(*puckbench, "run", "run.yaml", "out/coded/mine/a/draco/r1.bin", cwd=tmp_path)
-    assert (tmp_path / "out" / "coded" / "mine" / "a" / "draco" / "r8.bin").exists()
+    told = done(*puckbench, "run", "a.ply", *RUN, cwd=tmp_path).splitlines()
+    assert [line.split()[:2] for line in told[1:3]] == [["Clouds", "Draco"], ["Clouds", "G-PCC"]]
+    assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
+    for codec in ("draco", "gpcc"):
+        streams = (tmp_path / "out" / "coded" / "clouds" / "a" / codec).glob("*.bin")
+        assert {path.stem for path in streams} == {"r2", "r8"}
