@@ -13,6 +13,7 @@ from puckbench.codecs.learned.pcgcv2 import stream as pcgcv2_stream
 from puckbench.codecs.learned.reno import stream as reno_stream
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives import stream as limits
+from puckbench.codecs.primitives.revolution import SPHERE, RevolutionSurface, pack_parameters
 from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.primitives.stream import (
     HybridHeader,
@@ -98,6 +99,25 @@ def test_voxels_about_the_centre_of_a_sphere_are_refused(monkeypatch: pytest.Mon
                 codec.decode(stream)
         else:
             assert len(codec.decode(stream)) >= len(cube)
+
+
+def test_voxels_about_many_equal_spheres_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plane of as many points hid 255 equal ones, which were searched but not counted."""
+    sphere = RevolutionSurface(SPHERE, np.full(3, 100.0), np.eye(3)[2], 3.0, 0.0, -4, 9)
+    header = _surface(
+        shape=(256, 256, 1), finest_leaf_level=8, coarsest_leaf_level=8, leaf_capacity=1 << 20,
+        revolutions=pack_parameters(sphere) * 255,
+    )  # fmt: skip
+    cube = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
+    voxels = voxel_mode.encode_voxel_size(100 + cube * 1e-6, 1e-6)
+    surface, factors = pack_surface(header, b"\0" * 100), np.ones(limits.CLASSES, np.int8)
+    stream = pack_hybrid(HybridHeader(8, factors, surface, voxels))
+    codec = open_codec("primitives")
+    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 17)  # of 70,000 distinct points
+    with pytest.raises(InputError, match="too far from its surface"):
+        codec.decode(stream)
+    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 20)
+    assert len(codec.decode(stream)) >= len(cube)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
-"""Searches that would look at every point are known before they begin."""
+"""A search for the nearest that gives up when it would look at every point."""
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from puckbench.geometry.search_work import is_short_search
+from puckbench.geometry.box_tree import box_tree
+from puckbench.geometry.search_work import nearest_within
 
 RANDOM = np.random.default_rng(5)
 
@@ -15,14 +17,28 @@ def _sphere(count: int) -> np.ndarray:
 
 def test_near_a_sphere_little_is_looked_at_and_at_its_centre_much() -> None:
     sphere, queries = _sphere(20_000), 200
+    tree = box_tree(sphere)
     near = sphere[:queries] * 1.001
     centre = RANDOM.normal(size=(queries, 3)) * 1e-9
-    assert is_short_search(near, sphere, queries * 200)
-    assert not is_short_search(centre, sphere, queries * 15_000)
-    assert is_short_search(centre, sphere, queries * 20_000)
+    assert nearest_within(near, tree, queries * 200)
+    assert nearest_within(centre, tree, queries * 15_000) is None
+    assert nearest_within(centre, tree, queries * 25_000)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
-def test_equal_points_count_once(scale: float) -> None:
-    points = np.repeat(_sphere(40), 1000, axis=0) * scale
-    assert is_short_search(points[::100], points, 400 * 60)
+def test_what_is_found_is_the_nearest(scale: float) -> None:
+    points, queries = (RANDOM.random((count, 3)) * scale for count in (3_000, 500))
+    distances, rows = cKDTree(points / scale).query(queries / scale)
+    found = nearest_within(queries, box_tree(points), 1 << 30)
+    assert found is not None
+    assert np.array_equal(found[1], rows)
+    assert np.allclose(found[0] / scale, distances, rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_equal_points_count_each(scale: float) -> None:
+    """A leaf of a thousand equal points is looked at as a whole."""
+    tree = box_tree(np.repeat(_sphere(40), 1000, axis=0) * scale)
+    queries = tree.columns[:, ::100].T.copy()
+    assert nearest_within(queries, tree, 400 * 1000 - 1) is None
+    assert nearest_within(queries, tree, 400 * 2000)

@@ -1,7 +1,7 @@
-"""How many points a search for the nearest looks at, which a codec bounds before it searches.
+"""The nearest point of each query, by a search that gives up after so much work.
 
 Where all points are about as far from a query, as on a sphere from its centre, every search tree
-looks at all of them.
+looks at all of them. A codec whose streams say where both lie has to bound that.
 """
 
 from __future__ import annotations
@@ -9,35 +9,40 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.compiling import compiled, inlined
-from puckbench.geometry.box_tree import BoxTree, box_tree
+from puckbench.geometry.box_tree import BoxTree
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.spatial_order import Rows, distinct_rows
+from puckbench.geometry.spatial_order import Rows
 
 
-def is_short_search(queries: Floats, points: Floats, most: int) -> bool:
-    """Whether the search of the nearest point of each query looks at no more than `most` in all.
+def nearest_within(queries: Floats, points: BoxTree, most: int) -> tuple[Floats, Rows] | None:
+    """Distance (m,) of each query's nearest point, and its row (m,) among the points.
 
     Parameters
     ----------
     queries
         (m, 3), those that stand together one after the other.
     points
-        (n, 3) finite coordinates, n > 0.
+        The tree of n > 0 points.
     most
-        Points of all searches together, at most.
+        Points and boxes that all queries together may be compared with, at most.
+
+    Returns
+    -------
+    tuple or None
+        None where that is not enough.
     """
-    if len(queries) * len(points) <= most:
-        return True
-    tree = box_tree(points[distinct_rows(points)])
-    return _looked_at(queries, tree, most) <= most
+    squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
+    if _search(queries, points, most, squared, places) > most:
+        return None
+    return np.sqrt(squared), points.rows[places]
 
 
 @compiled
-def _looked_at(queries: Floats, points: BoxTree, most: int) -> int:
-    """The points and boxes that the queries are compared with; it ends soon after `most`."""
+def _search(queries: Floats, points: BoxTree, most: int, squared: Floats, places: Rows) -> int:
+    """Fill in the nearest of each query; what was looked at, soon after `most` not further."""
     nodes, gaps = np.zeros(8 * points.depth, np.int64), np.zeros(8 * points.depth)
     nearest, looked = 0, 0
-    for query in queries:
+    for i, query in enumerate(queries):
         place = points.columns[:, nearest]
         bound = _squared(query, place, place)
         nodes[0], gaps[0], size = 0, 0.0, 1
@@ -51,15 +56,16 @@ def _looked_at(queries: Floats, points: BoxTree, most: int) -> int:
                 looked += end - start
                 for j in range(start, end):
                     place = points.columns[:, j]
-                    squared = _squared(query, place, place)
-                    if squared < bound:
-                        bound, nearest = squared, j
+                    distance = _squared(query, place, place)
+                    if distance < bound:
+                        bound, nearest = distance, j
             looked, ground = looked + points.children[node], size
             for child in range(points.first[node], points.first[node] + points.children[node]):
                 gap = _squared(query, points.boxes[child, :3], points.boxes[child, 3:])
                 if gap <= bound:
                     _put(nodes, gaps, ground, size, child, gap)
                     size += 1
+        squared[i], places[i] = bound, nearest
     return looked
 
 

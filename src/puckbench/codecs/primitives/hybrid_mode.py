@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import chain, pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from puckbench.codecs.gpcc.tree import bounds
 from puckbench.codecs.primitives import voxel_mode
 from puckbench.codecs.primitives.cells import cell_keys, look_up_cells
 from puckbench.codecs.primitives.displacements import LocalPlanes
-from puckbench.codecs.primitives.distortion import Distortion, Nearest, search_tree
+from puckbench.codecs.primitives.distortion import Distortion, Nearest
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import (
     CLASSES,
@@ -30,9 +30,9 @@ from puckbench.codecs.primitives.stream import (
 )
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
+from puckbench.geometry.box_tree import BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.search_work import is_short_search
-from puckbench.geometry.spatial_order import distinct_rows
+from puckbench.geometry.search_work import nearest_within
 
 _DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
 """Borders in voxels of the classes of distances along the normal."""
@@ -47,7 +47,7 @@ _MIN_VOXEL_SHARE = 0.1
 """Share of the budget that is left for voxels, below which no voxels are worth their header."""
 
 _MAX_LOOKED_AT = 1 << 28
-"""Points of the surface that the search below all voxels may look at: a second or two of work."""
+"""Points and boxes that the search below all voxels may look at: a second or two of work."""
 
 
 class SurfacePart(NamedTuple):
@@ -88,10 +88,9 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     """
     place, voxels, points, _ = voxel_mode.decoded_voxels(header.voxels)
     if len(voxels) and len(xyz):
-        if not np.isfinite(xyz).all() or len(distinct_rows(xyz)) < len(xyz) // 2:
-            # A tree of equal points is searched for minutes.
-            raise InputError("the stream is damaged (points of its surface coincide)")
-        planes = _planes_below(points, xyz, search_tree(xyz), normals, place.cell_size)
+        if not np.isfinite(xyz).all():
+            raise InputError("the stream is damaged (points of its surface are not finite)")
+        planes = _planes_below(points, xyz, box_tree(xyz), normals, place.cell_size)
         points = _displaced(points, planes, place.cell_size, header.factors)
         kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
         points = np.concatenate([points, kept])
@@ -145,7 +144,7 @@ def _best_choice(
     """
     found = voxel_mode.decoded_voxels(voxel_stream)
     place = found.place
-    tree = search_tree(surface.xyz)
+    tree = box_tree(surface.xyz)
     means, weights = _targets(points, place, found.voxels)
     off_centre = 16 * _off_centre(surface.xyz, place, found.voxels)
     added: dict[int, Nearest] = {}
@@ -191,16 +190,17 @@ def _displaced(
 
 
 def _planes_below(
-    points: Floats, xyz: Floats, tree: Any, normals: Floats, cell_size: float
+    points: Floats, xyz: Floats, tree: BoxTree, normals: Floats, cell_size: float
 ) -> LocalPlanes:
     """The surface at its nearest point to each of some points (m, 3); distances in voxels.
 
     xyz, tree, normals: points (k, 3) of the surface, their search tree, their normals. InputError
     for voxels that are all about as far from much of the surface, as near the centre of a sphere.
     """
-    if not is_short_search(points, xyz, _MAX_LOOKED_AT):
+    found = nearest_within(points, tree, _MAX_LOOKED_AT)
+    if found is None:
         raise InputError("the stream is damaged, or its voxels lie too far from its surface")
-    distance, row = tree.query(points)
+    distance, row = found
     along = normals[row]
     offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
     across = (distance / cell_size) ** 2 - offset**2
