@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.codecs.puck import recording
 from puckbench.codecs.puck.recording import Account, compress, decompress
 from puckbench.codecs.puck.stream import decode
 from puckbench.codecs.puck.turns import Settings
@@ -177,3 +178,18 @@ def test_bad_input_is_one_line(
         assert str(path) in line
         assert line.count("\n") == 1
         assert not (tmp_path / "out").exists()
+
+
+def test_a_recording_of_turns_without_information_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    account = there_and_back(tmp_path, pcap(recorded()))
+    assert account.ranges == account.packets * 384 + account.turns * 256
+    monkeypatch.setattr(recording, "_MANY_RANGES", account.ranges - account.compressed - 1)
+    monkeypatch.setattr(recording, "_RANGES_PER_BYTE", 1)
+    refusal = f"{account.ranges} ranges in {account.compressed} bytes"
+    with pytest.raises(InputError, match=refusal):
+        decompress(tmp_path / "small.puck", tmp_path / "again")
+    with pytest.raises(InputError, match=refusal):
+        compress(tmp_path / "recording", tmp_path / "again")
+    assert not (tmp_path / "again").exists()

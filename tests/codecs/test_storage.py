@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 import pytest
 
+from puckbench.codecs.common import most_points
 from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
 from puckbench.codecs.common.varints import packed_signed, unpacked_signed
 from puckbench.codecs.common.zstandard import compressed, decompressed
@@ -114,3 +115,29 @@ def test_other_peoples_laz_is_refused_in_one_line() -> None:
     las.write(packed, do_compress=True)
     with pytest.raises(InputError, match="not LAZ of bare points"):
         open_codec("laz").decode(packed.getvalue())
+
+
+@pytest.mark.parametrize("name", ["draco", "draco_sequential", "laz", "delta_zstd"])
+def test_a_megabyte_may_not_claim_more_points_than_seconds_hold(name: str) -> None:
+    """A hundred kilobytes of Draco once might claim 800 million points."""
+    codec = open_codec(name)
+    stream, most = bytearray(codec.encode(_points(), "5mm")), (1 << 24) + (4 << 20)
+    filler = bytes(1 << 20)
+    if name == "delta_zstd":
+        body = struct.pack("<d", 0.01) + base_128(most + 17) + filler
+        forged = b"PBDZ\x01" + struct.pack("<I", zlib.crc32(body)) + body
+    else:
+        struct.pack_into("<I", stream, 107 if name == "laz" else 11, most + (1 << 16))
+        forged = bytes(stream) + filler
+    with pytest.raises(InputError, match=r"claims \d{8} points|\d{8} points in"):
+        codec.decode(forged)
+
+
+@pytest.mark.parametrize("name", ["draco", "draco_sequential", "laz", "delta_zstd"])
+def test_more_points_than_a_decoder_takes_are_not_coded(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(most_points, "_MANY", 10)
+    monkeypatch.setattr(most_points, "_MANY_PER_BYTE", 0)
+    with pytest.raises(InputError, match=f"codec {name}: .*points"):
+        open_codec(name).encode(_points(), "5mm")

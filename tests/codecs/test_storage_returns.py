@@ -10,8 +10,10 @@ import pytest
 
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.common.zstandard import compressed, decompressed
+from puckbench.codecs.puck import stream
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import ReturnsCodec
+from puckbench.codecs.storage import packets, range_image
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.returns import Beams, Returns
@@ -180,3 +182,55 @@ def test_streams_that_claim_too_much_are_refused(name: str, magic: bytes) -> Non
         body = b"".join(base_128(len(part)) + part for part in changed)
         with pytest.raises(InputError, match=fault):
             codec.decode(_framed(magic, body))
+
+
+@pytest.mark.parametrize(("name", "magic"), [("jpegls", b"PBJL"), ("jpegxl", b"PBJX")])
+def test_a_megabyte_may_not_claim_more_pixels_than_seconds_hold(
+    name: str, magic: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    codec = _opened(name)
+    layout, beams, _, azimuths, _, *_ = _parts(codec.encode_returns(homemade(), "2mm"))
+    turns = -(-((1 << 24) + (5 << 20)) // (5 * 16384))
+    numbers = b"\1" + base_128(turns) + base_128(16384) * turns
+    parts = [layout, beams, numbers, azimuths, bytes(1 << 20)]
+    with pytest.raises(InputError, match=r"22\d{6} pixels in"):
+        codec.decode(_framed(magic, b"".join(base_128(len(part)) + part for part in parts)))
+    monkeypatch.setattr(range_image, "most_points", lambda size: 899)
+    with pytest.raises(InputError, match=f"codec {name}: 900 pixels in"):
+        codec.encode_returns(homemade(), "2mm")
+
+
+@pytest.mark.parametrize(("name", "magic"), [("packets_xz", b"PBPX"), ("packets_zstd", b"PBPZ")])
+def test_a_megabyte_may_not_claim_more_packets_than_seconds_hold(
+    name: str, magic: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = (1 << 15) + (1 << 20) // 64 + 1
+    with pytest.raises(InputError, match=f"{count} data packets in 1048576 bytes"):
+        _opened(name).decode(_framed(magic, b"\1" + base_128(count) + bytes(1 << 20)))
+    monkeypatch.setattr(packets, "_MANY_PACKETS", 0)
+    monkeypatch.setattr(packets, "_BYTES_PER_PACKET", 1 << 30)
+    with pytest.raises(InputError, match=rf"codec {name}: 150 data packets in \d+ bytes"):
+        _opened(name).encode_returns(recorded(), "2mm")
+
+
+@pytest.mark.parametrize("name", ["puck", "puck_smoothed"])
+def test_a_stream_of_turns_without_information_is_refused(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Turns of equal ranges have some hundred bytes, and seconds of work each."""
+    ranges = np.full((1, 16384, 1), 500, np.uint16)
+    turn = Turn(ranges, np.zeros(16384, np.uint16))
+    beams = Beams((1.0,), (0.0,), (0.0,))
+    returns = Returns(beams, Layout((0,)), (turn,) * 3, 0.002, "One")
+    codec = _opened(name)
+    whole = codec.encode_returns(returns, "2mm")
+    size = len(whole) - 6 * (name != "puck")  # without the magic of the smoothed one
+    most = 3 * (16384 + 256) - 32 * size
+    monkeypatch.setattr(stream.check_ranges, "__defaults__", (most, 32))
+    assert len(codec.decode_returns(whole).turns) == 3
+    monkeypatch.setattr(stream.check_ranges, "__defaults__", (most - 1, 32))
+    refusal = f"codec {name}: 49920 ranges in {size} bytes"
+    with pytest.raises(InputError, match=refusal):
+        codec.decode_returns(whole)
+    with pytest.raises(InputError, match=refusal):
+        codec.encode_returns(returns, "2mm")

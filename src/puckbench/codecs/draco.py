@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.common.most_points import most_points
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
@@ -32,7 +33,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 def _most_points(stream: bytes) -> int:
     """Largest believable point count; a damaged header must not make the decoder fill memory."""
-    return 65536 + 8192 * len(stream)
+    return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
 class DracoOptions(Model):

@@ -41,7 +41,7 @@ class ReturnsCodec(Codec):
             raise InputError(f"codec {self.name}: there is no return to code")
         with naming(f"codec {self.name}"):
             self.check_returns(returns)
-        return self._encode_returns(returns, parameters)
+            return self._encode_returns(returns, parameters)
 
     def decode_returns(self, stream: bytes) -> Returns:
         """The returns of a stream; InputError for a damaged or a foreign one."""

@@ -72,6 +72,7 @@ class Puck(ReturnsCodec):
         return self._stream(returns, step_in_quanta(returns, parameters))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
+        from puckbench.codecs.puck.stream import check_ranges, ranges_of
         from puckbench.codecs.puck.turns import Settings, TurnEncoder
 
         chosen = self.options
@@ -83,29 +84,36 @@ class Puck(ReturnsCodec):
             effort=chosen.effort,
         )
         encoder = TurnEncoder(returns.layout, settings)
-        records = [
-            Record(Kind.LAYOUT, packed(returns.layout)),
-            Record(Kind.BEAMS, packed_beams(returns)),
-            *(Record(Kind.TURN, encoder.encode(turn)) for turn in returns.turns),
-        ]
-        return stream_of(records)
+        turns = [encoder.encode(turn) for turn in returns.turns]
+        stream = stream_of(
+            [
+                Record(Kind.LAYOUT, packed(returns.layout)),
+                Record(Kind.BEAMS, packed_beams(returns)),
+                *(Record(Kind.TURN, turn) for turn in turns),
+            ]
+        )
+        check_ranges(sum(ranges_of(returns.layout, turn) for turn in turns), len(stream))
+        return stream
 
     def _decode_returns(self, stream: bytes) -> Returns:
         return self._decode_with_steps(stream)[0]
 
     def _decode_with_steps(self, stream: bytes) -> tuple[Returns, list[float]]:
         """The returns of a stream, and the step of each turn's ranges, m."""
+        from puckbench.codecs.puck.stream import check_ranges, ranges_of
         from puckbench.codecs.puck.turns import TurnDecoder
 
         records = read_records(BytesIO(stream))
         layout = unpacked(_body(records, Kind.LAYOUT))[0]
         bare = unpacked_beams(_body(records, Kind.BEAMS), layout)
         decoder = TurnDecoder(layout)
-        turns, steps = [], []
+        turns, steps, ranges = [], [], 0
         for record in records:
             if record.kind not in (Kind.TURN, Kind.END):
                 raise InputError(DAMAGED)
             if record.kind == Kind.TURN:
+                ranges += ranges_of(layout, record.body)
+                check_ranges(ranges, len(stream))
                 turns.append(decoder.decode(record.body))
                 steps.append(decoder.step * bare.quantum_m)
         return replace(bare, turns=tuple(turns)), steps

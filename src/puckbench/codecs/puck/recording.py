@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.puck.records import Kind, Record, read_records, start
+from puckbench.codecs.puck.stream import check_ranges, ranges_of
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
@@ -39,6 +40,9 @@ _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; their turns are one batch."""
 _MOST_RAW = 1 << 26
 """Bytes between the packets of a batch, at most."""
+_MANY_RANGES, _RANGES_PER_BYTE = 1 << 22, 1024
+"""Ranges of a recording that any stream may hold, and for each byte of it beside them: a sensor
+whose window is covered has some hundred."""
 _GROUPS = 32
 """Lengths of gaps that are coded together, at most."""
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 1 << 24}]
@@ -59,6 +63,7 @@ class Account:
     packets: int = 0
     turns: int = 0
     returns: int = 0
+    ranges: int = 0
     parts: dict[str, int] = field(default_factory=dict)
 
 
@@ -96,6 +101,7 @@ def compress(
             account.parts[name] = account.parts.get(name, 0) + len(body)
             stream.write(body)
         account.compressed = stream.tell()
+        _check_ranges(account)
     return account
 
 
@@ -220,7 +226,9 @@ class _PacketEncoder:
         self._account.turns += 1
         self._account.packets += len(payloads)
         self._account.returns += turn.returns
-        yield Record(Kind.TURN, self._turns.encode(turn))
+        body = self._turns.encode(turn)
+        self._account.ranges += ranges_of(kind.layout, body)
+        yield Record(Kind.TURN, body)
 
 
 def _gathered(gaps: list[bytes]) -> bytes:
@@ -368,6 +376,8 @@ def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None)
         elif record.kind == Kind.LAYOUT:
             packets.begin(record.body)
         elif record.kind == Kind.TURN:
+            account.ranges += packets.ranges(record.body)
+            _check_ranges(account)
             account.returns += packets.turn(record.body)
             account.turns += 1
         elif record.kind == Kind.GAPS:
@@ -378,6 +388,10 @@ def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None)
             raise InputError("the stream is damaged, or holds no recording")
     account.bytes = out.size
     return account
+
+
+def _check_ranges(account: Account) -> None:
+    check_ranges(account.ranges, account.compressed, _MANY_RANGES, _RANGES_PER_BYTE)
 
 
 class _PacketDecoder:
@@ -399,6 +413,12 @@ class _PacketDecoder:
         if layout != replace(known.layout, order=layout.order):
             raise InputError(_DAMAGED)
         self._kind, self._turns = replace(known, layout=layout), TurnDecoder(layout)
+
+    def ranges(self, body: bytes) -> int:
+        """Ranges of a coded turn."""
+        if self._kind is None:
+            raise InputError(_DAMAGED)
+        return ranges_of(self._kind.layout, body)
 
     def turn(self, body: bytes) -> int:
         """Decode a turn; its number of returns."""

@@ -5,11 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterable
 from io import BytesIO
 
+from puckbench.codecs.common.byte_io import Reader
 from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.puck.records import DAMAGED, Kind, Record, read_records, stream_of
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder, is_key
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import Layout, Turn
+
+_MANY_RANGES, _RANGES_PER_BYTE = 1 << 21, 32
+"""Ranges of a cloud that any stream may hold, and for each byte of it beside them: of scans without
+noise that are coded with much loss, which have few bits a range."""
+_TURN = 256
+"""Ranges that take as long as a turn without any."""
+
+
+def ranges_of(layout: Layout, body: bytes) -> int:
+    """Ranges of a coded turn, as its header says, and what a turn costs beside them."""
+    reader = Reader(body)
+    reader.take(1)
+    reader.number()
+    return reader.number() * layout.columns_per_block * layout.lasers * layout.kinds + _TURN
+
+
+def check_ranges(
+    ranges: int, size: int, most: int = _MANY_RANGES, per_byte: int = _RANGES_PER_BYTE
+) -> None:
+    """Refuse more ranges than a stream of `size` bytes may hold, before they are decoded.
+
+    Encoders ask too, so that they write nothing that a decoder refuses.
+    """
+    if ranges > most + per_byte * size:
+        raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
 
 
 def encode(turns: Iterable[Turn], layout: Layout, settings: Settings | None = None) -> bytes:

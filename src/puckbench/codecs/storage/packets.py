@@ -32,6 +32,9 @@ from puckbench.lidar.returns import Returns
 from puckbench.lidar.turns import Turn
 
 _FEW_PACKETS = 1024
+_MANY_PACKETS, _BYTES_PER_PACKET = 1 << 15, 64
+"""Packets that any stream may hold, and the bytes of a further one: all have 400 returns or more,
+and some seconds are spent on those of a stream of 1 MB."""
 
 
 class PacketsCodec(ReturnsCodec):
@@ -88,7 +91,8 @@ class PacketsCodec(ReturnsCodec):
 
 def _check_packets(count: int, packed: bytes) -> None:
     """Refuse more packets than any stream of the length holds: each has an azimuth of its own."""
-    if count > _FEW_PACKETS + len(packed) // 2:
+    few = _FEW_PACKETS + len(packed) // 2
+    if count > min(few, _MANY_PACKETS + len(packed) // _BYTES_PER_PACKET):
         raise InputError(f"{count} data packets in {len(packed)} bytes: more than they may hold")
 
 

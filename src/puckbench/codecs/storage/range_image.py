@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.base import Availability, Pace, Parameters, lengths
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.common.framing import Framing
+from puckbench.codecs.common.most_points import most_points
 from puckbench.codecs.common.zstandard import compressed, decompressed
 from puckbench.codecs.puck.beams import packed_beams, unpacked_beams
 from puckbench.codecs.puck.layout import packed, unpacked
@@ -124,7 +125,7 @@ def _numbers(reader: Reader) -> tuple[int, list[int]]:
 
 def _check_pixels(pixels: int, body: bytes) -> None:
     """Refuse more pixels than any stream of the length holds, before memory is taken."""
-    if pixels > _FEW_PIXELS + _PIXELS_PER_BYTE * len(body):
+    if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
         raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
 
 

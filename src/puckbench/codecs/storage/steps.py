@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.common.most_points import most_points
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -24,5 +25,6 @@ def check_points_of(count: int, stream: bytes) -> None:
 
     Encoders ask too, so that they write nothing that a decoder refuses.
     """
-    if not 0 < count <= _FEW_POINTS + _POINTS_PER_BYTE * len(stream):
+    few = _FEW_POINTS + _POINTS_PER_BYTE * len(stream)
+    if not 0 < count <= min(few, most_points(len(stream))):
         raise InputError(f"{count} points in {len(stream)} bytes: more than a stream may hold")
