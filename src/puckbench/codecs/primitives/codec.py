@@ -77,7 +77,6 @@ class Primitives(Codec):
     def load(self) -> None:
         """Compile all that coding needs: code a floor and a column on it, as both kinds."""
         from puckbench.codecs.primitives.mode_decision import encode
-        from puckbench.geometry.search_work import is_short_search
 
         rng = np.random.default_rng(0)
         turn = 2 * np.pi * rng.random(1000)
@@ -85,7 +84,6 @@ class Primitives(Codec):
         floor = np.column_stack([rng.random((1000, 2)) - 0.5, np.zeros(1000)])
         points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
         self._decode(encode(points, Settings(**self._MOST)))
-        is_short_search(floor, floor, 0)  # counted for large clouds alone
 
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
