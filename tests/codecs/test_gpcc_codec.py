@@ -4,7 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from puckbench.codecs.gpcc.container import MAGIC
+from puckbench.codecs.gpcc import syntax
+from puckbench.codecs.gpcc.bits import Reader
+from puckbench.codecs.gpcc.container import MAGIC, unpacked
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 
@@ -114,3 +116,20 @@ def test_a_cloud_of_22_bits_is_refused() -> None:
 def test_faults_of_options_are_one_line(options: dict[str, Any], fault: str) -> None:
     with pytest.raises(InputError, match=f"codec gpcc: .*{fault}"):
         _codec(**options)
+
+
+@pytest.mark.parametrize(("rate", "direct"), [("5mm", 1), ("2mm", 3), ("1mm", 3)])
+def test_without_a_sensor_options_are_those_of_papers_on_lidar(rate: str, direct: int) -> None:
+    """As in SparsePCGC's and OctAttention's kitti.cfg with loss, in Unicorn's ford.cfg without."""
+    stream = open_codec("gpcc_no_sensor").encode(_cloud() / 100, rate)
+    units = dict(syntax.payloads(unpacked(stream).stream))
+    gps = syntax.GeometryParameterSet()
+    syntax.geometry_parameter_set(Reader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
+    assert gps.inferred_direct_coding_mode == direct
+    assert gps.geom_idcm_rate_minus1 == 31  # planarModeIdcmUse 32
+    assert gps.geom_unique_points_flag == (direct == 1)  # mergeDuplicatedPoints
+    assert gps.neighbour_avail_boundary_log2_minus1 == 7
+    assert gps.intra_pred_max_node_size_log2 == 6
+    assert gps.geom_planar_mode_enabled_flag
+    assert gps.qtbt_enabled_flag
+    assert not gps.geom_angular_mode_enabled_flag

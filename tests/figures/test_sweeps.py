@@ -135,3 +135,38 @@ def test_bits_are_drawn_as_shares_of_the_octrees() -> None:
     alone = metrics[metrics["codec"] != "gpcc"]
     with pytest.raises(InputError, match="coded by gpcc and by another"):
         draw("handicap", metrics=alone, clouds=clouds)
+
+
+def test_every_codec_of_a_run_is_drawn_beside_the_octree() -> None:
+    metrics = _modes(("rooms",))
+    octree = metrics[metrics["codec"] == "gpcc"]
+    mine = octree.assign(codec="mine", bpp=0.5 * octree["bpp"])
+    figure = draw(
+        "handicap",
+        metrics=pd.concat([metrics, mine]),
+        clouds=sweeps_clouds_table(2).assign(sensor="VLP-16"),
+    )
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"mine", codec_style("gpcc_angular").title} <= set(texts)
+    assert codec_style("laz").title not in texts  # nine times the octree's bits are off the axes
+
+
+def test_grids_are_compared_with_the_octree_that_keeps_every_point() -> None:
+    """Exact ones of 1 mm: the anchor merges points there, and is not without loss."""
+    errors = [0.05, 0.005, 0.0005]
+    common = {"dataset": "rooms", "frame": "metric", "cloud": "cloud_0", "points_in": 100}
+    rows = [
+        {**common, "codec": codec, "rate": f"{error}", "d1_rms_m": error, "points_out": points,
+         "bpp": bits / error**0.5}
+        for codec, bits, points in (("gpcc", 1, 99), ("gpcc_lossless", 1.25, 100), ("mine", 1, 100))
+        for error in errors
+    ]  # fmt: skip
+    clouds = sweeps_clouds_table(1).assign(sensor="VLP-16")
+    figure = draw("handicap", metrics=pd.DataFrame(rows), clouds=clouds)
+    hollow = {
+        line.get_color(): np.asarray(line.get_ydata(), float)
+        for line in figure.axes[0].get_lines()
+        if line.get_markerfacecolor() == "white"
+    }
+    assert hollow[codec_style("mine").colour] == pytest.approx([80, 80])
+    assert hollow[codec_style("gpcc_lossless").colour] == pytest.approx([100, 100])

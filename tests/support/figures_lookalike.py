@@ -106,6 +106,8 @@ def sweeps_table(clouds: int = 4) -> pd.DataFrame:
                             "codec": codec,
                             "rate": f"{length}mm",
                             "bpp": most * (number + 1) * spread,
+                            "points_in": 1000,
+                            "points_out": 1000,
                             "d1_rms_m": error,
                             "range_rms_mm": 1700 * error,
                             "truth_d2_rms_m": np.hypot(error, far_m),

@@ -24,7 +24,12 @@ CHANGES: dict[str, Any] = {
         },
         "real": {"scenes": "tape", "make": "cloud", "size": "metric", "codecs": ["puck"]},
     },
-    "codecs": {"draco": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "2mm"]}, "puck": {}},
+    "codecs": {
+        "draco": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "2mm"]},
+        "gpcc": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "10mm", "2mm"]},
+        "gpcc_angular": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "10mm", "2mm"]},
+        "puck": {},
+    },
     "sensor_study": False,
     "figures": {"style": {"dpi": 60}, "examples": {"spin": "spin_noisy/copy_room_1"}},
 }
@@ -55,9 +60,15 @@ def test_every_cloud_is_coded_in_its_frame(bench: Bench) -> None:
     lengths = ["100mm", "50mm", "20mm", "10mm", "4mm", "2mm"]
     assert found == {
         ("raw", "draco"): ["r1", "r8"],
+        ("raw", "gpcc"): ["r1", "r8"],
+        ("raw", "gpcc_angular"): ["r1", "r8"],
         ("spin", "draco"): ["50mm", "2mm"],
+        ("spin", "gpcc"): ["50mm", "10mm", "2mm"],
+        ("spin", "gpcc_angular"): ["50mm", "10mm", "2mm"],
         ("spin", "puck"): lengths,
         ("spin_noisy", "draco"): ["50mm", "2mm"],
+        ("spin_noisy", "gpcc"): ["50mm", "10mm", "2mm"],
+        ("spin_noisy", "gpcc_angular"): ["50mm", "10mm", "2mm"],
         ("spin_noisy", "puck"): lengths,
         ("real", "puck"): lengths,
     }
@@ -90,6 +101,17 @@ def test_figures_and_tables_of_spins_are_made(bench: Bench) -> None:
     assert cost.loc[("puck", "spin_noisy"), "added_grid_1_mm"] > 2
     assert pd.isna(cost.loc[("draco", "spin_noisy"), "grid_1_mm"])  # 2 mm at most
     assert bench.planned() == {}
+
+
+def test_bits_are_compared_with_the_octrees(bench: Bench) -> None:
+    assert (bench.results / "figures" / "handicap.png").exists()
+    table = pd.read_csv(bench.results / "tables" / "against_octree.csv")
+    noisy = table[table["dataset"] == "spin_noisy"].set_index("codec")
+    assert set(noisy.index) == {"draco", "gpcc", "gpcc_angular", "puck"}
+    assert noisy.loc["gpcc", "saved_at_10_mm"] == noisy.loc["gpcc", "saved_grid_2_mm"] == 0
+    assert noisy.loc["gpcc_angular", "saved_grid_2_mm"] > 10
+    assert noisy.loc["puck", "saved_grid_2_mm"] > 40
+    assert noisy["grid_1_mm"].drop("puck").isna().all()
 
 
 def test_a_changed_length_re_runs_its_codecs_curves_of_spins_alone(bench: Bench) -> None:

@@ -18,8 +18,8 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.against_octree import GRIDS_MM, OCTREE, bits_on_grid
-from puckbench.metrics.registry import OCTREE_AND_SENSOR
+from puckbench.metrics.against_octree import COMPLETE_OCTREE, GRIDS_MM, OCTREE, bits_without_loss
+from puckbench.metrics.registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
 from puckbench.metrics.storage import bits_at_error
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from puckbench.geometry.cloud import Floats
 
-SHOWN = ("gpcc_angular", "gpcc_predictive", "sparse_octree_net", "reno", "puck")
-"""Codecs that are drawn where a run has them; the table ``against_octree`` has all."""
 _LEARNED = (85.0, 90.0)
 """Percent of the octree's bits that learned codecs for LiDAR report."""
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
@@ -45,21 +43,24 @@ _PANEL_IN = 2.1
     "handicap",
     title="Bits beside those of G-PCC's octree, at equal error",
     category="Spins of a sensor",
-    needs=(OCTREE_AND_SENSOR,),
+    needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
     frame="metric",
 )
 def draw_handicap(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits as a share of what G-PCC's octree needs at the same root mean square error (D1), medians
-    over the clouds; 100 % is the octree without the sensor, as papers on LiDAR run it.
+    over the clouds; 100 % is ``gpcc``, the octree without the sensor.
 
-    Hollow: without loss on grids of 2 and 1 mm, at the error of rounding to them; a codec that
-    gives back exactly what the sensor measured has no error. A line ends where no rate reaches.
+    Hollow: every point, without loss on grids of 2 and 1 mm, at the error of rounding to them; a
+    codec that gives back exactly what the sensor measured has no error. A line ends where no rate
+    reaches; what lies outside of the axes, as codecs of many times the octree's bits do, is left
+    out.
     Shaded: the 10 to 15 % that learned codecs report to save. Of data sets that differ in the
     sensor's errors alone the first is shown.
     """
     from matplotlib.ticker import FixedLocator, PercentFormatter, StrMethodFormatter
 
-    require_rows(metrics, ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m"), "metrics")
+    wanted = ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m", "points_in", "points_out")
+    require_rows(metrics, wanted, "metrics")
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     known = metrics.assign(error_mm=1000 * metrics["d1_rms_m"])
     datasets = [
@@ -94,7 +95,7 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
 
     Of data sets whose clouds differ in the error model alone the first is taken.
     """
-    others = metrics[metrics["codec"].isin(SHOWN)]
+    others = metrics[metrics["codec"] != OCTREE]
     both = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(others["dataset"])
     known = clouds[clouds["dataset"].isin(both)]
     alike = [name for name in ("cloud", "sensor", "turns", "firings") if name in known]
@@ -105,29 +106,34 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
 def _draw_codecs(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> set[str]:
     """Draw the codecs of one panel; the names of those that have a value."""
     octree = rows[rows["codec"] == OCTREE]
+    complete = rows[rows["codec"] == COMPLETE_OCTREE]
     drawn: set[str] = set()
     for codec in style.ordered_codecs(rows["codec"]):
-        if codec not in SHOWN:
+        if codec == OCTREE:
             continue
-        curve, grids = shares(rows[rows["codec"] == codec], octree)
+        curve, grids = shares(rows[rows["codec"] == codec], octree, complete)
         look = style.of_codec(codec)
         common: dict[str, Any] = {"color": look.colour, "marker": look.marker, "zorder": 3}
         axes.plot(_ERRORS_MM, curve, color=look.colour, linestyle=look.line, zorder=3)
         axes.plot(_ERRORS_MM[_MARKED], curve[_MARKED], linestyle="", **common)
         halves = np.asarray(GRIDS_MM) / 2
         axes.plot(halves, grids, linestyle="", markerfacecolor="white", **common)
-        if np.isfinite(curve).any() or np.isfinite(grids).any():
+        known = np.concatenate((curve, grids))
+        if ((_LIMITS[0] <= known) & (known <= _LIMITS[1])).any():
             drawn.add(codec)
     return drawn
 
 
-def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> tuple[Floats, Floats]:
+def shares(
+    rows: pd.DataFrame, octree: pd.DataFrame, complete: pd.DataFrame
+) -> tuple[Floats, Floats]:
     """Bits of a codec in percent of the octree's, medians over the clouds of both.
 
     Parameters
     ----------
-    rows, octree
-        Result rows (``cloud``, ``bpp``, ``error_mm``) of one data set.
+    rows, octree, complete
+        Result rows (``cloud``, ``bpp``, ``error_mm``, ``points_in``, ``points_out``) of one data
+        set: of the codec, of the octree, and of the octree that keeps every point, if any.
 
     Returns
     -------
@@ -135,6 +141,7 @@ def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> tuple[Floats, Floats]:
         At errors of 0.5 to 50 mm, and on the grids; nan where the rates of either do not reach.
     """
     anchors = dict(iter(octree.groupby("cloud")))
+    lossless = {**anchors, **dict(iter(complete.groupby("cloud")))}
     lines, grids = [], []
     for cloud, curve in rows.groupby("cloud"):
         if (anchor := anchors.get(cloud)) is None:
@@ -143,7 +150,10 @@ def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> tuple[Floats, Floats]:
         lines.append(
             [bits_at_error(*own, mm) / bits_at_error(*other, mm) for mm in _ERRORS_MM.tolist()]
         )
-        grids.append([bits_on_grid(*own, mm) / bits_on_grid(*other, mm) for mm in GRIDS_MM])
+        exact = lossless[cloud]
+        grids.append(
+            [bits_without_loss(curve, mm) / bits_without_loss(exact, mm) for mm in GRIDS_MM]
+        )
     if not lines:
         return np.full(len(_ERRORS_MM), np.nan), np.full(len(GRIDS_MM), np.nan)
     return 100 * np.median(lines, axis=0), 100 * np.median(grids, axis=0)

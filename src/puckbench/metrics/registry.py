@@ -33,8 +33,8 @@ SPINS_OR_RECORDINGS = "metric"
 """What a table may need of a configuration: clouds in metres with a sensor's returns."""
 SEVERAL_NOISES = "noises"
 """Needed of a configuration: spins in the same scenes under several error models."""
-OCTREE_AND_SENSOR = "octree"
-"""Needed of a configuration: the codec ``gpcc``, and one that the sensor helps."""
+OCTREE_AND_OTHERS = "octree"
+"""Needed of a configuration: the codec ``gpcc``, and another one of clouds in metres."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class TableEntry:
         Number of the thesis's table; empty for others.
     needs
         What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
-        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_SENSOR`, or the table's own name where
+        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_OTHERS`, or the table's own name where
         only a plan can tell.
     rule
         The rule of the workflow that makes the table, where it has one of its own.

@@ -29,7 +29,7 @@ from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
 from puckbench.metrics.against_octree import OCTREE
 from puckbench.metrics.registry import (
-    OCTREE_AND_SENSOR,
+    OCTREE_AND_OTHERS,
     SENSOR,
     SEVERAL_CODECS,
     SEVERAL_NOISES,
@@ -336,8 +336,9 @@ class OutputJobs:
         there |= set(self._verdicts)
         if plan.datasets and len(plan.codecs) > 1:
             there.add(SEVERAL_CODECS)
-        if OCTREE in plan.codecs and any(c.takes == "either" for c in plan.opened.values()):
-            there.add(OCTREE_AND_SENSOR)
+        in_metres = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
+        if OCTREE in in_metres and len(in_metres) > 1:
+            there.add(OCTREE_AND_OTHERS)
         there |= _of_spins(plan)
         if plan.study is None:
             return there

@@ -117,6 +117,10 @@ class GridCodec(Codec):
         """Whether points of one grid position are merged at a rate."""
         if self.options.duplicates != "by_rate":
             return self.options.duplicates == "merged"
+        return self._loses(parameters)
+
+    def _loses(self, parameters: Parameters) -> bool:
+        """Whether a rate is one with loss: a scale below 1, or a grid of more than 2 mm."""
         if "step_m" in parameters:
             return float(parameters["step_m"]) > LOSSLESS_STEP_M
         return scale_of(parameters) < 1

@@ -1,4 +1,10 @@
-"""G-PCC with other options and rates than `gpcc`, as codecs of their own."""
+"""G-PCC with other options and rates than `gpcc`, as codecs of their own.
+
+References
+----------
+Configurations for KITTI and Ford in the repositories of SparsePCGC (``test/kitti.cfg``),
+OctAttention (``file/kitti.cfg``) and Unicorn (``third_party/gpcc_cfg/ford.cfg``).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +15,7 @@ from typing import Literal
 from puckbench.codecs.base import Parameters
 from puckbench.codecs.gpcc.codec import Gpcc, GridOptions
 from puckbench.codecs.gpcc.grid import Rounding
+from puckbench.codecs.gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.codecs.registry import CODECS
 
 
@@ -46,6 +53,41 @@ class GpccDyadic(Gpcc):
     rank = 80
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     rates: Mapping[str, Parameters] = {f"r{n}": {"scale": 2.0 ** (n - 7)} for n in range(1, 8)}
+
+
+class NoSensorOptions(GridOptions):
+    """As MPEG's conditions have it: all points where nothing is lost, else one of each position."""
+
+    duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
+
+
+@CODECS.register("gpcc_no_sensor")
+class GpccNoSensor(Gpcc):
+    """G-PCC as papers on LiDAR run it: MPEG's options for spinning sensors, without a sensor.
+
+    That is angularEnabled 0 beside the options of the common test conditions for frames of such
+    sensors, by which more points are coded directly than in `gpcc`: those of isolated nodes and,
+    without loss, of any node.
+    """
+
+    title = "G-PCC (no sensor)"
+    use = "comparison with papers on LiDAR, which run G-PCC so"
+    colour = "#8A8A00"
+    marker = "h"
+    line = "--"
+    rank = 75
+    Options = NoSensorOptions
+    options: NoSensorOptions
+
+    @property
+    def thesis_role(self) -> str:
+        """None: the thesis ran other options."""
+        return ""
+
+    def _options(self, parameters: Parameters) -> GpccOptions:
+        lossy = {"inferred_direct_coding_mode": 1} if self._loses(parameters) else {}
+        merged = {"merge_duplicates": self._merges(parameters)}
+        return PROFILES[self.options.profile].model_copy(update={**SPINNING, **lossy, **merged})
 
 
 class LosslessOptions(GridOptions):
