@@ -23,7 +23,9 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, shell
 
-CODECS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net")
+CODECS = ("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus", "sparse_octree_net")
+SHIPPED = ("pcgcv1_plus", "pcgcv2_plus", "pcgcv2_plus_rooms", "sparse_octree_net")
+"""Codecs whose weights come with the program."""
 cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
 
@@ -61,6 +63,19 @@ def _alike(one: np.ndarray, other: np.ndarray) -> bool:
     return len(one) == len(other) and bool(np.quantile(near, 0.98) < 0.01)
 
 
+def _check_alike(
+    name: str, stream: bytes, again: bytes, expected: np.ndarray, decoded: np.ndarray
+) -> None:
+    """That two ways of computing give the same stream and points, but for roundings."""
+    found = np.unique(decoded, axis=0)
+    if name == "sparse_octree_net":  # exact on every device
+        assert again == stream
+        assert np.array_equal(found, expected)
+    else:  # sums are rounded in another order
+        assert abs(len(again) - len(stream)) <= max(2, 0.01 * len(stream))
+        assert _alike(found, expected)
+
+
 @pytest.mark.parametrize("name", CODECS)
 def test_the_models_own_layers_code_as_the_fused_ones_do(
     name: str, opened: Callable[..., Codec], own_layers: Callable[[], None]
@@ -71,14 +86,22 @@ def test_the_models_own_layers_code_as_the_fused_ones_do(
     own_layers()
     other = opened(name)
     for stream, expected, rate in zip(streams, decoded, other.rates, strict=True):
-        again = other.encode(points, rate)
-        found = np.unique(other.decode(stream), axis=0)
-        if name == "sparse_octree_net":  # exact on every device
-            assert again == stream
-            assert np.array_equal(found, expected)
-        else:  # sums are rounded in another order
-            assert abs(len(again) - len(stream)) <= 0.01 * len(stream)
-            assert _alike(found, expected)
+        _check_alike(name, stream, other.encode(points, rate), expected, other.decode(stream))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_weights_code_by_the_models_own_layers(
+    name: str, own_layers: Callable[[], None]
+) -> None:
+    """At the lowest and the highest rate; the streams of either decode to the same surface."""
+    points, fused = 40 + shell(), open_codec(name)
+    rates = [next(iter(fused.rates)), list(fused.rates)[-1]]
+    streams = [fused.encode(points, rate) for rate in rates]
+    decoded = [np.unique(fused.decode(stream), axis=0) for stream in streams]
+    own_layers()
+    other = open_codec(name)
+    for stream, expected, rate in zip(streams, decoded, rates, strict=True):
+        _check_alike(name, stream, other.encode(points, rate), expected, other.decode(stream))
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
