@@ -4,7 +4,8 @@
 # make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
 # make docs   build the documentation into site/, with the reference results (also: make site)
-# make reference STUDY=default   run a study, if need be, and keep its results as reference results
+# make reference STUDY=default   run a study, if need be, and keep its results as reference results;
+#             with MORE=config/sweeps_reno.yaml laid over it, under that file's name
 # make setup  .venv without torch            make learned   add torch, which learned codecs need
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
@@ -59,9 +60,10 @@ site: docs
 STUDY ?= default
 STUDY_CONFIG = config/$(STUDY:default=config).yaml
 STUDY_RESULTS = $(if $(filter default,$(STUDY)),results,results/$(STUDY))
+STUDY_NAME = $(notdir $(basename $(lastword $(STUDY) $(MORE))))
 reference: learned
-	$(IN_VENV) snakemake --cores $(CORES) --configfile $(STUDY_CONFIG) -- reference
-	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/reference/$(STUDY).parquet
+	$(IN_VENV) snakemake --cores $(CORES) --configfile $(STUDY_CONFIG) $(MORE) -- reference
+	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/reference/$(STUDY_NAME).parquet
 
 data: setup
 	$(IN_VENV) python -m puckbench data

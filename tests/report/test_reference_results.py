@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pyarrow import parquet
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Frame
 from puckbench.metrics.frames import in_frame
+from puckbench.planning.config import read_config
 from puckbench.report.leaderboard import study_findings, write_study
 from puckbench.report.reference_results import (
     DIGEST,
@@ -25,6 +27,7 @@ from puckbench.report.reference_results import (
     write_reference,
 )
 from tests.support import reference_lookalike
+from tests.support.bench import ROOT
 from tests.support.in_process import run_in_process
 from tests.support.reference_lookalike import kept
 
@@ -188,6 +191,40 @@ def test_what_comes_with_puckbench_is_small_and_of_committed_sources(name: str) 
     assert not any(commit.endswith("-dirty") for commit in commits)
     assert reference.about["machine"]["Processor"]
     assert (FOLDER / f"{name}.parquet").stat().st_size < 2_000_000
+
+
+@pytest.mark.parametrize(
+    ("words", "configs", "name"),
+    [
+        ([], "config/config.yaml", "default"),
+        (["STUDY=capod"], "config/capod.yaml", "capod"),
+        (
+            ["STUDY=sweeps", "MORE=config/sweeps_reno.yaml"],
+            "config/sweeps.yaml config/sweeps_reno.yaml",
+            "sweeps_reno",
+        ),
+    ],
+)
+def test_make_keeps_a_study_under_the_name_of_the_last_configuration(
+    words: list[str], configs: str, name: str
+) -> None:
+    done = subprocess.run(
+        ["make", "--dry-run", "reference", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *_, run, kept_as = done.stdout.splitlines()
+    assert f"--configfile {' '.join(configs.split())} " in f"{' '.join(run.split())} "
+    study = (words or ["STUDY=default"])[0].removeprefix("STUDY=")
+    made = "results" if study == "default" else f"results/{study}"
+    kept_in = f"src/puckbench/report/reference/{name}.parquet"
+    assert kept_as == f"cp {made}/reference.parquet {kept_in}"
+    for file in configs.split():
+        assert (ROOT / file).exists()
+        assert read_config(ROOT / file)
+    assert str(read_config(ROOT / configs.split(maxsplit=1)[0])["results"]) == made
 
 
 def test_another_seed_is_noticed(made: ReferenceResults, tmp_path: Path) -> None:

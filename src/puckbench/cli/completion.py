@@ -76,6 +76,18 @@ def _sensors() -> list[str]:
     return sensor_names()
 
 
+def _sources() -> list[str]:
+    from puckbench.datasets.sources import SOURCES
+
+    return list(SOURCES)
+
+
+def _studies() -> list[str]:
+    from puckbench.report.reference_results import shipped
+
+    return shipped()
+
+
 def _tables() -> list[str]:
     from puckbench.metrics.registry import TABLES
 
@@ -93,7 +105,9 @@ _NAMES: dict[str, Callable[[], list[str]]] = {
     "figure": _figures,
     "loader": _loaders,
     "model": _error_models,
+    "names": _sources,
     "sensor": _sensors,
+    "study": _studies,
     "table": _tables,
 }
 """Arguments, by their name, whose values are names of a registry."""

@@ -36,6 +36,8 @@ _TITLES = {
     "capod": "CAPOD",
     "real": "Real objects and rooms",
     "sweeps": "Turns of a sensor",
+    "capod_learned": "CAPOD, the thesis's learned codecs",
+    "sweeps_reno": "Turns of a sensor, RENO",
 }
 _DIGITS = 6
 """Significant digits of measured numbers."""
