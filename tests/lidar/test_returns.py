@@ -20,12 +20,12 @@ from tests.support.spinning import DUAL, HDL32E, spin
 ORIGIN = (0.3, -0.2, 1.1)
 
 
-def _scan(errors: str = "vlp16", **sweep: object) -> ScanTable:
+def _scan(errors: str = "vlp16", device: str = "vlp16", **sweep: object) -> ScanTable:
     """A turn in a room of 8 m by 6 m by 3 m."""
     settings = {"preset": "spin", **sweep}
     model = open_error_model(errors)
     mesh = box((-4, -3, 0), (8, 6, 3))
-    sensor = load_sensor("vlp16")
+    sensor = load_sensor(device)
     return scan(mesh, sensor, open_sweep(settings), model, ORIGIN, generator(1, "test"))
 
 
@@ -67,6 +67,31 @@ def test_a_scan_with_firing_times_keeps_each_lasers_azimuth() -> None:
     # Columns are reported in hundredths of a degree, every one of them and the next.
     assert (off <= 0.001 + np.radians(0.011) * away).all()
     assert np.abs(np.diff(found.returns.beams.delays) - 2.304 / 55.296).max() < 1e-9
+
+
+@pytest.mark.parametrize("device", ["puck_hires", "hdl32e", "hdl64e_s2"])
+@pytest.mark.parametrize(("timing", "most_deg"), [("together", 0.005), ("firing", 0.01)])
+def test_points_of_every_sensor_are_where_it_reports_them(
+    device: str, timing: str, most_deg: float
+) -> None:
+    """Ranges on the quantum, azimuths of columns in 0.01 degrees, as the sensors send them.
+
+    A column's azimuth is off by half of that, and one between two columns by less than all of it.
+    """
+    turn = {"rotation_hz": 10, "frames_per_second": 10, "duration_s": 0.1}
+    timed = {"timing": timing} if timing == "firing" else {}
+    table = _scan("none", device, **turn, **timed)
+    found = returns_of_scan(table)
+    assert len(found.returns) == len(found.rows) == len(table)
+    measured = table.xyz_noisy[found.rows] - ORIGIN
+    points = found.returns.points()
+    away = np.linalg.norm(measured, axis=1)
+    off = np.linalg.norm(points - measured, axis=1)
+    assert (off <= 0.001 + np.radians(most_deg) * away + 1e-9).all()
+    yaw = [np.degrees(np.arctan2(each[:, 0], each[:, 1])) for each in (points, measured)]
+    turned = np.mod(yaw[0] - yaw[1] + 180, 360) - 180
+    assert np.abs(turned.mean()) < 1e-4  # rounded, not cut off: 0.005 degrees would be all of it
+    assert set(table["laser_id"][found.rows]) == set(range(load_sensor(device).lasers))
 
 
 def test_true_points_lie_on_the_walls() -> None:

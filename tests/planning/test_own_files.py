@@ -87,6 +87,12 @@ def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size:
     assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
 
 
+def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> None:
+    assert list(made("drive.pcap", codecs=())["codecs"]) == ["gpcc", "gpcc_predictive", "puck"]
+    for paths in (("mine/a.npy",), ("mine/a.npy", "drive.pcap")):
+        assert list(made(*paths, codecs=())["codecs"]) == ["draco", "gpcc"]
+
+
 def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
     Path("torn.pcap").write_bytes(b"no capture at all")
     config = made("*.pcap")

@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import trimesh
 
+from puckbench.cli import main
 from puckbench.io.clouds import read_cloud
 from tests.io.test_cloud_formats import COLOURS, INTENSITY, UTM, write_las
 from tests.support.bench import ROOT
@@ -142,3 +144,31 @@ def test_ones_own_codec_is_compared_with_a_study_in_two_commands(tmp_path: Path)
     (delta,) = [row for row in answer["deltas"] if row["metric"] == "d1_psnr"]
     assert (delta["dataset"], delta["anchor"], delta["clouds"]) == ("many", "draco", 2)
     assert set(study.metrics["dataset"]) == {"few", "many"}
+
+
+def test_a_recording_and_a_scanned_mesh_are_compared_in_one_command(tmp_path: Path) -> None:
+    room = trimesh.creation.box((6, 5, 3))
+    room.invert()
+    room.apply_translation((0, 0, 1.5))
+    room.export(tmp_path / "room.ply")
+    table, recording = str(tmp_path / "turns.parquet"), tmp_path / "drive.pcap"
+    sweep = '{"preset": "spin", "duration_s": 0.6, "azimuth_step_deg": 1}'
+    words = ["--errors", "vlp16", "--sweep", sweep, "--origin", "0", "0", "1.5"]
+    assert main(["scan", str(tmp_path / "room.ply"), table, *words]) == 0
+    assert main(["export", table, str(recording)]) == 0
+    asked = ["--scan", "--frame", "metric", "--codecs", "draco", "puck", "--rates", "100mm", "2mm"]
+    done = run(tmp_path, "drive.pcap", "room.ply", *asked, "--json")
+    assert done.returncode == 0, done.stderr[-4000:]
+    rows = json.loads(done.stdout)["results"]
+    assert [(row["dataset"], row["codec"]) for row in rows] == [
+        (dataset, codec) for dataset in ("Scans", "Recordings") for codec in ("Draco", "Puck")
+    ]
+    metrics = pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")
+    assert set(metrics.cloud) == {"drive_0001", "room"}
+    assert metrics.d1_rms_m.between(0, 0.1).all()
+    exact = metrics[(metrics.codec == "puck") & (metrics.rate == "2mm")]
+    assert (exact.d1_rms_m == 0).all()
+    assert (exact.returns_lost == 0).all()
+    # A turn of 360 columns of 16 lasers, all of which see a wall; twice as fine is its default.
+    assert metrics[metrics.cloud == "drive_0001"].points_in.between(5700, 5760).all()
+    assert metrics[metrics.dataset == "recordings"].encode_real_time.gt(0).all()

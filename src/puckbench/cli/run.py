@@ -17,9 +17,16 @@ from puckbench.figures.style import FigureStyle
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
+from puckbench.planning.own_files import (
+    CODECS,
+    CODECS_OF_RECORDINGS,
+    CONFIG,
+    NOTHING_THERE,
+    OwnRun,
+    write_configuration,
+)
 from puckbench.planning.workflow import Workflow
 
-_CODECS = ("draco", "gpcc")
 _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
@@ -44,7 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="CODEC",
         help="names (puckbench codecs), or path/to/file.py:Class; the others are compared with the "
-        f"first (default: {' '.join(_CODECS)})",
+        f"first (default: {' '.join(CODECS)}; for recordings {' '.join(CODECS_OF_RECORDINGS)})",
     )
     add(
         "--study",
@@ -168,8 +175,6 @@ def _of_study(options: argparse.Namespace) -> Path:
 
 def _of_files(options: argparse.Namespace) -> Path:
     """The configuration of a user's own files."""
-    from puckbench.planning.own_files import NOTHING_THERE, OwnRun
-
     out = options.out or Path(_OUT)
     wanted = chosen(options, "frame", "limit", "scan", "strict")
     for name in ("errors", "points"):
@@ -182,7 +187,7 @@ def _of_files(options: argparse.Namespace) -> Path:
     }
     asked = OwnRun(
         paths=tuple(options.files),
-        codecs=tuple(options.codecs or _CODECS),
+        codecs=tuple(options.codecs or ()),
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
@@ -197,7 +202,5 @@ def _of_files(options: argparse.Namespace) -> Path:
 
 def _written(out: Path, config: dict[str, Any]) -> Path:
     """The file of a configuration that was made."""
-    from puckbench.planning.own_files import CONFIG, write_configuration
-
     write_configuration(out / CONFIG, config, shlex.join(["puckbench", *sys.argv[1:]]))
     return out / CONFIG

@@ -37,6 +37,9 @@ _FEW_RATES = 4
 """As many as a rate delta needs."""
 _MEASURING_S = 3.5
 """Estimate for a million points of measuring a decoded cloud."""
+CODECS = ("draco", "gpcc")
+CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
+"""What is compared with the first where none is named, and where all files are recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
@@ -57,7 +60,8 @@ class OwnRun:
     paths
         Files, folders and patterns of clouds, meshes and recordings.
     codecs
-        Names, ``path/to/file.py:Class`` or ``module:Class``, to be compared with the first.
+        Names, ``path/to/file.py:Class`` or ``module:Class``, to be compared with the first; none
+        for `CODECS`, or `CODECS_OF_RECORDINGS`.
     results
         Folder of everything that is made.
     frame
@@ -98,12 +102,13 @@ class OwnRun:
         self._check_results(found)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
+        usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
             "scenes": scenes,
             "datasets": datasets,
-            "codecs": codec_entries(self.codecs),
+            "codecs": codec_entries(self.codecs or usual),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1},
         }
