@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -93,13 +94,17 @@ def test_windows_of_a_long_recording_cut_no_packet(
     assert account.packets == 50
 
 
-def test_packets_on_the_pages_of_a_bag_are_found(tmp_path: Path) -> None:
+def test_packets_on_the_pages_of_a_bag_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with closing(sqlite3.connect(tmp_path / "bag.db3")) as bag, bag:
         bag.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, data BLOB)")
         bag.execute("INSERT INTO messages(data) VALUES (?)", (b"".join(recorded()),))
     data = (tmp_path / "bag.db3").read_bytes()
     assert len(find_packets(np.frombuffer(data, np.uint8))) < 40
     # The first packet begins on another page than the one before the others'.
+    assert there_and_back(tmp_path, data).packets == 49
+    monkeypatch.setattr("puckbench.codecs.puck.recording._WINDOW", 9001)
     assert there_and_back(tmp_path, data).packets == 49
 
 
@@ -163,6 +168,53 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["decompress", *names[1:], "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == answer
     assert (tmp_path / "b.pcap").read_bytes() == data
+
+
+def told(asked: list[str], capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Lines of progress at a terminal, of which only the last is ended."""
+    assert main(asked) == 0
+    written = capsys.readouterr().err
+    assert written.endswith("\n")
+    first, *lines = written.removesuffix("\n").split("\r")
+    assert first == ""
+    assert "\n" not in "".join(lines)
+    return lines
+
+
+def test_progress_is_told_turn_by_turn_and_its_line_is_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    data = pcap(recorded())
+    (tmp_path / "a.pcap").write_bytes(data)
+    names = [str(tmp_path / name) for name in ("a.pcap", "a.puck", "b.pcap")]
+    turns = len(list(split_turns(spin(packets=50))))
+    for command, asked in (("compress", names[:2]), ("decompress", names[1:])):
+        lines = told([command, *asked], capsys)
+        size = Path(asked[0]).stat().st_size
+        assert len(lines) >= turns + 1
+        done = [int(line.split()[1].replace(",", "")) for line in lines]
+        assert done == sorted(done)
+        assert done[0] < 0.5 * size
+        assert done[-1] == size
+        assert done.count(size) == 1
+
+
+@pytest.mark.parametrize("command", ["compress", "decompress"])
+def test_a_file_is_not_written_over_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    path, data = tmp_path / "a", pcap(recorded())
+    path.write_bytes(data)
+    if command == "decompress":
+        compress(path, tmp_path / "b")
+        data = (tmp_path / "b").read_bytes()
+        path.write_bytes(data)
+    (tmp_path / "link").symlink_to(path)
+    for out in (path, tmp_path / "link"):
+        assert main([command, str(path), str(out)]) == 2
+        assert "is the file that is read" in capsys.readouterr().err
+        assert path.read_bytes() == data
 
 
 @pytest.mark.parametrize("command", ["compress", "decompress"])

@@ -86,11 +86,12 @@ def compress(
     Raises
     ------
     InputError
-        The recording cannot be read or `out` not be written.
+        The recording cannot be read or `out` not be written, or both are one file.
     """
     chosen = settings or Settings()
     if chosen.step != 1 or not chosen.times or not chosen.reflectivities:
         raise InputError("a recording is compressed without loss and with all that is in it")
+    _check_apart(recording, out)
     data = _opened(recording)
     account = Account(bytes=len(data))
     with written_whole(out) as temporary, temporary.open("wb") as stream:
@@ -112,8 +113,10 @@ def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
     Raises
     ------
     InputError
-        The stream is damaged or another's, holds no whole recording, or `out` cannot be written.
+        The stream is damaged or another's, holds no whole recording, `out` cannot be written, or
+        both are one file.
     """
+    _check_apart(path, out)
     try:
         size = path.stat().st_size
         source = path.open("rb")
@@ -121,6 +124,11 @@ def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
         raise unreadable(path, error) from error
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
         return _restore(source, stream, size, tell)
+
+
+def _check_apart(source: Path, out: Path) -> None:
+    if source.exists() and out.exists() and source.samefile(out):
+        raise InputError(f"{out}: is the file that is read; name another one to write")
 
 
 def _opened(path: Path) -> Bytes:
@@ -142,23 +150,35 @@ def _records(
     """The records of a recording's bytes."""
     page = _page_size(data)
     check = _check_of(data)
+    size = len(data)
     if page:
         pages = data.reshape(-1, page)
         yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK])))
-        data = pages[:, _LINK:].ravel()
+        size = len(pages) * (page - _LINK)
     encoder = _PacketEncoder(settings, account)
     done = 0
-    while done < len(data):
-        window = data[done : done + _WINDOW]
+    while done < size:
+        window = _window(data, page, done, min(done + _WINDOW, size))
         places = find_packets(window)
-        is_last = done + len(window) == len(data)
+        is_last = done + len(window) == size
         # A packet that the window cuts is whole in the next one.
         end = len(window) if is_last else max(len(window) - PACKET_BYTES + 1, _end_of(places))
-        yield from encoder.batch(window[:end], places)
+        for record, reached in encoder.batch(window[:end], places):
+            yield record
+            if tell is not None and reached:
+                tell(done + reached, size)
         done += end
-        if tell is not None:
-            tell(done, len(data))
     yield Record(Kind.END, account.bytes.to_bytes(8, "little") + check)
+
+
+def _window(data: Bytes, page: int, first: int, end: int) -> Bytes:
+    """Bytes from `first` to before `end` of a file, the links of its pages left out."""
+    if not page:
+        return data[first:end]
+    whole = page - _LINK
+    start = first // whole
+    part = data.reshape(-1, page)[start : -(-end // whole), _LINK:].ravel()
+    return part[first - start * whole : end - start * whole]
 
 
 def _end_of(places: NDArray[np.int64]) -> int:
@@ -204,19 +224,24 @@ class _PacketEncoder:
         self._kind: PacketKind | None = None
         self._turns: TurnEncoder | None = None
 
-    def batch(self, data: Bytes, places: NDArray[np.int64]) -> Iterator[Record]:
-        """The records of some bytes with packets at some places."""
+    def batch(self, data: Bytes, places: NDArray[np.int64]) -> Iterator[tuple[Record, int]]:
+        """The records of some bytes with packets at some places, and how far they reach.
+
+        0 for as far as before. All bytes are reached by the last record alone.
+        """
         if len(places):
-            rows = places[:, None] + np.arange(PACKET_BYTES)
+            rows, packets = places[:, None] + np.arange(PACKET_BYTES), 0
             for kind, payloads in split_turns(data[rows]):
-                yield from self._turn(kind, payloads)
+                packets += len(payloads)
+                reached = int(places[packets - 1])
+                yield from ((record, reached) for record in self._turn(kind, payloads))
         starts = np.concatenate([[0], places + PACKET_BYTES])
         ends = np.concatenate([places, [len(data)]])
         gaps = [
             data[first:end].tobytes()
             for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
         ]
-        yield Record(Kind.GAPS, base_128(len(places)) + _packed(_gathered(gaps)))
+        yield Record(Kind.GAPS, base_128(len(places)) + _packed(_gathered(gaps))), len(data)
 
     def _turn(self, kind: PacketKind, payloads: Payloads) -> Iterator[Record]:
         if self._turns is None or kind != self._kind:
@@ -366,6 +391,8 @@ def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None)
     """Write the recording of the records of `source`."""
     account, out, packets = Account(compressed=size), _Out(stream), _PacketDecoder()
     for record in read_records(source):
+        if tell is not None and record.kind != Kind.END:
+            tell(source.tell(), size)
         if record.kind == Kind.PAGES:
             reader = Reader(record.body)
             page = reader.number()
@@ -382,10 +409,10 @@ def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None)
             account.turns += 1
         elif record.kind == Kind.GAPS:
             account.packets += packets.write(record.body, out)
-            if tell is not None:
-                tell(source.tell(), size)
         elif record.body != out.size.to_bytes(8, "little") + out.check.to_bytes(4, "little"):
             raise InputError("the stream is damaged, or holds no recording")
+    if tell is not None:
+        tell(size, size)
     account.bytes = out.size
     return account
 
