@@ -1,17 +1,20 @@
 """Recordings as a data set: whole turns, by name."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from puckbench.cli import main
 from puckbench.codecs.puck.recording import compress
 from puckbench.core.errors import InputError
 from puckbench.datasets import recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.lidar.recordings import reading
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
-from puckbench.lidar.returns import Returns
+from puckbench.lidar.returns import Returns, read_firings
+from tests.io.test_recordings import bag, scan_message
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 
@@ -142,8 +145,8 @@ def test_patterns_subfolders_and_folders_of_bags_are_read(
     for place in ("drives/one", "drives/two", "drives/.hidden", "bags/first", "bags/second"):
         Path(place).mkdir(parents=True)
         Path(place, "run.pcap").write_bytes((folder / "a.pcap").read_bytes())
-    for bag in ("first", "second"):
-        Path("bags", bag, "metadata.yaml").touch()
+    for name in ("first", "second"):
+        Path("bags", name, "metadata.yaml").touch()
 
     def places(path: object) -> list[Path]:
         scenes = open_scene_set("recordings", {"path": path})
@@ -206,6 +209,38 @@ def test_every_sensor_and_return_mode_comes_by_turns(
         assert found is not None
         assert found.layout.kinds == (2 if mode == DUAL else 1)
         np.testing.assert_array_equal(found.points(), replace_turns(whole, number).points())
+
+
+@pytest.mark.parametrize("product", [VLP16, HDL32E])
+@pytest.mark.parametrize("mode", [STRONGEST, DUAL])
+def test_bags_have_the_turns_of_their_packets(tmp_path: Path, product: int, mode: int) -> None:
+    packets = spin(product, mode, packets=100)
+    (tmp_path / "a.pcap").write_bytes(pcap(rows(packets)))
+    (tmp_path / "drive").mkdir()
+    bag(tmp_path / "drive/drive_0.db3", [scan_message(part) for part in np.split(packets, 4)])
+    scenes = open_scene_set("recordings", {"path": str(tmp_path)})
+    own = [name for name in scenes.names() if name.startswith("drive_0")]
+    assert len(own) == len(scenes.names()) // 2 >= 1
+    for name in own:
+        found, same = scenes.load(name), scenes.load(name.replace("drive_0", "a"))
+        assert found.returns is not None
+        assert same.returns is not None
+        np.testing.assert_array_equal(found.returns.points(), same.returns.points())
+
+
+@pytest.mark.parametrize("suffix", ["pcap", "puck"])
+def test_turns_of_a_recording_are_prepared_by_the_command(tmp_path: Path, suffix: str) -> None:
+    packets = spin(packets=60)
+    (tmp_path / "a.pcap").write_bytes(pcap(rows(altered(packets, {(25, 0): 0}))))
+    compress(tmp_path / "a.pcap", tmp_path / "a.puck")
+    out = tmp_path / "turn.ply"
+    assert main(["prepare", str(tmp_path / f"a.{suffix}"), str(out)]) == 0
+    found = read_firings(tmp_path / "turn.parquet")
+    whole = returns_of_packets(np.delete(packets, 25, axis=0))
+    np.testing.assert_array_equal(found.turns[0].ranges, whole.turns[1].ranges)
+    about = json.loads(out.with_suffix(".json").read_text())
+    assert about["damaged_packets"] == 1
+    assert about["source"] == f"a.{suffix}"
 
 
 def replace_turns(returns: Returns, number: int) -> Returns:

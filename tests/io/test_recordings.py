@@ -171,7 +171,7 @@ def test_a_bag_of_something_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a.db3: the ROS bag must have one topic"):
         read_recording(tmp_path / "a.db3")
     bag(tmp_path / "b.db3", [])
-    with pytest.raises(InputError, match=r"b.db3: the ROS bag has no message"):
+    with pytest.raises(InputError, match=r"b.db3: the ROS bag has no data packet"):
         read_recording(tmp_path / "b.db3")
 
 

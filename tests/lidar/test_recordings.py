@@ -116,7 +116,7 @@ def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("product", 0x21, "a recording of HDL-32E"),
+        ("product", 0x21, "a recording of HDL-32E .* not of a VLP-16 or a Puck Hi-Res"),
         ("product", 0x7F, "an unknown sensor .product 0x7F"),
         ("mode", 0x12, "return mode 0x12"),
     ],
@@ -165,7 +165,7 @@ def test_an_error_names_its_file_once(tmp_path: Path) -> None:
     path.write_bytes((DATA / "single.pcap").read_bytes()[:24])
     with pytest.raises(InputError) as caught:
         read_recording(path)
-    assert str(caught.value) == f"{path}: no data packet of a VLP-16"
+    assert str(caught.value) == f"{path}: no data packet of a VLP-16 or a Puck Hi-Res"
     with pytest.raises(InputError) as caught:
         read_recording(tmp_path / "none.pcap")
     assert str(caught.value).count("none.pcap") == 1

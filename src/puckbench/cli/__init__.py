@@ -20,7 +20,7 @@ COMMANDS = {
     "run": "compare codecs on clouds, meshes and recordings of yours: a table and a report",
     "scene": "write a scene of a scene set as a mesh or cloud with its description",
     "scan": "scan a mesh with a virtual sensor: the table of all returns",
-    "capture": "read a capture of a real VLP-16: the table of its returns",
+    "capture": "read a capture of a VLP-16 or Puck Hi-Res: the table of its returns",
     "export": "write a scan or a capture in the format of another tool",
     "compress": "store a recording of a spinning LiDAR in a small file, bit for bit",
     "decompress": "give back the recording of such a file",

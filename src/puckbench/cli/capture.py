@@ -1,4 +1,4 @@
-"""`puckbench capture`: a capture of a real VLP-16 as a table of its returns."""
+"""`puckbench capture`: a capture of a real VLP-16 or Puck Hi-Res as a table of its returns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("capture", type=Path, help=".pcap, ROS 2 bag, or cloud with a laser column")
+    parser.add_argument(
+        "capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column"
+    )
     parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
     parser.add_argument("--sensor", help="name or YAML file (default: what the packets say)")
     parser.add_argument("--start", type=float, default=0.0, help="s after the first packet")

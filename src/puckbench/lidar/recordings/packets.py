@@ -155,12 +155,14 @@ def packet_seconds(packets: NDArray[Any]) -> Floats:
 def _checked_mode(packets: NDArray[Any]) -> int:
     """The return mode; InputError unless the packets are a VLP-16's, whole, and alike."""
     if len(packets) == 0:
-        raise InputError("no data packet of a VLP-16")
+        raise InputError("no data packet of a VLP-16 or a Puck Hi-Res")
     products = [int(code) for code in np.unique(packets["product"])]
     for code in products:
         if code not in SENSORS:
             name = PRODUCTS.get(code, "an unknown sensor")
-            raise InputError(f"a recording of {name} (product 0x{code:02X}), not of a VLP-16")
+            raise InputError(
+                f"a recording of {name} (product 0x{code:02X}), not of a VLP-16 or a Puck Hi-Res"
+            )
     if len(products) > 1:
         raise InputError("packets of a VLP-16 and of a Puck Hi-Res in one capture")
     modes = np.unique(packets["mode"])

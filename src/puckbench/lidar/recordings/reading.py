@@ -66,7 +66,8 @@ def read_recording(
     Raises
     ------
     InputError
-        One line that names the file, when it holds no readable data of a VLP-16.
+        One line that names the file, when it holds no readable data of a VLP-16 or a
+        Puck Hi-Res.
     """
     try:
         if path.suffix.lower() == ".parquet":
@@ -159,7 +160,7 @@ def _packets_of_bag(path: Path) -> PacketLog:
     bag = read_messages(path, SCAN, MESSAGES)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
-        raise InputError("the ROS bag has no message of a VLP-16")
+        raise InputError("the ROS bag has no data packet of a Velodyne")
     received = [one.stamp.sec + one.stamp.nanosec * 1e-9 for one in packets]
     about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
     return joined([one.data.tobytes() for one in packets], received, about)
