@@ -4,12 +4,12 @@
         [--sensors vlp16 ...] [--errors vlp16 ...] [--places] [--without-biases]
 
 One turn at 10 Hz of each scene under each error model. For each rate: bits per return, and in mm
-`truth_d1_rms_m` and `truth_d2_rms_m` of both codecs; first those of the scan itself. Then the
-seconds of the processor that smoothing takes. With --places instead, at the given rate, the root of
-the mean squared distance from a decoded point to the surface's plane there (range error times
-cosine of incidence, at most 0.3 m) of scan | puck -> puck_smoothed, by kind of place: `edge`, where
-the true range jumps by more than 0.2 m to a return beside it in its row; otherwise the greatest
-incidences; otherwise the classes of objects.
+`truth_d1_rms_m` and `truth_d2_rms_m` of both from one stream; first those of the scan itself. Then
+the seconds of the processor that smoothing takes. With --places instead, at the given rate, the
+root of the mean squared distance from a decoded point to the surface's plane there (range error
+times cosine of incidence, at most 0.3 m) of scan | puck -> puck_smoothed, by kind of place: `edge`,
+where the true range jumps by more than 0.2 m to a return beside it in its row; otherwise the
+greatest incidences; otherwise the classes of objects.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ def rates(turn: Turned) -> None:
     about = {"offset": tuple(table.about["origin"])}
     reference = PointCloud(turn.returns.points(), about=about)
     truth = Truth(reference, turn.mesh, seen)
-    plain, smoothed = open_codec("puck"), open_codec("puck_smoothed")
+    smoothed = open_codec("puck_smoothed")
+    plain = open_codec("puck", {"options": {"lmbda": smoothed.options.lmbda}})
     plain.metric_rates = smoothed.metric_rates
     smoothed.load()
     print(f"    scan: {told(truth, reference.xyz)} mm")
@@ -112,8 +113,9 @@ def places(turn: Turned, rate: str) -> None:
     kind = names[table["object_id"][rows]]
     kind = np.where(edge, "edge", np.where(steep > 80, "over 80 degrees", kind))
     lengths = []
+    lmbda = open_codec("puck_smoothed").options.lmbda
     for name in ("puck", "puck_smoothed"):
-        codec = open_codec(name)
+        codec = open_codec(name, {"options": {"lmbda": lmbda}})
         cloud = codec.decode_cloud(codec.encode_returns(turn.returns, rate))
         lengths.append(np.linalg.norm(cloud.xyz, axis=1))
     lengths.append(np.linalg.norm(turn.returns.points(), axis=1))
