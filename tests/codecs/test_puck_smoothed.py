@@ -34,7 +34,7 @@ def wall(rays: Floats, normal: tuple[float, float, float], distance: float) -> F
 
 
 def smoothed(ranges: Floats, rays: Floats, step: float) -> Floats:
-    return smoothed_ranges(ranges, rays, np.zeros(len(ranges)), COLUMN, False, step)
+    return smoothed_ranges(ranges, rays, np.zeros(rays.shape), COLUMN, False, step)
 
 
 def rms(errors: Floats) -> float:
@@ -131,9 +131,40 @@ def test_heights_of_lasers_are_taken_into_account() -> None:
     with np.errstate(divide="ignore"):
         truth = np.where(down, (-1.5 - heights[:, None]) / rays[..., 2], 0)
     coded = np.rint(truth / 0.02) * 0.02
-    found = smoothed_ranges(coded, rays, heights, COLUMN, False, 0.02)
+    origins = np.zeros(rays.shape)
+    origins[..., 2] = heights[:, None]
+    found = smoothed_ranges(coded, rays, origins, COLUMN, False, 0.02)
     flat = found[down] * rays[..., 2][down] + np.broadcast_to(heights[:, None], down.shape)[down]
     assert np.abs(flat + 1.5).max() < 0.001
+
+
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_beams_beside_the_axis_are_taken_into_account(clockwise: bool) -> None:
+    """Beams pass the axis 26 mm to either side, as those of an HDL-64E; walls are all around."""
+    lasers, columns, quantum = 16, 900, 0.002
+    turn = Turn(
+        np.ones((1, columns, lasers), np.uint16), (40 * np.arange(columns)).astype(np.uint16)
+    )
+    beams = Beams(
+        tuple(np.linspace(-15, 15, lasers).tolist()), (0.0,) * lasers, (0.0,) * lasers,
+        sideways_mm=(26.0, -26.0) * (lasers // 2), clockwise=clockwise,
+    )  # fmt: skip
+    returns = Returns(beams, Layout(tuple(range(lasers))), (turn,), quantum, "Beside")
+    starts = returns.points([np.zeros((1, columns, lasers))])
+    rays = returns.points([np.ones((1, columns, lasers))]) - starts
+    truth = np.full(len(rays), np.inf)
+    for normal in ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)):
+        turned = np.array(normal) @ [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]
+        with np.errstate(divide="ignore"):
+            length = (4.0 - starts @ turned) / (rays @ turned)
+        truth = np.where(length > 0, np.minimum(truth, length), truth)
+    truth = truth.reshape(columns, lasers)
+    step = 0.1
+    coded = np.rint(np.rint(truth / step) * step / quantum).astype(np.uint16)
+    seen = replace(returns, turns=(replace(turn, ranges=coded[None]),))
+    found = smoothed_distances(seen, seen.turns[0], step)[0]
+    assert rms(coded * quantum - truth) > 0.025
+    assert rms(found - truth) < 0.003
 
 
 @pytest.mark.parametrize("rate", ["100mm", "2mm"])

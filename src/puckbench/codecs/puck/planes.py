@@ -1,7 +1,7 @@
 """Planes in the image of a turn: pieces of rows that are merged while one plane fits them.
 
-On a plane ``m . p = 1`` the points of returns are ``p = r d + h z``, of range r, direction d and
-height h of the laser. So ``r = (r p) . m``, which is linear in the plane m and, near to it, right
+On a plane ``m . p = 1`` the points of returns are ``p = r d + o``, of range r, direction d and
+start o of the beam. So ``r = (r p) . m``, which is linear in the plane m and, near to it, right
 up to the error of the range. Least squares of any set of returns follow from 11 sums, which add up
 when sets are merged.
 

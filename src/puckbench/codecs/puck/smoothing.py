@@ -16,6 +16,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.codecs.puck.planes import (
     Labels,
@@ -27,7 +28,7 @@ from puckbench.codecs.puck.planes import (
 )
 from puckbench.core.compiling import compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.returns import Returns
+from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Turn
 
 _TOLERANCE = 0.5
@@ -70,25 +71,37 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
-    heights = np.asarray(returns.beams.heights_mm)[order] / 1000
     azimuths = np.ascontiguousarray(returns.azimuths(turn)[:, order].T)
     side = np.sin(azimuths) if returns.beams.clockwise else -np.sin(azimuths)
     level = np.cos(elevations)[:, None]
     up = np.broadcast_to(np.sin(elevations)[:, None], azimuths.shape)
     directions = np.stack([level * side, level * np.cos(azimuths), up], axis=2)
+    origins = _origins(returns.beams, azimuths, order)
     distances: Floats = turn.ranges.astype(np.float64) * returns.quantum_m
     coded = np.ascontiguousarray(distances[0][:, order].T)
     steps = np.mod(np.diff(azimuths[0]), 2 * np.pi)
     column = float(np.median(steps)) if len(steps) else 0.0
     closes = float(np.mod(azimuths[0, 0] - azimuths[0, -1], 2 * np.pi)) < 3 * column
-    distances[0][:, order] = smoothed_ranges(coded, directions, heights, column, closes, step_m).T
+    distances[0][:, order] = smoothed_ranges(coded, directions, origins, column, closes, step_m).T
     return distances
+
+
+def _origins(beams: Beams, azimuths: Floats, order: NDArray[np.intp]) -> Floats:
+    """Where beams start, (lasers, columns, 3), m: at the laser's height, and beside the axis."""
+    found = np.zeros((*azimuths.shape, 3))
+    found[..., 2] = (np.asarray(beams.heights_mm)[order] / 1000)[:, None]
+    if beams.sideways_mm:
+        sideways = (np.asarray(beams.sideways_mm)[order] / 1000)[:, None]
+        right = sideways * np.cos(azimuths)
+        found[..., 0] = right if beams.clockwise else -right
+        found[..., 1] = -sideways * np.sin(azimuths)
+    return found
 
 
 def smoothed_ranges(
     coded: Floats,
     directions: Floats,
-    heights: Floats,
+    origins: Floats,
     column: float,
     closes: bool,
     step_m: float,
@@ -101,8 +114,8 @@ def smoothed_ranges(
         (lasers, columns), from the lowest laser to the highest, m, 0 for no return.
     directions
         (lasers, columns, 3), of length 1.
-    heights
-        (lasers,) of each laser above the origin, m.
+    origins
+        (lasers, columns, 3), where beams start, m.
     column
         Angle between columns, rad.
     closes
@@ -118,19 +131,19 @@ def smoothed_ranges(
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
     biases = np.zeros(len(coded))
-    image = _image(coded, directions, heights, biases)
+    image = _image(coded, directions, origins, biases)
     if not std > 0 or not np.abs(image.rows).max(initial=0.0) < _HUGE:
         return coded
     unknown = max(_FIRST_TOLERANCE, 4 * (_BIAS_M / std) ** 2)
     planes = fitted_planes(image, column, std, unknown, closes)
     for _ in range(_PASSES - 1):
         biases += _biases(image, planes, std)
-        image = _image(coded, directions, heights, biases)
+        image = _image(coded, directions, origins, biases)
         planes = fitted_planes(image, column, std, _TOLERANCE, closes)
     limit = step_m / 2 + max(_WIDEN * noise, _WIDEN_STEPS * step_m)
     found = np.where(image.ranges > 0, image.ranges, coded)
     spread = np.zeros((len(planes.vectors), 2))
-    _estimate(image.ranges, directions, heights, *planes, std, limit, spread, found)
+    _estimate(image.ranges, directions, origins, *planes, std, limit, spread, found)
     return np.where(np.isfinite(found) & (found > 0), found, coded)
 
 
@@ -144,10 +157,10 @@ def _noise(ranges: Floats) -> float:
     return min(float(np.median(bend) / 0.6745 / np.sqrt(6)), _MOST_NOISE_M)
 
 
-def _image(coded: Floats, directions: Floats, heights: Floats, biases: Floats) -> RangeImage:
+def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -> RangeImage:
     ranges = np.where(coded > 0, coded - biases[:, None], 0.0)
     rows = directions * ranges[..., None]
-    rows[..., 2] += heights[:, None]
+    rows += origins
     rows *= ranges[..., None]
     return RangeImage(ranges, rows)
 
@@ -237,7 +250,7 @@ def _sum_by_laser(
 def _estimate(
     ranges: Floats,
     directions: Floats,
-    heights: Floats,
+    origins: Floats,
     labels: Labels,
     planes: Floats,
     std: float,
@@ -256,9 +269,10 @@ def _estimate(
                 plane = labels[laser, column]
                 if plane < 0:
                     continue
-                m, d = planes[plane], directions[laser, column]
+                m, d, o = planes[plane], directions[laser, column], origins[laser, column]
                 down = m[0] * d[0] + m[1] * d[1] + m[2] * d[2]
-                error = (1 - heights[laser] * m[2]) / down - ranges[laser, column]
+                start = m[0] * o[0] + m[1] * o[1] + m[2] * o[2]
+                error = (1 - start) / down - ranges[laser, column]
                 if not abs(error) < _SCATTER * std:
                     continue
                 if not moves:
