@@ -29,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--peak",
         type=float,
-        help="of the PSNRs (default: size - 1 of the reference's JSON)",
+        help="of the PSNRs (default: the reference's own, 1023 if scaled, 30 if in metres)",
     )
     parser.add_argument(
         "--views", type=whole(0), default=0, help="pixels of six pictures to compare (default: 0)"
