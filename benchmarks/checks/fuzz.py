@@ -224,8 +224,9 @@ def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
     name = decoder.partition(" ")[0]
     if kind == "both":
         kind, number = ("damaged", "structured")[number % 2], number // 2
-    if kind == "structured" and name in WRITERS:
-        return structured(name, whole, number)
+    writer = decoder if decoder in WRITERS else name
+    if kind == "structured" and writer in WRITERS:
+        return structured(writer, whole, number)
     return damaged(whole, number, name)
 
 

@@ -25,6 +25,8 @@ from puckbench.codecs.primitives.stream import (
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, shell, weights_name
+from tests.support.puck_streams import RecordingDecoder
+from tests.support.returns import recorded
 from tests.support.structured_streams import structured
 
 
@@ -207,7 +209,7 @@ def test_reno_cannot_promise_voxels_without_bytes(
         reno_stream.read_stream(promise)
 
 
-def _endure(codec: Codec, stream: bytes) -> None:
+def _endure(codec: Codec | RecordingDecoder, stream: bytes) -> None:
     refused = ""
     try:
         assert np.isfinite(codec.decode(stream)).all()
@@ -230,3 +232,29 @@ def test_structured_streams_of_networks_end_in_points_or_one_error(
     codec, stream = learned[name]
     for number in range(40):
         _endure(codec, structured(name, [stream], number))
+
+
+@pytest.mark.parametrize("name", ["draco", "draco_sequential", "laz", "delta_zstd"])
+def test_structured_streams_of_points_end_in_points_or_one_error(name: str) -> None:
+    codec = open_codec(name)
+    points = np.cumsum(np.random.default_rng(4).normal(0, 0.02, (800, 3)), axis=0)
+    whole = [codec.encode(points, rate) for rate in ("50mm", "2mm")]
+    for number in range(40):
+        _endure(codec, structured(name, whole, number))
+
+
+@pytest.mark.parametrize("name", ["jpegls", "jpegxl", "packets_xz", "packets_zstd"])
+def test_structured_streams_of_returns_end_in_points_or_one_error(name: str) -> None:
+    codec = open_codec(name)
+    if not codec.available().ok:
+        pytest.skip(codec.available().why)
+    whole = [codec.encode_returns(recorded(30), "2mm")]
+    for number in range(40):
+        _endure(codec, structured(name, whole, number))
+
+
+def test_structured_recordings_end_in_bytes_or_one_error() -> None:
+    decoder = RecordingDecoder()
+    whole = decoder.streams()
+    for number in range(20):
+        _endure(decoder, structured("puck (recording)", whole, number))

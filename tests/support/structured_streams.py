@@ -18,6 +18,9 @@ from unittest.mock import patch
 import numpy as np
 
 from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
+from puckbench.codecs.common.framing import Framing
+from puckbench.codecs.common.varints import packed_signed
+from puckbench.codecs.common.zstandard import compressed
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.learned.sparse.voxels import morton_voxels
 from puckbench.codecs.puck.records import Kind, Record, read_records, start
@@ -423,6 +426,136 @@ def _filling(random: Random) -> bytes:
     return random.bytes(length)
 
 
+def recording(streams: Sequence[bytes], random: Random) -> bytes:
+    """Compressed recordings whose turns, gaps, pages and end are at their limits."""
+    from puckbench.codecs.puck import recording as codec
+
+    whole = _records(streams, random)
+    if random.random() < 0.2:
+        return puck(streams, random)
+
+    def gaps(count: int) -> Record:
+        runs = [(limit(random, 11), limit(random, 12)) for _ in range(int(random.integers(1, 5)))]
+        if random.random() < 0.5:  # as many as there are packets
+            runs = [(limit(random, 10), count + 1)]
+        size = min(sum(length * times for length, times in runs), 1 << 22)
+        lengths = b"".join(base_128(number) for run in runs for number in run)
+        raw = base_128(len(runs)) + lengths + bytes([int(random.integers(256))]) * size
+        return Record(Kind.GAPS, base_128(count) + codec._packed(raw))
+
+    found: list[Record] = []
+    for record in whole:
+        if record.kind == Kind.GAPS and random.random() < 0.5:
+            count = Reader(record.body).number()
+            count = count if random.random() < 0.7 else limit(random, 20)
+            found += [gaps(count)] * int(random.choice([1, 1, 20]))
+        elif record.kind == Kind.TURN and random.random() < 0.2:
+            body = record.body if random.random() < 0.5 else _changed_turn(record.body, random)
+            found += [Record(Kind.TURN, body)] * int(random.choice([0, 1, 3, 200]))
+        elif record.kind == Kind.LAYOUT and random.random() < 0.2:
+            links = bytes(limit(random, 12) * 4)
+            page = base_128(int(random.choice([511, 512, 4096, 65536, 65537])))
+            found += [Record(Kind.PAGES, page + codec._packed(links)), record]
+        elif record.kind == Kind.END and random.random() < 0.2:
+            found.append(Record(Kind.END, _filling(random)))
+        else:
+            found.append(record)
+    return start() + b"".join(record.packed() for record in found)
+
+
+def draco(streams: Sequence[bytes], random: Random) -> bytes:
+    """Points, method and flags of the header, and bytes of the decoders' descriptions."""
+    from puckbench.codecs.draco import _HEADER
+
+    plain = [each for each in streams if each.startswith(b"DRACO")]  # not shifted ones
+    stream = plain[random.integers(len(plain))]
+    fields_of = list(_HEADER.unpack_from(stream))
+    places = random.permutation([4, 5, 6])[: int(random.choice([1, 1, 1, 3]))]
+    for place in places.tolist():
+        fields_of[place] = limit(random, {4: 1, 5: 16, 6: 26}[place])
+    rest = bytearray(stream[_HEADER.size :])
+    for _ in range(int(random.choice([0, 1, 2]))):
+        rest[int(random.integers(min(len(rest), 40)))] = limit(random, 8)
+    cut = len(rest) if random.random() < 0.6 else int(random.integers(len(rest)))
+    return _HEADER.pack(*fields_of) + bytes(rest[:cut]) + (data(random) if cut < len(rest) else b"")
+
+
+def laz(streams: Sequence[bytes], random: Random) -> bytes:
+    """Points, scales and chunks at their limits, before points of a stream or any."""
+    from puckbench.codecs.storage import laz as codec
+
+    plain = [each for each in streams if each.startswith(codec.Laz.magic)]
+    stream = bytearray(plain[random.integers(len(plain))])
+    if random.random() < 0.5:
+        begin = struct.unpack_from("<I", stream, codec._STARTS_AT + 2)[0] + 8
+        stream[begin + int(random.integers(20)) :] = data(random) + bytes(8)
+        chunks = len(stream) - 8
+        struct.pack_into("<q", stream, begin - 8, chunks)
+        struct.pack_into("<II", stream, chunks, 0, int(random.choice([1, 1, 2, 336])))
+    if random.random() < 0.7:
+        struct.pack_into("<I", stream, codec._STARTS_AT + 13, limit(random, 25))
+    if random.random() < 0.2:
+        scale = 10.0 ** int(random.integers(-320, 309))
+        struct.pack_into("<3d", stream, codec._SCALES_AT, *[scale] * 3)
+    return bytes(stream)
+
+
+def delta_zstd(streams: Sequence[bytes], random: Random) -> bytes:
+    """Differences of any size, as many as are claimed or others, at any step."""
+    moves = np.full(limit(random, 21), limit(random, 34) * int(random.choice([-1, 1])))
+    if random.random() < 0.5:
+        moves = random.integers(-(2**20), 2**20, int(random.integers(3000)))
+    coded = compressed(packed_signed(moves) + (data(random) if random.random() < 0.2 else b""))
+    count = len(moves) // 3 if random.random() < 0.6 else limit(random, 27)
+    step = struct.pack("<d", 10.0 ** int(random.integers(-320, 309)))
+    return Framing(b"PBDZ", 1, "").framed(step + base_128(count) + coded)
+
+
+def range_images(streams: Sequence[bytes], random: Random) -> bytes:
+    """Turns at their limits, with images of other sizes, of a stream or of any bytes."""
+    stream = streams[random.integers(len(streams))]
+    reader, parts = Reader(stream[9:]), []
+    while reader.at < len(reader.body):
+        parts.append(reader.take(reader.number()))
+    layout, beams, _, azimuths, *images = parts
+    turns = int(random.choice([1, 1, 2, 16, limit(random, 12)]))
+    blocks = [limit(random, 14) for _ in range(turns)]
+    if random.random() < 0.5:
+        azimuths = compressed(bytes(2 * sum(blocks)))
+    if random.random() < 0.5:
+        images = images[:1] * turns
+    if random.random() < 0.5:
+        place = int(random.integers(len(images))) if images else 0
+        images[place : place + 1] = [data(random), bytes(1) + data(random)]
+    numbers = base_128(limit(random, 16)) + base_128(turns) + b"".join(map(base_128, blocks))
+    numbers = parts[2] if random.random() < 0.3 else numbers
+    body = [layout, beams, numbers, azimuths, *images]
+    return Framing(stream[:4], 1, "").framed(b"".join(base_128(len(part)) + part for part in body))
+
+
+def packets(streams: Sequence[bytes], random: Random) -> bytes:
+    """Packets of a stream, of one byte or of any, as many as are claimed or others."""
+    from puckbench.codecs.registry import CODECS, open_codec
+
+    stream = streams[random.integers(len(streams))]
+    codec: Any = open_codec(next(n for n in CODECS.names() if open_codec(n).magic == stream[:4]))
+    reader = Reader(stream[9:])
+    counts = [reader.number() for _ in range(reader.number())]
+    raw = codec._unpacked(reader.rest(), sum(counts) * 1206)
+    if random.random() < 0.5:
+        raw = raw[:1206] * min(limit(random, 13), 5000)
+        counts = [len(raw) // 1206]
+    changed = bytearray(raw)
+    for _ in range(int(random.choice([0, 1, 5]))):
+        if changed:
+            changed[int(random.integers(len(changed)))] = limit(random, 8)
+    if random.random() < 0.4:
+        counts = [limit(random, 17) for _ in range(int(random.choice([0, 1, 2, 300])))]
+    numbers = base_128(len(counts)) + b"".join(map(base_128, counts))
+    packed = codec._packed(bytes(changed)) if random.random() < 0.8 else data(random)
+    return Framing(stream[:4], 1, "").framed(numbers + packed)
+
+
 _NETS = "puckbench.codecs.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
@@ -431,6 +564,15 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,
     "puck_smoothed": puck_smoothed,
+    "puck (recording)": recording,
+    "draco": draco,
+    "draco_sequential": draco,
+    "laz": laz,
+    "delta_zstd": delta_zstd,
+    "jpegls": range_images,
+    "jpegxl": range_images,
+    "packets_xz": packets,
+    "packets_zstd": packets,
     "pcgcv1_plus": _learned(f"{_NETS}.pcgcv1.stream", _changed1, "write_stream", ["_max_cubes"]),
     "pcgcv2_plus": _learned(f"{_NETS}.pcgcv2.stream", _changed2, "write_coded", ["_check_work"]),
     "sparse_octree_net": _learned(
