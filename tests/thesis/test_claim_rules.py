@@ -200,14 +200,27 @@ def test_clouds_count_that_every_codec_has_coded() -> None:
     assert Evidence().clouds_of(["clean"], "pcgcv2") == Evidence().calls("pcgcv2") == 0
 
 
-@pytest.mark.parametrize(("clouds", "repeats", "calls"), [(5, None, 5), (4, None, 4), (2, 3, 6)])
-def test_9_counts_calls_over_clouds_and_repetitions(
-    clouds: int, repeats: int | None, calls: int
+@pytest.mark.parametrize(
+    ("clouds", "repeats", "alone", "calls"),
+    [
+        (5, None, None, 0),
+        (180, 2, False, 0),
+        (5, None, True, 5),
+        (4, None, True, 4),
+        (2, 3, False, 6),
+        (2, 3, None, 6),
+    ],
+)
+def test_9_counts_calls_that_are_repeated_or_alone_on_the_machine(
+    clouds: int, repeats: int | None, alone: bool | None, calls: int
 ) -> None:
+    """Clouds timed once each beside other jobs have times of those jobs."""
     evidence = run({"draco": {"encode_s": BPP, "decode_s": BPP}}, clouds=clouds)
     assert evidence.metrics is not None
     if repeats:
         evidence.metrics["repeats"] = repeats
+    if alone is not None:
+        evidence.metrics["timed_alone"] = alone
     assert evidence.calls("draco") == calls
     assert (holds(9, evidence, "Draco grows") is None) == (calls < 5)
     assert ("5 timed calls" in needed(9, evidence)) == (calls < 5)
@@ -247,7 +260,53 @@ def test_7_needs_bits_that_both_can_do_with() -> None:
     table = evidence.metrics
     assert table is not None
     table.loc[table["codec"] == "pcgcv2", "bpp"] *= 1000
-    assert "4 rates of both and 4 clouds in a common range" in needed(7, evidence)
+    assert "4 rates of both, 3 of them in a common range, and 4 clouds" in needed(7, evidence)
+
+
+@pytest.mark.parametrize(("place", "is_told"), [(2, False), (3, True)])
+def test_at_equal_bits_three_rates_are_compared_at_least(place: int, is_told: bool) -> None:
+    """Whole curves of six rates, of which fewer lie within the other's range of bits."""
+    evidence = beside((1.0,) * 6)
+    table = evidence.metrics
+    assert table is not None
+    table.loc[table["codec"] == "pcgcv2", "bpp"] *= BPP[-1] / BPP[place - 1] * 0.999
+    for number, says in ((7, "matches"), (11, "loses to")):
+        found = holds(number, evidence, f"PCGCv2 {says} G-PCC as run")
+        assert (found is not None) is is_told
+
+
+def test_every_part_shows_its_sample() -> None:
+    rows = [
+        (model, surface, distance, laser, 0.0, 0.014)
+        for model in ("real", "hdl64e", "vlp16", "vlp16_divergence")
+        for surface in ("all", "wall", "floor")
+        for distance in ("all", "1", "5", "30")
+        for laser in ("all", "0", "1")
+    ]
+    sensor = replace(
+        noise(0.03, {"hdl64e": 0.04, "vlp16": 0.0044}),
+        residual_statistics=statistics(*rows),
+        incidence_effect=incidence((0.03, 0.017), (0.01, 0.01)).incidence_effect,
+    )
+    assert sensor.incidence_effect is not None
+    sensor.incidence_effect["count"] = [70, 30]
+    growing = times({"draco": 2, "gpcc_as_run": 9})
+    rooms = run({"draco": {"cd_plane": falling(4)}}, datasets=["rooms"], clouds=16)
+    assert rooms.metrics is not None
+    rooms.metrics["elongation"] = 0.5
+    counts = pd.DataFrame({"dataset": ["rooms", "noisy"] * 4, "points": range(8)})
+    wanted_samples = {
+        1: (sensor, "500 residuals"), 2: (sensor, "500 residuals"),
+        3: (sensor, "1,000 residuals"), 4: (sensor, "100 residuals"),
+        5: (sensor, "1,000 residuals, 2 "), 9: (growing, "Draco 20 clouds, 6 rates, 15 timed"),
+        12: (duplicates(2.2, 0.9), "10 clouds"), 13: (rooms, "16 rooms, 6 rates"),
+        14: (Evidence(clouds=counts, datasets=DATASETS), "4 and 4 clouds"),
+    }  # fmt: skip
+    for number, (evidence, sample) in wanted_samples.items():
+        parts = [part for part in CLAIMS[number - 1].test(evidence) if part.holds is not None]
+        assert parts
+        assert all(part.sample for part in parts)
+        assert sample in parts[-1 if number != 2 else 0].sample
 
 
 @pytest.mark.parametrize(("last", "loses"), [(1.5, True), (1.0, False), (0.9, False)])
@@ -276,9 +335,11 @@ def test_8_lags_more_on_scans_than_on_objects_on_every_set() -> None:
 
 def times(growth: Mapping[str, float]) -> Evidence:
     names = ("encode_s", "decode_s")
-    return run(
+    evidence = run(
         {k: {name: np.geomspace(1, v, len(BPP)) for name in names} for k, v in growth.items()}
     )
+    assert evidence.metrics is not None
+    return replace(evidence, metrics=evidence.metrics.assign(repeats=3))
 
 
 def test_9_hardly_is_up_to_17_over_11() -> None:

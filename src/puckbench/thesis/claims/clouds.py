@@ -56,7 +56,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
     most = max(shares[name] for name in objects)
     more = all(shares[name] > most + MORE_DUPLICATES for name in scans)
     found = ", ".join(f"{name} {share:.2%}" for name, share in shares.items())
-    return [*parts, Part("more points fall together there at the first rate", more, found)]
+    says = "more points fall together there at the first rate"
+    return [*parts, Part(says, more, found, sample=sample)]
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
@@ -78,7 +79,9 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
         found = {name: _correlation(rows[rows["dataset"] == name]) for name in rooms}
         text = ", ".join(f"{name} {value:+.2f}" for name, value in found.items())
         weak = all(abs(value) < VISIBLE for value in found.values())
-        parts.append(Part(f"{TITLES[role]}: none", weak, f"rank correlation with CD: {text}"))
+        text = f"rank correlation with CD: {text}"
+        sample = f"{evidence.clouds_of(rooms, role)} rooms, {rows['rate'].nunique()} rates"
+        parts.append(Part(f"{TITLES[role]}: none", weak, text, sample=sample))
     return parts
 
 
@@ -102,8 +105,9 @@ def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
             widths = f"interquartile ranges {spread[name]:,.0f} and {spread[raw]:,.0f} points"
             middle = f"medians {median[name]:,.0f} and {median[raw]:,.0f} points"
             narrower, higher = spread[name] < spread[raw], median[name] > median[raw]
-            parts.append(Part(f"{name} narrower than {raw}", narrower, widths))
-            parts.append(Part(f"{name} higher than {raw}", higher, middle))
+            sample = f"{len(counts[name])} and {len(counts[raw])} clouds"
+            parts.append(Part(f"{name} narrower than {raw}", narrower, widths, sample=sample))
+            parts.append(Part(f"{name} higher than {raw}", higher, middle, sample=sample))
     return parts
 
 

@@ -19,10 +19,16 @@ if TYPE_CHECKING:
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 LEAST_RATES = 4
 """Of a curve that has an upper and a lower half, and values between its points."""
+LEAST_COMPARED = 3
+"""Rates at which two curves of a data set are compared at equal bits: one or two say nothing of a
+half of the rates, nor of a median."""
 LEAST_CLOUDS = 4
 """Of all data sets that a part is tested on: as many as quartiles need."""
 LEAST_CALLS = 5
 """Timed calls for each rate and data set, over clouds and repetitions, for a median of times."""
+LEAST_REPEATS = 3
+"""Timed calls of one cloud at one rate, for them to count, where other jobs ran beside them: of
+three the median is not the one that was disturbed. Alone on the machine, one counts."""
 
 
 @dataclass(frozen=True)
@@ -106,12 +112,20 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= LEAST_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Timed calls of a codec for each rate and data set, at least."""
+        """Timed calls of a codec that count, for each rate and data set, at least.
+
+        Those of a cloud count that were repeated (`LEAST_REPEATS`), or were alone on the machine.
+        """
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["codec"] == self.codecs.get(codec)]
-        repeats = rows["repeats"] if "repeats" in rows else rows["rate"].map(lambda _: 1)
-        return int(repeats.groupby([rows["dataset"], rows["rate"]]).sum().min())
+        if rows.empty:
+            return 0
+        rows = rows.reindex(columns=["dataset", "rate", "repeats", "timed_alone"])
+        repeats = rows["repeats"].fillna(1)
+        alone = rows["timed_alone"].eq(True)
+        counted = repeats.where(alone | (repeats >= LEAST_REPEATS), 0)
+        return int(counted.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
         """Medians of a column from the first to the last rate.
@@ -138,7 +152,8 @@ class Evidence:
         """Ratios of a codec's medians to another's at the same bits per point.
 
         The base's values are interpolated between the logarithms of its rates. Nothing is
-        extrapolated, and curves of fewer than `LEAST_RATES` rates have no value.
+        extrapolated. Curves of fewer than `LEAST_RATES` rates have no value, nor have those with
+        fewer than `LEAST_COMPARED` of the tested codec's rates within the base's range.
 
         Parameters
         ----------
@@ -157,9 +172,12 @@ class Evidence:
         import pandas as pd
 
         one, other = (self._curve(dataset, codec, column) for codec in (tested, base))
+        nothing = pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
         if min(len(one), len(other)) < LEAST_RATES:
-            return pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
+            return nothing
         one = one[one["bpp"].between(other["bpp"].iloc[0], other["bpp"].iloc[-1])]
+        if len(one) < LEAST_COMPARED:
+            return nothing
         logs = np.log(other.to_numpy(dtype=float))
         between = np.interp(np.log(one["bpp"]), logs[:, 0], logs[:, 1])
         return pd.DataFrame({"bpp": one["bpp"], "ratio": one[column] / np.exp(between)})

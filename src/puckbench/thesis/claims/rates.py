@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.thesis.claims.evidence import LEAST_CALLS, LEAST_CLOUDS, LEAST_RATES, Evidence
+from puckbench.thesis.claims.evidence import (
+    LEAST_CALLS,
+    LEAST_CLOUDS,
+    LEAST_COMPARED,
+    LEAST_RATES,
+    LEAST_REPEATS,
+    Evidence,
+)
 from puckbench.thesis.claims.parts import Part, needs
 from puckbench.thesis.claims.roles import (
     CLASSICAL,
@@ -43,6 +50,14 @@ ONE_DB = 1.26
 """Of a squared distance; on the axes of Figure 6.6 the width of a marker."""
 HARDLY_SLOWER = 17 / 11
 """What the thesis calls "much less affected": PCGCv2 takes 11 to 17 s in its Figure 6.5."""
+COMMON = (
+    f"{LEAST_RATES} rates of both, {LEAST_COMPARED} of them in a common range, "
+    f"and {LEAST_CLOUDS} clouds"
+)
+CALLS = (
+    f"{LEAST_CALLS} timed calls for each rate and data set, of clouds timed {LEAST_REPEATS} times "
+    "(timing: repeats) or alone on the machine"
+)
 
 _Test = Callable[[Evidence, str], Part]
 
@@ -114,7 +129,8 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
             for names in (objects, scans)
         )
         if not on_objects or not on_scans:
-            parts.append(needs("an object set and scans, coded by gpcc_arena as well"))
+            both = "an object set and scans, coded by gpcc_arena as well"
+            parts.append(needs(f"{both}, with {COMMON}"))
             continue
         text = f"{_times(on_scans)} G-PCC's on scans, {_times(on_objects)} on objects"
         more = min(on_scans) > max(on_objects)
@@ -131,9 +147,9 @@ def time_grows(evidence: Evidence) -> list[Part]:
     A codec's growth is its median time at the last rate over that at the first, and of that the
     median over encoding, decoding and the data sets. "Hardly" is up to `HARDLY_SLOWER`. G-PCC grows
     most when the greatest growth is its own. A codec counts with `LEAST_CALLS` timed calls or more
-    for each rate and data set, over clouds and repetitions.
+    for each rate and data set, of clouds timed `LEAST_REPEATS` times or alone on the machine.
     """
-    parts, most = [], {}
+    parts, most, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
         growth = _growth(evidence, codec)
         if not growth:
@@ -141,7 +157,7 @@ def time_grows(evidence: Evidence) -> list[Part]:
             continue
         calls = evidence.calls(codec)
         if calls < LEAST_CALLS:
-            parts.append(needs(f"{LEAST_CALLS} timed calls for each rate (timing: repeats)"))
+            parts.append(needs(CALLS))
             continue
         most[codec] = float(np.median(growth))
         says = "hardly grows" if codec == PCGCV2 else "grows"
@@ -149,11 +165,13 @@ def time_grows(evidence: Evidence) -> list[Part]:
         found = f"{_times(growth)} the time, median {most[codec]:.3g}"
         sample = _sample(evidence, evidence.named(*DATASETS), [codec])
         sample += f", {calls} timed calls for each"
+        samples.append(f"{TITLES[codec]} {sample}")
         parts.append(Part(f"{TITLES[codec]} {says}", holds, found, sample=sample))
     if len(most) > 1 and GPCC_AS_RUN in most:
         top = max(most, key=lambda codec: most[codec])
         found = f"{TITLES[top]} grows most, {most[top]:.3g} times"
-        parts.append(Part("G-PCC grows most", top in (GPCC, GPCC_AS_RUN), found))
+        is_gpcc, sample = top in (GPCC, GPCC_AS_RUN), "; ".join(samples)
+        parts.append(Part("G-PCC grows most", is_gpcc, found, sample=sample))
     return parts
 
 
@@ -238,8 +256,7 @@ def _beside(
             lacking = [role for role in (codec, base) if role not in evidence.codecs]
             ratios = _ratios(evidence, codec, base, column, list(evidence.datasets))
             if lacking or not ratios:
-                common = f"{LEAST_RATES} rates of both and {LEAST_CLOUDS} clouds in a common range"
-                wanted = WANTED[lacking[0]] if lacking else common
+                wanted = WANTED[lacking[0]] if lacking else COMMON
                 parts.append(needs(wanted))
                 continue
             found = {name: float(summary(some)) for name, some in ratios.items()}

@@ -50,9 +50,10 @@ def real_spread(evidence: Evidence) -> list[Part]:
             parts.append(needs(f"a capture with a {surface}"))
             continue
         mean, std = (float(rows[name].iloc[0]) for name in ("mean_m", "std_m"))
-        parts.append(Part(f"{surface}: mean 0.00", abs(mean) < CENTIMETRE, f"{mean:.4f} m"))
+        sample, near_zero = _sample(rows), abs(mean) < CENTIMETRE
+        parts.append(Part(f"{surface}: mean 0.00", near_zero, f"{mean:.4f} m", sample=sample))
         near = abs(std - PRINTED_STD_M) <= MILLIMETRE
-        parts.append(Part(f"{surface}: std 0.014", near, f"{std:.4f} m"))
+        parts.append(Part(f"{surface}: std 0.014", near, f"{std:.4f} m", sample=sample))
     return parts
 
 
@@ -67,12 +68,14 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
     if wide is None:
         return [needs(f"{STUDY} with the error model hdl64e")]
     found = f"{wide:.4f} m against {real:.4f} m, {wide / real:.2g} times"
-    parts = [Part("residuals spread more than twice as far", wide > FAR_TOO_WIDE * real, found)]
+    sample, wider = _sample(_row(evidence, "hdl64e")), wide > FAR_TOO_WIDE * real
+    parts = [Part("residuals spread more than twice as far", wider, found, sample=sample)]
     far, near = (_moved(evidence, model) for model in ("hdl64e", "vlp16"))
     if far is None or near is None:
         return [*parts, needs(f"{STUDY} with the error models hdl64e and vlp16")]
     found = f"earth mover's distance {far:.4f} m against {near:.4f} m of vlp16"
-    return [*parts, Part("farther from the real distribution", far > near, found)]
+    both = _sample(_row(evidence, "hdl64e"), _row(evidence, "vlp16"))
+    return [*parts, Part("farther from the real distribution", far > near, found, sample=both)]
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
@@ -96,7 +99,8 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
         allowed = max(NEXT_TO_NOTHING * without, math.hypot(half, other))
         found = f"std {without:.4f} m without, {with_it:.4f} m with it"
         alike = abs(with_it - without) <= allowed
-        parts.append(Part(f"no difference at {distance} m", bool(alike), found))
+        sample = _sample(*pair)
+        parts.append(Part(f"no difference at {distance} m", bool(alike), found, sample=sample))
     return parts
 
 
@@ -115,12 +119,14 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
     along = ordered["range_error_std_m"].to_numpy(dtype=float)
     off = ordered["surface_distance_std_m"].to_numpy(dtype=float)
     rise = math.sqrt(BIN_STDS_M[-1] / BIN_STDS_M[0])
+    sample, rises = _sample(ordered.iloc[[0, -1]]), bool(along[-1] > along[0])
     return [
-        Part("range error rises", bool(along[-1] > along[0]), _from_to(along[0], along[-1])),
+        Part("range error rises", rises, _from_to(along[0], along[-1]), sample=sample),
         Part(
             "distance to the surface does not",
             bool(off[-1] / off[0] < rise),
             f"{_from_to(off[0], off[-1])}; real {_from_to(BIN_STDS_M[0], BIN_STDS_M[-1])}",
+            sample=sample,
         ),
     ]
 
@@ -151,28 +157,29 @@ def _flat(evidence: Evidence, model: str, key: str) -> list[Part]:
     parts = []
     title = {"distance_m": "distance", "laser_id": "laser"}[key]
     for surface in ("wall", "floor"):
-        stds = _groups(evidence, model, surface, key)
-        if len(stds) < 2:
+        rows = _groups(evidence, model, surface, key)
+        if len(rows) < 2:
             continue
+        stds = rows["std_m"]
         low, middle, high = (float(value) for value in stds.quantile([0, 0.5, 1]))
         flat = max(high / middle, middle / low) <= FLAT
         found = f"std {low:.4f} to {high:.4f} m, median {middle:.4f} m"
-        parts.append(Part(f"{model}, {surface}: not on the {title}", flat, found))
+        sample = f"{_sample(rows)}, {len(rows)} {title}s"
+        says = f"{model}, {surface}: not on the {title}"
+        parts.append(Part(says, flat, found, sample=sample))
     return parts
 
 
-def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.Series[float]:
-    """Standard deviations for each value of one key, over all of the other."""
-    import pandas as pd
-
+def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.DataFrame:
+    """Statistics for each value of one key, over all of the other."""
     other = "laser_id" if key == "distance_m" else "distance_m"
     rows = _rows(evidence, model, **{"surface": surface, other: ALL})
     if rows.empty:
-        return pd.Series(dtype=float)
+        return rows
     rows = rows[(rows[key] != ALL) & (rows["count"] >= LEAST_RESIDUALS)]
     if key == "distance_m":
         rows = rows[rows[key].astype(float) < FAR_M]
-    return rows["std_m"]
+    return rows
 
 
 def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
@@ -192,6 +199,12 @@ def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
 def _row(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
     """The one row over everything but the keys given; none where there is none."""
     return _rows(evidence, model, **{"surface": ALL, "distance_m": ALL, "laser_id": ALL, **keys})
+
+
+def _sample(*rows: pd.DataFrame) -> str:
+    """How many residuals the rows of statistics are of; empty where that is not known."""
+    known = [each["count"].sum() for each in rows if "count" in each]
+    return f"{int(sum(known)):,} residuals" if known else ""
 
 
 def _std(evidence: Evidence, model: str) -> float | None:
