@@ -46,6 +46,9 @@ whose window is covered has some hundred."""
 _GROUPS = 32
 """Lengths of gaps that are coded together, at most."""
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 1 << 24}]
+_HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
+"""LZMA of headers' columns, where a byte's neighbours and place tell little: no larger than by the
+preset alone, in a fifth of the time."""
 _SQLITE = b"SQLite format 3\x00"
 _LINK = 4
 _DAMAGED = "the stream is damaged"
@@ -136,7 +139,7 @@ def _opened(path: Path) -> Bytes:
     try:
         if path.stat().st_size == 0:
             return np.zeros(0, np.uint8)
-        data: Bytes = np.memmap(path, np.uint8, "r")
+        data: Bytes = np.asarray(np.memmap(path, np.uint8, "r"))
     except (OSError, ValueError) as error:
         if path.is_dir():
             raise InputError(f"{path}: a folder; compress the files in it") from error
@@ -153,7 +156,7 @@ def _records(
     size = len(data)
     if page:
         pages = data.reshape(-1, page)
-        yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK])))
+        yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK]), _HEADERS))
         size = len(pages) * (page - _LINK)
     encoder = _PacketEncoder(settings, account)
     done = 0
@@ -241,7 +244,10 @@ class _PacketEncoder:
             data[first:end].tobytes()
             for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
         ]
-        yield Record(Kind.GAPS, base_128(len(places)) + _packed(_gathered(gaps))), len(data)
+        # What outweighs the packets is no headers.
+        options = _HEADERS if len(data) < 2 * PACKET_BYTES * len(places) else {}
+        packed_gaps = _packed(_gathered(gaps), options)
+        yield Record(Kind.GAPS, base_128(len(places)) + packed_gaps), len(data)
 
     def _turn(self, kind: PacketKind, payloads: Payloads) -> Iterator[Record]:
         if self._turns is None or kind != self._kind:
@@ -330,10 +336,10 @@ def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
     return words, np.ascontiguousarray(rows[:, whole:])
 
 
-def _packed(raw: bytes) -> bytes:
+def _packed(raw: bytes, options: dict[str, int]) -> bytes:
     """Bytes by LZMA, after their number; with no more memory to clear than they need."""
     needed = min(1 << max(len(raw).bit_length(), 12), 1 << 24)
-    filters = [{**_FILTERS[0], "dict_size": needed}]
+    filters = [{**_FILTERS[0], "dict_size": needed, **options}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
@@ -369,19 +375,20 @@ class _Out:
 
     def write(self, data: bytes) -> None:
         """Write bytes of the recording without links."""
-        while self._links is not None and data:
+        rest = memoryview(data)
+        while self._links is not None and rest:
             number, within = divmod(self._at, self._page)
             if within == 0:
                 if number >= len(self._links):
                     raise InputError(_DAMAGED)
                 self._put(self._links[number].tobytes())
-            part = data[: self._page - within]
+            part = rest[: self._page - within]
             self._put(part)
             self._at += len(part)
-            data = data[len(part) :]
-        self._put(data)
+            rest = rest[len(part) :]
+        self._put(rest)
 
-    def _put(self, data: bytes) -> None:
+    def _put(self, data: bytes | memoryview) -> None:
         self.check = zlib.crc32(data, self.check)
         self.size += len(data)
         self._stream.write(data)
