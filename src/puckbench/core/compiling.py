@@ -126,6 +126,11 @@ def inlined(function: Function) -> Function:
     return compiled(function, **INLINED)
 
 
+def inlined_too(function: Function) -> Function:
+    """Compile a function that makes no arrays, also into the compiled functions that call it."""
+    return compiled_in_place(function, forceinline=True)
+
+
 def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
     """A function of compiled loops whose machine code `function` writes (`numba.extending`)."""
     written: Any = extending.intrinsic(**options) if options else extending.intrinsic

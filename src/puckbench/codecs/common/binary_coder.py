@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled_in_place
+from puckbench.core.compiling import compiled_in_place, inlined, inlined_too
 
 ONE = 1 << 16
 """Probability 1 in fixed point."""
@@ -43,7 +43,7 @@ class BitCoder(NamedTuple):
 def bit_writer(most_bytes: int) -> BitCoder:
     """A coder that writes at most `most_bytes` bytes."""
     registers = np.array([0, _TOP, 0, 0, 1], np.int64)
-    return BitCoder(registers, np.zeros(most_bytes, np.uint8))
+    return BitCoder(registers, np.empty(most_bytes, np.uint8))
 
 
 def bit_reader(stream: bytes) -> BitCoder:
@@ -94,7 +94,7 @@ def learning_rates() -> NDArray[np.int64]:
     return np.rint(ONE / (np.arange(SLOWEST + 1) + 1.6)).astype(np.int64)
 
 
-@compiled_in_place
+@inlined_too
 def code(coder: BitCoder, bit: int, probability: int) -> int:
     """Code a bit that is 1 with probability / ONE, strictly between 0 and 1; returns the bit."""
     registers = coder.registers
@@ -102,11 +102,10 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
     width = high - low
     middle = low + (width >> 16) * probability + (((width & 0xFFFF) * probability) >> 16)
     if registers[4] == 0:
-        bit = 1 if registers[2] <= middle else 0
-    if bit == 1:
-        high = middle
-    else:
-        low = middle + 1
+        bit = int(registers[2] <= middle)
+    # No branches: what a bit is cannot be foreseen.
+    high += (middle - high) & -bit
+    low += (middle + 1 - low) & (bit - 1)
     while (low ^ high) >> 24 == 0:
         if registers[4] == 1:
             coder.buffer[registers[3]] = high >> 24
@@ -119,7 +118,7 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
     return bit
 
 
-@compiled_in_place
+@inlined
 def _next_byte(coder: BitCoder) -> int:
     position = coder.registers[3]
     coder.registers[3] = position + 1

@@ -30,6 +30,7 @@ from puckbench.core.compiling import compiled_in_place, inlined
 
 Ints = NDArray[np.int64]
 Slots = NDArray[np.int32]
+Counters = Slots | NDArray[np.uint32]
 Numbers = NDArray[np.signedinteger[Any]]
 """Of 32 or 64 bits."""
 FINE_BITS = 22
@@ -186,29 +187,35 @@ def _mix(mixer: Mixer, number: int) -> int:
 
 
 @inlined
-def logit_of(counters: Slots, counter: int, stretch: Numbers) -> int:
+def logit_of(counters: Counters, counter: int, stretch: Numbers) -> int:
     """The logit of an adaptive probability."""
-    return int(stretch[counters[counter] >> SEEN_BITS + FINE_BITS - 12])
+    state = np.int64(counters[np.uint64(counter)])
+    return int(stretch[np.uint64(state >> SEEN_BITS + FINE_BITS - 12)])
 
 
 @inlined
-def learn_bit(counters: Slots, counter: int, target: int, rates: Numbers, memory: int) -> None:
+def learn_bit(counters: Counters, counter: int, target: int, rates: Numbers, memory: int) -> None:
     """Move an adaptive probability towards a coded bit; target: the bit times `CERTAIN`."""
-    state = np.int64(counters[counter])
-    seen, probability = state & ((1 << SEEN_BITS) - 1), state >> SEEN_BITS
-    probability += ((target - probability) * rates[seen]) >> 16
-    counters[counter] = probability << SEEN_BITS | min(seen + 1, memory)
+    place = np.uint64(counter)  # not counted from the end: numba need not ask whether it is
+    state = np.int64(counters[place])
+    seen = state & ((1 << SEEN_BITS) - 1)
+    step = ((target - (state >> SEEN_BITS)) * rates[np.uint64(seen)]) >> 16
+    counters[place] = state + (step << SEEN_BITS) + (1 if seen < memory else 0)
 
 
 @inlined
 def seen_at(corrected: Numbers, row: int, bucket: int, share: int) -> int:
     """How often a bit was 1 at a mixture between two buckets; share: of the second, in 1 / 128."""
-    left, right = corrected[row, bucket], corrected[row, bucket + 1]
+    place = np.uint64(row), np.uint64(bucket)
+    after = np.uint64(row), np.uint64(bucket + 1)
+    left, right = corrected[place], corrected[after]
     return int((left * (128 - share) + right * share) >> 13)
 
 
 @inlined
 def correct(corrected: Numbers, row: int, bucket: int, share: int, target: int) -> None:
     """Let the buckets of `seen_at` learn from a coded bit; target: the bit times `CERTAIN`."""
-    corrected[row, bucket] += ((target - corrected[row, bucket]) * (128 - share)) >> 14
-    corrected[row, bucket + 1] += ((target - corrected[row, bucket + 1]) * share) >> 14
+    place = np.uint64(row), np.uint64(bucket)
+    after = np.uint64(row), np.uint64(bucket + 1)
+    corrected[place] += ((target - corrected[place]) * (128 - share)) >> 14
+    corrected[after] += ((target - corrected[after]) * share) >> 14

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.puck.mixing import Ints, Words
+from puckbench.codecs.common.integer_vectors import as_vector, decay_and_add, dot, lanes_for
+from puckbench.codecs.puck.mixing import Ints, Many, Words
 from puckbench.core.compiling import inlined
 
 FRACTION = 16
@@ -21,55 +22,61 @@ _LARGEST = 1 << 20
 
 
 class LeastSquares(NamedTuple):
-    """State of predictors with the same features: (predictors, features, ...).
+    """State of predictors with the same features, each of which has its rows of a matrix.
 
-    products: sums of the products of two features. targets: of a feature and the target.
+    features: (lanes,), of the number that is to be predicted; zeros after the last one. products:
+    (predictors * features, lanes), sums of the products of two features. targets, coefficients:
+    (predictors, lanes), of a feature and the target. every, lanes: tuples, as long as there are
+    features and lanes.
     """
 
+    features: Words
     products: Words
     targets: Ints
-    coefficients: Ints
+    coefficients: Words
+    every: Many
+    lanes: Many
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
     """Predictors that predict 0."""
-    products = np.zeros((predictors, features, features), np.int32)
-    sums = np.zeros((2, predictors, features), np.int64)
-    return LeastSquares(products, sums[0], sums[1])
+    lanes = lanes_for(features)
+    products = np.zeros((predictors * features, len(lanes)), np.int32)
+    targets = np.zeros((predictors, len(lanes)), np.int64)
+    return LeastSquares(
+        np.zeros(len(lanes), np.int32), products, targets, targets.astype(np.int32),
+        (0,) * features, lanes,
+    )  # fmt: skip
 
 
 @inlined
-def predicted(state: LeastSquares, which: int, features: Ints) -> int:
+def predicted(state: LeastSquares, which: int) -> int:
     """The prediction, in the features' unit."""
-    total = 0
-    for i in range(len(features)):
-        total += state.coefficients[which, i] * features[i]
-    return total >> FRACTION
+    start = which * len(state.lanes)
+    as_vector(state.features, state.lanes)
+    return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
 
 
 @inlined
-def learn_target(
-    state: LeastSquares, which: int, features: Ints, target: int, damp: int, slow: int
-) -> None:
+def learn_target(state: LeastSquares, which: int, target: int, damp: int, slow: int) -> None:
     """Take in an observation with weight 2**-damp; those before lose 2**-slow of theirs."""
-    products, targets = state.products, state.targets
-    for i in range(len(features)):
-        one = np.int32(features[i])
-        targets[which, i] += ((one * target) >> damp) - (targets[which, i] >> slow)
-        for j in range(len(features)):
-            products[which, i, j] += ((one * np.int32(features[j])) >> damp) - (
-                products[which, i, j] >> slow
-            )
+    features, targets, lanes = state.features, state.targets, state.lanes
+    first, predictor = which * len(state.every), np.uint64(which)
+    for i in range(len(state.every)):
+        one = features[i]
+        targets[predictor, i] += ((one * target) >> damp) - (targets[predictor, i] >> slow)
+        decay_and_add(state.products, (first + i) * len(lanes), features, one, damp, slow, lanes)
 
 
 @inlined
 def solve(state: LeastSquares, which: int) -> None:
     """One sweep of Gauss and Seidel."""
-    products, coefficients = state.products, state.coefficients
-    width = coefficients.shape[1]
-    for i in range(width):
-        rest = state.targets[which, i] << FRACTION
-        for j in range(width):
-            rest -= np.int64(products[which, i, j]) * coefficients[which, j]
-        found = coefficients[which, i] + rest // (np.int64(products[which, i, i]) + _RIDGE)
-        coefficients[which, i] = min(max(found, -_LARGEST), _LARGEST)
+    products, coefficients, lanes = state.products, state.coefficients, state.lanes
+    start, predictor = which * len(lanes), np.uint64(which)
+    for i in range(len(state.every)):
+        row = which * len(state.every) + i
+        rest = state.targets[predictor, i] << FRACTION
+        rest -= dot(products, row * len(lanes), coefficients, start, lanes)
+        diagonal = np.int64(products[np.uint64(row), i])
+        found = coefficients[predictor, i] + rest // (diagonal + _RIDGE)
+        coefficients[predictor, i] = min(max(found, -_LARGEST), _LARGEST)

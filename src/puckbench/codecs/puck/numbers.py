@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from puckbench.codecs.common.binary_coder import LEAST, ONE, code
 from puckbench.codecs.common.context_mixing import CERTAIN, FINE_BITS, SEEN_BITS, learn_bit
+from puckbench.codecs.common.leading_zeros import leading_zeros
 from puckbench.codecs.puck.experts import FINE, Experts, ask, tell
 from puckbench.codecs.puck.mixing import Mixer, code_bit
 from puckbench.core.compiling import inlined
@@ -58,7 +61,7 @@ def _traverse(
     is_plain: whether by counters from `start` on; the compiler folds it, being constant in the
     callers.
     """
-    low, high = 0, FARTHEST // step + 2
+    low, high = 0, in_steps(FARTHEST, step) + 2
     side, steps, reach = 0, 0, 0
     if centre < high:
         side = _decide(mixer, experts, is_plain, start, number, centre, 0, step)
@@ -89,42 +92,37 @@ def _decide(
     step: int,
 ) -> int:  # fmt: skip
     """Code whether the number is at least `middle`."""
-    bit = 1 if number >= middle else 0
+    bit = int(number >= middle)
     if is_plain:
         return code_plain_bit(mixer, start + node, bit)
     edge = FINE * step * middle - FINE * step // 2
     ask(experts, edge, mixer.inputs)
-    _move(mixer, node)
-    bit = code_bit(mixer, bit)
-    _move(mixer, -node)
-    tell(experts, edge, bit)
+    bit = code_bit(mixer, bit, node, node)
+    tell(experts, bit)
     return bit
-
-
-@inlined
-def _move(mixer: Mixer, nodes: int) -> None:
-    for k in range(len(mixer.at)):
-        mixer.at[k] += nodes
-    for k in range(len(mixer.rows)):
-        mixer.rows[k] += nodes
 
 
 @inlined
 def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
     """Code a bit by one adaptive probability, without mixing."""
-    share = int(mixer.counters[counter] >> SEEN_BITS + FINE_BITS - 16)
+    state = np.int64(mixer.counters[np.uint64(counter)])
+    share = int(state >> SEEN_BITS + FINE_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
     learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.pace[2])
     return bit
 
 
 @inlined
+def in_steps(number: int, step: int) -> int:
+    """A number by a step, rounded down; without loss that is no division."""
+    return number if step == 1 else number // step
+
+
+@inlined
 def halves(value: int) -> int:
     """Place of a number of at least 0 in a scale of two steps an octave."""
     value += 1
-    k = 0
-    while value >> (k + 1):
-        k += 1
+    k: int = 63 - leading_zeros(value)
     return 2 * k + ((value >> (k - 1)) & 1 if k > 0 else 0)
 
 

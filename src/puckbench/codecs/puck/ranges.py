@@ -37,6 +37,7 @@ from puckbench.codecs.puck.numbers import (
     code_plain_bit,
     code_plain_number,
     halves,
+    in_steps,
     level_of,
 )
 from puckbench.core.compiling import compiled_in_place, inlined
@@ -67,8 +68,8 @@ class Image(NamedTuple):
 class Model(NamedTuple):
     """What the coder has learnt.
 
-    mask, value: mixers of the decisions. starts: first counters of their contexts. experts, linear,
-    features: of the prediction. last, other, gap, error: of each laser: the last range, that of the
+    mask, value: mixers of the decisions. starts: first counters of their contexts. experts,
+    linear: of the prediction. last, other, gap, error: of each laser: the last range, that of the
     surface before, columns since it last began or ceased to return, recent error. memory: last
     signed error, number of returns. settings: step, lambda, predictors in use, returns from one
     sweep of the solver to the next.
@@ -80,7 +81,6 @@ class Model(NamedTuple):
     mask_starts: Ints
     experts: Experts
     linear: LeastSquares
-    features: Ints
     last: Ints
     other: Ints
     gap: Ints
@@ -129,7 +129,6 @@ def new_model(bits: BitCoder, lasers: int, effort: Effort, step: int, lmbda: int
         np.cumsum(mask_sizes) - mask_sizes,
         new_experts(_first_scales(effort.experts), effort.experts),
         new_least_squares(effort.predictors, effort.features),
-        np.zeros(effort.features, np.int64),
         zeros, zeros.copy(), zeros.copy(), zeros + _FIRST_ERROR,
         np.zeros(2, np.int64),
         np.array([step, lmbda, effort.predictors, effort.every], np.int64),
@@ -169,7 +168,7 @@ def code_ranges(model: Model, image: Image, before: Image, places: Ints, source:
     source
         (PAD + columns, lasers), what a writer codes.
     """
-    is_plain = len(model.experts.means) == 0
+    is_plain = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
         place = places[column - PAD]
         for laser in range(image.ranges.shape[1]):
@@ -222,7 +221,7 @@ def _code_mask(
         reach = min(halves(then[t, laser]) >> 1, 16)
         if laser > 0:
             under = _is(then, t, laser - 1)
-    at, count = mask.at, len(mask.at)
+    at, count = mask.at, len(mask.contexts)
     around = (
         (((own * 2 + _is(ranges, c - 4, laser)) * 3 + below) * 2 + below1) * 2 + below_two
     ) * 2
@@ -237,9 +236,9 @@ def _code_mask(
         )
         at[5] = starts[5] + (laser * 16 + min(model.gap[laser], 15)) * 4 + west * 2 + (below & 1)
     mask.rows[0] = ((west * 3 + below) * 3 + here) * 2 + west2
-    if len(mask.rows) > 1:
+    if len(mask.sets) > 1:
         mask.rows[1] = 64 + laser
-    exists = code_bit(mask, 1 if source[c, laser] > 0 else 0)
+    exists = code_bit(mask, 1 if source[c, laser] > 0 else 0, 0, 0)
     model.gap[laser] = model.gap[laser] + 1 if exists == west else 0
     return exists
 
@@ -315,7 +314,7 @@ def _predict(
     activity = _activity(model, image, before, c, laser, t)
     is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
     situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
-    first = predicted(model.linear, 0, model.features)
+    first = predicted(model.linear, 0)
     return base, first, activity, is_known, situation
 
 
@@ -324,11 +323,11 @@ def _quantise(model: Model, value: int, mean: int, situation: int) -> tuple[int,
     """A range in steps, and the centre and the unit of the decisions that code it."""
     step, lmbda = model.settings[0], model.settings[1]
     scale = model.experts.scales[0, situation] >> 8
-    index = (value + step // 2) // step
+    index = in_steps(value + (step >> 1), step)
     if lmbda > 0:
         index = _chosen(value, index, mean, scale, step, lmbda)
-    centre = max((mean + FINE * step // 2) // (FINE * step), 1)
-    return index, centre, max(scale * 3 // (64 * step), 1)
+    centre = max(in_steps((mean + FINE * step // 2) // FINE, step), 1)
+    return index, centre, max(in_steps(scale * 3 // 64, step), 1)
 
 
 @inlined
@@ -371,7 +370,7 @@ def _find_features(
     model: Model, image: Image, before: Image, c: int, laser: int, t: int, base: int,
 ) -> None:  # fmt: skip
     """Find the differences that the prediction is linear in."""
-    x, held, ranges = model.features, image.held, image.ranges
+    x, held, ranges = model.linear.features, image.held, image.ranges
     for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
     x[3], x[4] = 0, 0
@@ -387,7 +386,7 @@ def _find_features(
         if laser > 0:
             x[8] = _change(ranges[c, laser - 1], then[t, laser - 1])
         x[9] = _fine_change(before.smooth[t, laser], base)
-    if len(x) > _NEAR:
+    if len(model.linear.every) > _NEAR:
         _find_more_features(x, image, before, c, laser, t, base)
 
 
@@ -399,7 +398,7 @@ def _fine_change(later: int, base: int) -> int:
 
 @inlined
 def _find_more_features(
-    x: Ints, image: Image, before: Image, c: int, laser: int, t: int, base: int,
+    x: Words, image: Image, before: Image, c: int, laser: int, t: int, base: int,
 ) -> None:  # fmt: skip
     held, ranges = image.held, image.ranges
     x[10], x[11] = _change(held[c - 5, laser], base), _change(held[c - 6, laser], base)
@@ -433,7 +432,7 @@ def _find_experts(
     means[0] = max(mean, 1)
     means[1] = then
     means[2] = FINE * base
-    if len(means) <= 3:
+    if len(model.experts.every) <= 3:
         return
     below = int(image.ranges[c, laser - 1]) if laser > 0 else 0
     means[3], means[5] = 0, 0
@@ -442,7 +441,7 @@ def _find_experts(
     means[4] = FINE * model.other[laser]
     if below > 0 and then > 0 and before.smooth[t, laser - 1] > 0:
         means[5] = max(then + FINE * below - before.smooth[t, laser - 1], 0)
-    means[6] = max(FINE * base + 4 * predicted(model.linear, group, model.features), 1)
+    means[6] = max(FINE * base + 4 * predicted(model.linear, group), 1)
     means[7] = FINE * below
     means[8] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
 
@@ -485,7 +484,7 @@ def _find_contexts(
     m.at[1] = starts[1] + situation * NODES
     m.at[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
     m.rows[0] = 0
-    if len(m.at) > 3:
+    if len(m.contexts) > 3:
         _find_more_contexts(model, image, before, c, laser, t, centre, unit, then)
         m.rows[1] = (1 + (situation >> 2)) * NODES
         m.rows[2] = (1 + _LEVELS + (situation & 3)) * NODES
@@ -545,9 +544,9 @@ def _learn_range(
 def _learn_linear(model: Model, target: int, group: int, damp: int) -> None:
     """Let the linear predictions learn."""
     linear = model.linear
-    learn_target(linear, 0, model.features, target, damp, 12)
+    learn_target(linear, 0, target, damp, 12)
     if group > 0:
-        learn_target(linear, group, model.features, target, damp, 10)
+        learn_target(linear, group, target, damp, 10)
     model.memory[1] += 1
     if model.memory[1] % model.settings[3] == 0:
         solve(linear, 0)

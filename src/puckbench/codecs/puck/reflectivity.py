@@ -42,7 +42,6 @@ class ByteModel(NamedTuple):
     starts: Ints
     experts: Experts
     linear: LeastSquares
-    features: Ints
     empty: Ints
     error: Ints
     was_same: Ints
@@ -82,7 +81,6 @@ def new_byte_model(bits: BitCoder, lasers: int, lean: bool = False) -> ByteModel
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
         new_least_squares(1, _FEATURES),
-        np.zeros(_FEATURES, np.int64),
         zeros, zeros + 8 * FINE, zeros.copy(),
         np.zeros(1, np.int64),
     )  # fmt: skip
@@ -134,7 +132,7 @@ def _code_same(model: ByteModel, turn: Bytes, c: int, laser: int, guess: int) ->
     same.at[1] = lasers * 32 + laser * 16 + history * 2 + returned
     same.at[2] = lasers * 48 + (guess & 255) * 2 + returned
     same.rows[0] = history * 2 + returned
-    bit = code_bit(same, 1 if turn.values[c, laser] == guess - 1 else 0)
+    bit = code_bit(same, 1 if turn.values[c, laser] == guess - 1 else 0, 0, 0)
     model.was_same[laser] = model.was_same[laser] << 1 & 7 | bit
     return bit
 
@@ -149,7 +147,7 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
     if t > 0 and turn.then_ranges[t, laser] > 0:
         then = int(turn.then[t, laser]) + 1
     returned = 1 if turn.ranges[c, laser] > 0 else 0
-    if len(mixer.at) < _CONTEXTS:
+    if len(mixer.contexts) < _CONTEXTS:
         at = mixer.at
         at[0] = starts[0] + (laser * 2 + returned) * _TREE
         at[1] = starts[1] + west * _TREE
@@ -159,7 +157,7 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
         return _code_lean(mixer, int(turn.values[c, laser]))
     _find_linear(model, turn, c, laser, t, west)
     means = model.experts.means
-    first = predicted(model.linear, 0, model.features)
+    first = predicted(model.linear, 0)
     means[0] = max(FINE * max(west - 1, 0) + first, 1) if west > 0 else 0
     means[1] = FINE * (then - 1) + 1 if then > 0 else 0
     means[2] = FINE * (west - 1) + 1 if west > 0 else 0
@@ -181,14 +179,10 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
     while high - low > 1:
         middle = (low + high) >> 1
         ask(model.experts, FINE * middle - FINE // 2, mixer.inputs)
-        for k in range(len(at)):
-            at[k] += node
         mixer.rows[0] = node
         mixer.rows[1] = _TREE + depth * _LEVELS + level
-        bit = code_bit(mixer, 1 if turn.values[c, laser] >= middle else 0)
-        for k in range(len(at)):
-            at[k] -= node
-        tell(model.experts, FINE * middle - FINE // 2, bit)
+        bit = code_bit(mixer, int(turn.values[c, laser] >= middle), node, 0)
+        tell(model.experts, bit)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node, depth = 2 * node + bit, depth + 1
     learn(model.experts, level, FINE * low, 6)
@@ -202,13 +196,7 @@ def _code_lean(mixer: Mixer, value: int) -> int:
     """Code a value bit by bit, by contexts alone."""
     node = 1
     for depth in range(7, -1, -1):
-        for k in range(len(mixer.at)):
-            mixer.at[k] += node
-        mixer.rows[0] = node
-        bit = code_bit(mixer, value >> depth & 1)
-        for k in range(len(mixer.at)):
-            mixer.at[k] -= node
-        node = 2 * node + bit
+        node = 2 * node + code_bit(mixer, value >> depth & 1, node, node)
     return node - 256
 
 
@@ -218,7 +206,7 @@ def _learn_linear(model: ByteModel, target: int, first: int, laser: int) -> None
     model.error[laser] += (error - model.error[laser]) >> 2
     if error < 60 * FINE:
         damp = max(halves(error) - 6, 0) >> 1
-        learn_target(model.linear, 0, model.features, target, damp, 11)
+        learn_target(model.linear, 0, target, damp, 11)
         model.memory[0] += 1
         if model.memory[0] % 8 == 0:
             solve(model.linear, 0)
@@ -237,7 +225,7 @@ def _change(turn: Bytes, c: int, laser: int) -> int:
 @inlined
 def _find_linear(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, west: int) -> None:
     """Find differences to the laser's last value, that the prediction is linear in."""
-    x, held = model.features, turn.held
+    x, held = model.linear.features, turn.held
     for k in range(4):
         x[k] = _difference(held[c - 2 - k, laser], west)
     for k in range(4, _FEATURES):

@@ -99,7 +99,7 @@ def _code_same(
     same.at[1] = 1024 + laser * 8 + returned * 4 + west
     same.at[2] = 1024 + lasers * 8 + (jump * 2 + returned) * 2 + below
     same.rows[0] = returned * 4 + min(west, 1) * 2 + below
-    return code_bit(same, is_same)
+    return code_bit(same, is_same, 0, 0)
 
 
 @inlined

@@ -112,14 +112,7 @@ def _code_rest(track: Track, rest: int) -> int:
 
 @inlined
 def _ask(track: Track, node: int, bit: int) -> int:
-    mixer = track.mixer
-    for k in range(_CONTEXTS):
-        mixer.at[k] += node
-    mixer.rows[0] = node
-    bit = code_bit(mixer, bit)
-    for k in range(_CONTEXTS):
-        mixer.at[k] -= node
-    return bit
+    return code_bit(track.mixer, bit, node, node)
 
 
 @inlined

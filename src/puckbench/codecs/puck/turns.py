@@ -202,11 +202,11 @@ class TurnDecoder:
         if state is None or (step, effort) != (state.step, state.effort):
             raise InputError("the turn needs the turn before it")
         self._state = None  # until this one is whole
-        turn = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
+        now, times = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
         if reader.rest():
             raise InputError("the stream is damaged (a turn's length)")
         self._state = state
-        return turn
+        return _decoded(self.layout, now, times)
 
 
 def is_key(body: bytes) -> bool:
@@ -265,13 +265,19 @@ class _PartReader:
             raise InputError("the stream is damaged (a turn)")
 
 
-def _code_turn(state: _State, turn: Turn, flags: int, parts: _PartWriter | _PartReader) -> Turn:
-    """Code a turn's parts: in a writer from `turn`, in a reader into it."""
+def _code_turn(
+    state: _State, turn: Turn, flags: int, parts: _PartWriter | _PartReader
+) -> tuple[_Before, NDArray[np.uint32] | None]:
+    """Code a turn's parts: a writer codes `turn`, a reader a turn of its shapes.
+
+    Returns what the next turn needs of it, and its times.
+    """
     azimuths = turn.azimuths.astype(np.int64)
     bits = parts.open(64 * len(azimuths))
     state.azimuths = track_with_bits(state.azimuths, bits)
     parts.close(bits, code_sequence(state.azimuths, azimuths))
-    now = _code_kinds(state, azimuths, turn, parts)
+    places = _places(state, azimuths)
+    now = _code_kinds(state, azimuths, places, turn, parts)
     times = None
     if flags & _TIMES and turn.times is not None:
         numbers = turn.times.astype(np.int64)
@@ -279,29 +285,31 @@ def _code_turn(state: _State, turn: Turn, flags: int, parts: _PartWriter | _Part
         state.times = track_with_bits(state.times, bits)
         parts.close(bits, code_sequence(state.times, numbers))
         times = numbers.astype(np.uint32)
-    reflectivities = None
     if flags & _REFLECTIVITIES and turn.reflectivities is not None:
         lean = bool(flags & _LEAN)
-        reflectivities = _code_values(state, now, turn.reflectivities, parts, lean=lean)
+        _code_values(state, now, places, turn.reflectivities, parts, lean=lean)
     state.before = now
-    order = np.argsort(state.layout.order)
+    return now, times
+
+
+def _decoded(layout: Layout, now: _Before, times: NDArray[np.uint32] | None) -> Turn:
+    """The turn that was decoded, its lasers in the order of packets."""
+    order = np.argsort(layout.order)
     ranges = np.stack([kind[PAD:] for kind in now.kinds]).astype(np.uint16)
-    return Turn(
-        np.ascontiguousarray(ranges[..., order]),
-        azimuths.astype(np.uint16),
-        times,
-        None if reflectivities is None else np.ascontiguousarray(reflectivities[..., order]),
-    )
+    values = None
+    if now.values:
+        values = np.stack([own[PAD:] for own in now.values]).astype(np.uint8).take(order, axis=2)
+    return Turn(ranges.take(order, axis=2), now.azimuths.astype(np.uint16), times, values)
 
 
 def _code_kinds(
-    state: _State, azimuths: Ints, turn: Turn, parts: _PartWriter | _PartReader
+    state: _State, azimuths: Ints, places: Ints, turn: Turn, parts: _PartWriter | _PartReader
 ) -> _Before:
     """Code the ranges."""
     layout = state.layout
     sources = [_padded(kind) for kind in turn.ranges]
     columns = len(sources[0]) - PAD
-    before, places = state.before, _places(state, azimuths)
+    before = state.before
     image = Image(*(np.zeros_like(sources[0]) for _ in range(4)))
     image.errors[:PAD] = _FIRST_ERROR
     then = Image(*(np.zeros((1, layout.lasers), np.int32) for _ in range(4)))
@@ -331,10 +339,11 @@ def _code_kinds(
 
 
 def _code_values(
-    state: _State, now: _Before, values: Values, parts: _PartWriter | _PartReader, *, lean: bool
-) -> NDArray[np.uint8]:
+    state: _State, now: _Before, places: Ints, values: Values, parts: _PartWriter | _PartReader, *,
+    lean: bool,
+) -> None:  # fmt: skip
     """Code the reflectivities of each kind; they are kept in `now` for the next turn."""
-    layout, before, places = state.layout, state.before, _places(state, now.azimuths)
+    layout, before = state.layout, state.before
     if not state.reflectivities:
         bits = bit_writer(0)
         lasers, kinds = layout.lasers, range(layout.kinds)
@@ -356,7 +365,6 @@ def _code_values(
         parts.close(bits, code_reflectivities(model, turn, places))
         now.values.append(own)
         now.held.append(held)
-    return np.stack([own[PAD:] for own in now.values]).astype(np.uint8)
 
 
 def _padded(values: Values) -> Words:
