@@ -147,6 +147,29 @@ def test_reno_runs_on_sweeps_beside_gpcc_at_the_rates_of_each(data: Path) -> Non
     assert list(codecs["gpcc"]["metric_rates"]) == [f"{mm}mm" for mm in (100, 50, 20, 10, 5, 2, 1)]
 
 
+def test_the_handicap_is_planned_with_its_table_and_figure(data: Path) -> None:
+    put(data / "reno_weights" / "KITTIDetection.pt", "")
+    bench = Workflow(read("handicap.yaml"))
+    assert "handicap" in bench.outputs.figures
+    assert "against_octree" in bench.outputs.tables
+    assert all(bench.plan.codes(name, "streets_hdl64e") for name in bench.plan.codecs)
+    assert {"gpcc", "gpcc_lossless", "gpcc_no_sensor", "reno"} <= set(bench.plan.codecs)
+
+
+def test_data_of_the_users_own_are_lines_to_take_the_signs_from() -> None:
+    text = (ROOT / "config" / "handicap.yaml").read_text()
+    lines = text.replace("\n  # Yours", "\n#").replace("\n  # ", "\n  ").splitlines()
+    config = checked(yaml.safe_load("\n".join(lines)))
+    loaders = {name: scenes.loader for name, scenes in config.scenes.items()}
+    assert loaders.pop("streets") == "street"
+    assert loaders == {
+        "indoors": "recordings", "outdoors": "recordings", "kitti": "kitti", "nuscenes": "nuscenes",
+    }  # fmt: skip
+    for name in loaders:
+        assert config.datasets[name].scenes == name
+        assert config.datasets[name].is_metric
+
+
 def test_the_thesis_is_planned_at_full_size_without_its_data(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
