@@ -1,6 +1,7 @@
 """The kit of conformance streams, on decoders that are right, wrong, absent or end badly."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -77,6 +78,31 @@ def test_a_decoder_that_is_wrong_gives_status_1(capsys: pytest.CaptureFixture[st
     wrong = f'{sys.executable} -c "import os; os.abort()" {{stream}} {{points}}'
     assert main(["conformance", wrong, "--tools", "angular trees"]) == 1
     assert "failed" in capsys.readouterr().out
+
+
+def test_a_manifest_may_be_a_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = []
+    for stream, wrong in zip(SMALL, ("", "", "0"), strict=True):
+        shutil.copy(stream.path, tmp_path / f"my.{stream.name}.bin")
+        rows.append(
+            {
+                "name": f"my.{stream.name}",
+                "options": list(stream.options),
+                "points_in": 7,
+                "points_out": stream.points,
+                "decoded_sorted_float64_sha256": wrong or stream.digest,
+            }
+        )
+    (tmp_path / "manifest.json").write_text(json.dumps(rows))
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path), "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["streams"], answer["decoded"], answer["failed"]) == (3, 2, 1)
+    assert answer["not decoded"]["my.trees_two"]["why"] == "other points"
+    assert answer["not decoded"]["my.trees_two"]["tools"] == "trees"
+    del rows[0]["decoded_sorted_float64_sha256"]
+    (tmp_path / "manifest.json").write_text(json.dumps(rows))
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path)]) == 2
+    assert "not a manifest of streams" in capsys.readouterr().err
 
 
 def test_a_folder_without_a_manifest_is_bad_input(

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from puckbench.codecs.gpcc.coder import encode_geometry
+from puckbench.codecs.gpcc.options import PROFILES, SPINNING
 from puckbench.codecs.gpcc.sensor import SensorDescription, described
 from puckbench.codecs.gpcc.syntax import Laser
 from puckbench.core.errors import InputError
@@ -35,6 +37,42 @@ def test_a_data_sheet_gives_the_same_lasers_upwards() -> None:
     coarse = described(beams, 0.002, 1809).lasers()
     assert coarse[0].z == -45
     assert coarse[0].num_phi_per_turn == 1809
+
+
+def _hdl64e() -> Beams:
+    """Two blocks of 32 lasers, whose beams cross the axis 0.12 and 0.21 m above the origin."""
+    elevations = np.concatenate([np.linspace(-24.8, -8.9, 32), np.linspace(-8.5, 2.0, 32)])
+    heights = np.repeat([120.0, 210.0], 32)
+    return Beams(tuple(elevations.tolist()), tuple(heights.tolist()), (0.0,) * 64)
+
+
+def test_the_head_is_where_the_upper_beams_cross_the_axis() -> None:
+    """To 50 mm, in steps of the grid; VLP-16's and HDL-32E's cross it at their origin."""
+    for unit_m, raised, heights in ((0.001, 200, (-80, 10)), (0.002, 100, (-40, 5))):
+        sensor = described(_hdl64e(), unit_m, 4000, (7, -5, 30))
+        assert sensor.position == (7, -5, 30 + raised)
+        assert sensor.height[::63] == pytest.approx(heights)
+    for name in ("vlp16", "hdl32e", "puck_hires"):
+        other = described(Beams.of(load_sensor(name)), 0.001, 1800, (7, -5, 30))
+        assert other.position == (7, -5, 30)
+
+
+def test_an_octree_takes_fewer_bits_from_the_raised_head() -> None:
+    """A node's laser is found by its angle from the head: as with KITTI's frame (13 %)."""
+    raised = described(_hdl64e(), 0.001, 360)
+    low = SensorDescription(
+        raised.tan_elevation, tuple(height + 200 for height in raised.height), 360
+    )
+    azimuth, laser = np.divmod(np.arange(360 * 64), 64)
+    angle = np.radians(azimuth)
+    noise = np.random.default_rng(2).normal(0, 20, len(angle))
+    radius = 9000 + 3000 * np.sin(3 * angle) + noise
+    z = np.array(low.height)[laser] + radius * np.array(low.tan_elevation)[laser]
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    grid = np.rint(points).astype(np.int64)
+    options = PROFILES["ctc"].model_copy(update=SPINNING)
+    sizes = [len(encode_geometry(grid, options, sensor=sensor)) for sensor in (raised, low)]
+    assert sizes[0] < 0.95 * sizes[1]
 
 
 def test_the_position_is_from_the_sequences_origin() -> None:

@@ -2,7 +2,7 @@
 
 The streams are TMC13's (release-v14.0), of generated scenes; `vectors/manifest.json` has the
 options that each was made with, and the SHA-256 of its points: little-endian float64, sorted by x,
-y, z.
+y, z. A manifest is a mapping of names, or a list of streams with their `name`.
 """
 
 from __future__ import annotations
@@ -68,18 +68,21 @@ def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
     """The streams of a folder with a manifest; InputError where there is none."""
     manifest = read_json(folder / "manifest.json")
     try:
+        if isinstance(manifest, list):
+            manifest = {about["name"]: about for about in manifest}
         return [_stream(folder, name, about) for name, about in sorted(manifest.items())]
-    except (AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder / 'manifest.json'}: not a manifest of streams") from error
 
 
 def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream:
+    listed = "decoded_sorted_float64_sha256"  # where a manifest is a list
     return ConformanceStream(
         name,
         folder / f"{name}.bin",
         tuple(about["options"]),
         int(about["points_out"]),
-        str(about["sha256_sorted_float64"]),
+        str(about[listed] if listed in about else about["sha256_sorted_float64"]),
     )
 
 
