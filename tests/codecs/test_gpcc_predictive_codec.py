@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from puckbench.cli import main
 from puckbench.codecs.gpcc import syntax
 from puckbench.codecs.gpcc.bits import Reader
 from puckbench.codecs.gpcc.container import unpacked
@@ -81,6 +82,22 @@ def test_a_cloud_is_coded_with_the_returns_beside_it(name: str, tmp_path: Path) 
     assert alone == codec.encode(returns.points(), "1mm")
     assert together == codec.encode_returns(returns, "1mm")
     assert len(together) < len(alone)
+
+
+def test_a_cloud_without_its_sensor_is_said_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "turn.ply", tmp_path / "turn.bin"
+    returns = recorded(60)
+    write_cloud(path, PointCloud(returns.points(), about={"size": 0}))
+    words = ["encode", str(path), str(out), "--codec", "gpcc_predictive", "--rate", "1mm"]
+    words += ["--frame", "metric"]
+    assert main(words) == 0
+    said = capsys.readouterr().err
+    assert f"{path}: no returns, so codec gpcc_predictive does without its sensor" in said
+    write_firings(path.with_suffix(".parquet"), returns)
+    assert main(words) == 0
+    assert "no returns" not in capsys.readouterr().err
 
 
 def test_a_returns_own_firings_need_no_second_block() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,9 @@ class Encode(Encoding):
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         original = self._cloud(codec, cloud, prepared)
+        if codec.takes == "either" and original.returns is None:
+            why = f"no returns, so codec {self.codec} does without its sensor"
+            sys.stderr.write(f"puckbench: {prepared or cloud}: {why}\n")
         return self.coded(ready(codec), original, self.rate, stream)
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
