@@ -49,7 +49,7 @@ TESTS = {
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
     "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
     "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds",
-    "lidar/recordings/returns": "lidar/test_returns datasets/test_rings",
+    "lidar/recordings/returns": "lidar/test_recordings",
     "lidar/recordings/rings": "datasets/test_rings",
     "lidar/residual_table": "lidar/test_wall_residuals",
     "lidar/scan": "lidar/test_scan lidar/test_trajectory lidar/test_mirrors",

@@ -104,6 +104,16 @@ def test_a_table_survives_its_file(tmp_path: Path) -> None:
     assert all(np.array_equal(again[name], column) for name, column in table.columns.items())
 
 
+def test_kinds_of_return_have_the_numbers_that_the_file_names(tmp_path: Path) -> None:
+    from pyarrow import parquet
+
+    table = read_recording(DATA / "dual.pcap")
+    write_returns(tmp_path / "a.parquet", table)
+    field = parquet.read_schema(tmp_path / "a.parquet").field("return_kind")
+    told = b" ".join(field.metadata.values()).decode()
+    assert f"{STRONGEST} strongest, {LAST} last, {BOTH} both" in told
+
+
 def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet

@@ -118,6 +118,28 @@ def test_clean_ranges_can_be_taken() -> None:
     assert off.max() <= 0.001 + 1e-9
 
 
+def test_ranges_that_16_bits_do_not_hold_are_left_out() -> None:
+    """Whole steps of 2 mm from 1 to 65,535; 0 would mean that nothing returned."""
+    table = _scan("none")
+    distance = table["distance_noisy"].copy()
+    distance[:4] = (0.0009, 0.0011, 65535 * 0.002, 65536 * 0.002)
+    changed = ScanTable({**table.columns, "distance_noisy": distance}, table.about)
+    found = returns_of_scan(changed)
+    assert set(range(6)) - set(found.rows.tolist()) == {0, 3}
+    ranges = np.concatenate([turn.ranges.ravel() for turn in found.returns.turns])
+    assert ranges.max() == 65535
+    assert len(found.returns) == len(found.rows) == len(table) - 2
+
+
+def test_times_of_columns_are_the_scans_in_microseconds() -> None:
+    table = _scan("none")
+    (turn,) = returns_of_scan(table).returns.turns
+    assert turn.times is not None
+    last = table["timestamp"].max()
+    assert turn.times.max() == pytest.approx(1e6 * last, abs=1)
+    assert last > 0.19  # of 0.2 s
+
+
 def test_frames_that_are_no_turns_are_refused() -> None:
     with pytest.raises(InputError, match="whole turns"):
         returns_of_scan(_scan(frames_per_second=10.0))

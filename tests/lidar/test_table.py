@@ -14,6 +14,7 @@ from puckbench.lidar import (
     scan,
     write_scan,
 )
+from puckbench.lidar.scan_table import write_scan_portions
 from tests.support.sensor_scenes import room
 
 
@@ -32,6 +33,16 @@ def test_a_scan_comes_back_bit_for_bit(tmp_path: Path, table: ScanTable) -> None
     for name in COLUMNS:
         assert back[name].dtype == table[name].dtype
         assert np.array_equal(back[name], table[name])
+
+
+def test_a_scan_in_portions_is_the_same_file_and_its_rows_are_counted(
+    tmp_path: Path, table: ScanTable
+) -> None:
+    rows = np.arange(len(table))
+    portions = [table.select(rows < 100), table.select(rows >= 100)]
+    assert write_scan_portions(tmp_path / "scan.parquet", iter(portions)) == len(table)
+    back = read_scan(tmp_path / "scan.parquet")
+    assert all(np.array_equal(back[name], table[name]) for name in COLUMNS)
 
 
 def test_the_same_scan_gives_the_same_bytes(tmp_path: Path, table: ScanTable) -> None:

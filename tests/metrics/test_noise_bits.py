@@ -78,6 +78,29 @@ def test_rays_of_one_model_and_recordings_have_no_part_in_it() -> None:
     assert {"street", "street_none"} < set(found["dataset"])
 
 
+def test_rows_are_ordered_by_models_noise_and_bits() -> None:
+    """Rays of more models first, then the least noise, then the fewest bits of whole codecs."""
+    rooms, street = (_clouds().query(f"dataset == '{one}'") for one in ("rooms_none", "street"))
+    clouds = pd.concat([
+        _clouds(),
+        street.assign(dataset="a_street", error_model="none", noise_bits=0.0),
+        rooms.assign(dataset="more", error_model="vlp16_measured", noise_bits=3.0),
+        rooms.assign(dataset="again"),
+    ])  # fmt: skip
+    metrics = _metrics().replace({"d1_rms_m": {0.004: 0.009}})  # of reno
+    alike = {"a_street": "street", "more": "rooms_none", "again": "rooms_none"}
+    parts = [metrics[metrics["dataset"] == of].assign(dataset=name) for name, of in alike.items()]
+    metrics = pd.concat([metrics, *parts])
+    reno = metrics[metrics["codec"] == "reno"]
+    metrics = pd.concat([metrics, reno.assign(codec="a_reno", bpp=reno["bpp"] + 1)])
+    found = noise_bits(metrics, clouds)
+    assert list(found["dataset"].unique()) == [
+        "again", "rooms_none", "more", "rooms_vlp16", "a_street", "street",
+    ]  # fmt: skip
+    first = found[found["dataset"] == "again"]
+    assert list(first["codec"]) == ["puck", "gpcc", "reno", "a_reno"]
+
+
 def test_without_several_models_it_is_an_input_error() -> None:
     with pytest.raises(InputError, match="same rays under several error models"):
         noise_bits(_metrics(), _clouds().query("error_model == 'none'"))

@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.metrics.frames import in_frame
-from puckbench.metrics.storage import storage
+from puckbench.metrics.storage import bits_at_error, storage
 
 
 def _rows() -> pd.DataFrame:
@@ -71,6 +71,12 @@ def test_an_error_that_no_rate_has_is_left_empty() -> None:
     rows = _rows()
     rows["d1_rms_m"] /= 10
     assert storage(rows)["bits_at_5_mm"].isna().all()
+
+
+def test_small_errors_count_and_one_rate_has_nothing_between() -> None:
+    bits, error_mm = pd.Series([1.0, 2.0, 4.0]), pd.Series([0.8, 0.2, 0.0])
+    assert bits_at_error(bits, error_mm, 0.4) == pytest.approx(2**0.5)
+    assert np.isnan(bits_at_error(bits[1:], error_mm[1:], 0.2))
 
 
 def test_scaled_clouds_have_no_part_in_it() -> None:
