@@ -131,6 +131,18 @@ def test_ranges_that_16_bits_do_not_hold_are_left_out() -> None:
     assert len(found.returns) == len(found.rows) == len(table) - 2
 
 
+@pytest.mark.parametrize(("known_mm", "step_m"), [(4.0, 0.004), (None, 0.002)])
+def test_ranges_are_whole_steps_of_the_sensors_or_of_2_mm(
+    known_mm: float | None, step_m: float
+) -> None:
+    table = _scan()
+    sensor = {**table.about["sensor"], "range_quantum_mm": known_mm}
+    found = returns_of_scan(ScanTable(table.columns, {**table.about, "sensor": sensor})).returns
+    assert found.quantum_m == step_m
+    ranges = np.concatenate([turn.ranges.ravel() for turn in found.turns])
+    assert ranges.max() == round(table["distance_noisy"].max() / step_m)
+
+
 def test_times_of_columns_are_the_scans_in_microseconds() -> None:
     table = _scan("none")
     (turn,) = returns_of_scan(table).returns.turns

@@ -47,7 +47,7 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     alike = _of_several_models(in_frame(clouds, "metric"))
-    curves = in_frame(metrics, "metric").groupby([*_CLOUD, "codec"], sort=False)
+    curves = in_frame(metrics, "metric").groupby([*_CLOUD, "codec"])
     found = pd.DataFrame(
         {**dict(zip((*_CLOUD, "codec"), names, strict=True)), **_bits(curve)}
         for names, curve in curves
@@ -62,8 +62,8 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
         known[f"added_{column}"] = known[column] - known[f"{column}_least"]
     columns = ["noise_bits", *BITS, *(f"added_{column}" for column in BITS)]
     keys = ["models", "dataset", "error_model", "codec"]
-    table = known.groupby(keys, sort=False)[columns].median()
-    table["clouds"] = known.groupby(keys, sort=False).size()
+    table = known.groupby(keys)[columns].median()
+    table["clouds"] = known.groupby(keys).size()
     order = ["models", "noise_bits", "dataset", "grid_1_mm", "at_5_mm"]
     return table.reset_index().sort_values(order, ascending=[False, True, True, True, True])
 
@@ -81,6 +81,6 @@ def _of_several_models(clouds: pd.DataFrame) -> pd.DataFrame:
     if not {*_CLOUD, "sensor", "error_model", "noise_bits"} <= set(clouds):
         raise InputError("clouds table: no cloud has the entropy of its noise (noise_bits)")
     known = clouds.dropna(subset=["noise_bits"])
-    rays = known.groupby([name for name in _RAYS if name in known], sort=False)
+    rays = known.groupby([name for name in _RAYS if name in known])
     known = known.assign(rays=rays.ngroup(), models=rays["error_model"].transform("nunique"))
     return known.loc[known["models"] > 1, [*_CLOUD, "error_model", "noise_bits", "rays", "models"]]

@@ -76,7 +76,7 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
         row |= {
             name: finest[column].median() for name, column in _MEDIANS.items() if column in finest
         }
-        curves = [curve for _, curve in part.groupby("cloud", sort=False)]
+        curves = [curve for _, curve in part.groupby("cloud")]
         at_error = [bits_at_error(curve["bpp"], curve["d1_rms_mm"], ERROR_MM) for curve in curves]
         rows.append({**row, "bits_at_5_mm": float(np.median(at_error)), "clouds": len(curves)})
     table = pd.DataFrame(rows)
