@@ -502,7 +502,7 @@ def laz(streams: Sequence[bytes], random: Random) -> bytes:
 
 def delta_zstd(streams: Sequence[bytes], random: Random) -> bytes:
     """Differences of any size, as many as are claimed or others, at any step."""
-    moves = np.full(limit(random, 21), limit(random, 34) * int(random.choice([-1, 1])))
+    moves = np.full(limit(random, 17), limit(random, 34) * int(random.choice([-1, 1])))
     if random.random() < 0.5:
         moves = random.integers(-(2**20), 2**20, int(random.integers(3000)))
     coded = compressed(packed_signed(moves) + (data(random) if random.random() < 0.2 else b""))

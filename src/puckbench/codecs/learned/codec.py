@@ -119,9 +119,9 @@ class Learned(Codec, Generic[W]):
         self._try(list(self.rates.values())[:1])
 
     def _try(self, rates: Iterable[Parameters]) -> None:
-        cube = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
+        points = _trial_cloud()
         for parameters in rates:
-            self._decode(self._encode(cube, parameters))
+            self._decode(self._encode(points, parameters))
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         with naming(f"codec {self.name}"):
@@ -279,6 +279,14 @@ class Improved(LearnedByLambda[R]):
 
     def _level(self, points: Floats, parameters: Parameters) -> int:
         return grid_level(points, parameters)
+
+
+def _trial_cloud() -> Floats:
+    """A block and a wave of voxels (n, 3): few, but enough of them to reach every compiled path."""
+    block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
+    x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
+    wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
+    return np.concatenate([block, np.column_stack([x, y, wave])])
 
 
 def _digest(path: Path) -> str:
