@@ -85,6 +85,7 @@ def test_a_metric_cloud_is_no_scaled_one(sphere: Path, capsys: pytest.CaptureFix
     out = sphere.with_suffix(".bin")
     fault = _refused(capsys, "encode", metric, out, "--codec", "gpcc", "--rate", "r4")
     assert "the cloud is in metres" in fault
+    assert "--frame scaled" not in fault
     assert _json(capsys, "encode", metric, out, "--codec", "draco", "--rate", "r8")["bytes"]
     assert "d1_psnr" not in _json(capsys, "evaluate", metric, out)
 
@@ -161,3 +162,14 @@ def test_points_have_no_primitives_to_recover(
     _json(capsys, "scene", "embedded_objects", "chair_01", scene)
     fault = _refused(capsys, "recovery", out, labelled, scene)
     assert "sphere.bin: codec draco codes points, and no surfaces" in fault
+
+
+@pytest.mark.parametrize("codec", ["laz", "delta_zstd"])
+def test_codecs_with_lengths_alone_need_a_cloud_in_metres(codec: str) -> None:
+    """A comparison of none of their rates once was an empty table."""
+    points = np.random.default_rng(0).random((50, 3))
+    with pytest.raises(InputError, match=r"does not say that it is in metres \(--frame metric\)"):
+        compare(PointCloud(points), [open_codec(codec)])
+    with pytest.raises(InputError, match="the cloud is scaled"):
+        compare(PointCloud(points, about={"size": 1024}), [open_codec(codec)])
+    assert len(compare(PointCloud(points, about={"size": 0}), [open_codec(codec)])) == 7

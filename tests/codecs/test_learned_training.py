@@ -62,6 +62,21 @@ def _train(cloud: Path, codec: str, steps: int, *more: str) -> int:
 
 
 @pytest.mark.parametrize("codec", SMALL)
+def test_clouds_in_metres_are_no_training_data(
+    codec: str, cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    metric = cloud.with_name("metric.ply")
+    write_cloud(metric, PointCloud(_plane() / 100, about={"size": 0}))
+    assert _train(metric, codec, 2) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert "metric.ply: the cloud is in metres: prepare it first (puckbench prepare)" in told
+    write_cloud(metric, PointCloud(_plane() / 100), describe=False)
+    metric.with_suffix(".json").unlink(missing_ok=True)
+    assert _train(metric, codec, 2) == 2
+    assert "puckbench prepare" in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("codec", SMALL)
 def test_a_set_is_trained_resumed_exported_and_measured(codec: str, cloud: Path) -> None:
     write_cloud(cloud.with_name("held_out.ply"), PointCloud(_plane()[:1200]))
     assert _train(cloud, codec, 2, "--validate", str(cloud.with_name("held_out.ply"))) == 0

@@ -234,11 +234,12 @@ class Codec(ABC):
             Rates are steps of a scaled cloud's grid, and this is none; or they are lengths, and
             this is not in metres.
         """
-        wanted = (self.rates_of(frame) or self.rates) if rate is None else (rate,)
+        usual = self.rates_of(frame) or self.rates or self.metric_rates
+        wanted = usual if rate is None else (rate,)
         if any(name in self.metric_rates for name in wanted):
             if frame == "metric":
                 return
-            is_what = "is scaled" if frame else "does not say that it is in metres"
+            is_what = "is scaled" if frame else "does not say that it is in metres (--frame metric)"
             instead = f": take one of {', '.join(self.rates)}" if self.rates else ""
             raise InputError(
                 f"codec {self.name}: rates such as {next(iter(self.metric_rates))} are lengths, "
@@ -248,13 +249,13 @@ class Codec(ABC):
             return
         is_what = "is in metres" if frame else "does not say whether it is scaled"
         has_unit = hasattr(self.options, "unit")
-        metric = ", or give the codec a unit in metres (--entry)" if has_unit else ""
+        metric = "" if frame else ", or say that it is (--frame scaled)"
+        metric += ", or give the codec a unit in metres (--entry)" if has_unit else ""
         if frame and self.metric_rates:
             metric = f", or take a rate of {', '.join(self.metric_rates)}"
         raise InputError(
             f"codec {self.name}: its rates are steps of a scaled cloud's grid, and the cloud "
-            f"{is_what}: prepare it (puckbench prepare, or encode --prepare), or say that it is "
-            f"(--frame scaled){metric}"
+            f"{is_what}: prepare it (puckbench prepare, or encode --prepare){metric}"
         )
 
     def parameters_of(self, rate: str) -> Parameters:

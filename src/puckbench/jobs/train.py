@@ -13,7 +13,9 @@ from pydantic import Field
 from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import Training, open_training
 from puckbench.codecs.registry import entry, open_codec
+from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_json
+from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import with_options
 from puckbench.jobs.registry import JOBS, Job
@@ -55,7 +57,7 @@ class Train(Job):
             self._begin(trainer, training, clouds)
             self._resume(trainer, checkpoint)
             _say(f"{training.steps} steps on cubes of {len(clouds)} prepared clouds")
-            examples = training.examples([read_cloud(path).xyz for path in clouds])
+            examples = training.examples([_voxels(path) for path in clouds])
             curve = Curve(trainer, weights.with_suffix(".csv"), self.every)
 
             def report(step: int, loss: Any) -> None:
@@ -158,3 +160,11 @@ def _names(paths: Sequence[Path]) -> list[str]:
     """Clouds by their paths below the folder that all of them are in."""
     shared = os.path.commonpath([path.parent.resolve() for path in paths])
     return sorted(path.resolve().relative_to(shared).as_posix() for path in paths)
+
+
+def _voxels(path: Path) -> Floats:
+    """The points of a cloud; InputError for one in metres, which has no voxels."""
+    cloud = read_cloud(path)
+    if cloud.frame == "metric":
+        raise InputError(f"{path}: the cloud is in metres: prepare it first (puckbench prepare)")
+    return cloud.xyz

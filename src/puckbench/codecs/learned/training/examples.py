@@ -59,8 +59,9 @@ class Examples:
                 return keys
         raise InputError(
             f"no cube of {self.cube_size} voxels' side holds {self.min_voxels} voxels: give denser "
-            'clouds, or options with coarser grids ("mean_occupied_children": [2], where the codec '
-            'has it) or larger cubes ("cube_size": 256)'
+            "clouds, scale those in metres (puckbench prepare), or give options with coarser grids "
+            '("mean_occupied_children": [2], where the codec has it) or larger cubes '
+            '("cube_size": 256)'
         )
 
     def _crop(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
