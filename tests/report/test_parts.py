@@ -302,6 +302,32 @@ def test_findings_name_the_best_with_its_interval() -> None:
 
 
 @pytest.mark.parametrize(
+    ("delta", "low", "high", "told"),
+    [
+        (-4.0, -13.8, 5.4, "no clear winner for equal D1"),
+        (4.0, -5.4, 13.8, "no clear winner for equal D1"),
+        (-4.0, -13.8, -0.1, "Draco: −4.0 % for equal D1 (−13.8 % to −0.1 %)"),
+        (4.0, 0.1, 13.8, "G-PCC: 0 % for equal D1 (reference)"),
+    ],
+)
+def test_an_interval_that_holds_zero_has_no_winner(
+    delta: float, low: float, high: float, told: str
+) -> None:
+    changed = {"bd_rate_percent_low": low, "bd_rate_percent_high": high}
+    deltas = _deltas(bd_rate_percent=delta, **changed)
+    (found,) = findings(_two_codecs(), deltas, None, FigureStyle()).datasets
+    assert found.best["Fewest bits"].replace("\xa0", " ") == told
+
+
+def test_who_is_nearest_to_a_truth_that_the_scan_itself_is_is_not_told() -> None:
+    metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002])
+    for errors in (None, pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [1e-5]})):
+        (found,) = findings(metrics, None, errors, FigureStyle()).datasets
+        assert found.best == {}
+        assert found.columns[0].head == "Distance to the truth"
+
+
+@pytest.mark.parametrize(
     ("change", "text", "note"),
     [
         ({"compared": 0}, "–", "no common range"),

@@ -19,17 +19,22 @@ _NEAREST = ("truth_d2_rms_m", "truth_cd_plane")
 """Distances to the true surface, of which the first that a table has is told."""
 FASTEST = "Fastest"
 """Under what the codecs with the least times are told."""
+_REFERENCE = "reference"
 _EXACT = 1e-4
 """Of a scan nearer to the truth (a tenth of a millimetre) nothing is told: it has no errors."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A value of a codec with a remark; `rank` orders the codecs, None where it cannot."""
+    """A value of a codec with a remark; `rank` orders the codecs, None where it cannot.
+
+    is_clear: whether it differs from the reference's by more than its interval.
+    """
 
     text: str = "\N{EN DASH}"
     note: str = ""
     rank: float | None = None
+    is_clear: bool = True
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,8 @@ class Column:
     head
         Its name.
     group, purpose
-        Under what its best codec is told, and what is said behind its value.
+        Under what its best codec is told, nothing where it is not, and what is said behind its
+        value.
     cells
         Codec -> value.
     """
@@ -130,7 +136,7 @@ def _of_dataset(
     columns = [*_bits(deltas, codecs), *_nearest(metrics, errors, codecs), *_times(metrics, codecs)]
     best: dict[str, str] = {}
     for column in columns:
-        if told := _told(column, style):
+        if column.group and (told := _told(column, style)):
             best[column.group] = "; ".join(filter(None, (best.get(column.group), told)))
     shown = tuple(codec_payload(codec, style) for codec in codecs)
     clouds = metrics["cloud"].nunique()
@@ -142,6 +148,9 @@ def _told(column: Column, style: FigureStyle) -> str:
     if not column.best:
         return ""
     title, cell = style.of_codec(column.best[0]).title, column.cells[column.best[0]]
+    rivals = column.cells.values() if cell.note == _REFERENCE else [cell]
+    if any(rival.rank is not None and not rival.is_clear for rival in rivals):
+        return f"no clear winner{column.purpose}"
     remark = f" ({cell.note})" if cell.note else ""
     return f"{title}: {cell.text}{column.purpose}{remark}"
 
@@ -166,7 +175,7 @@ def _bd_rates(rows: pd.DataFrame, codecs: Sequence[str]) -> dict[str, Cell]:
     by_codec = rows.set_index("codec").to_dict("index")
     anchor = rows["anchor"].iloc[0]
     return {
-        codec: Cell("0 %", "reference", 0.0) if codec == anchor else _bd_rate(by_codec.get(codec))
+        codec: Cell("0 %", _REFERENCE, 0.0) if codec == anchor else _bd_rate(by_codec.get(codec))
         for codec in codecs
     }
 
@@ -179,7 +188,8 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
     notes = [] if isnan(low) else [f"{percent_text(low)} to {percent_text(high)}"]
     whole = row["compared"] == row["clouds"]
     notes += [] if whole else [f"{row['compared']} of {row['clouds']} clouds"]
-    return Cell(percent_text(value), ", ".join(notes), float(value) if whole else None)
+    is_clear = not low <= 0 <= high  # of one cloud there is no interval
+    return Cell(percent_text(value), ", ".join(notes), float(value) if whole else None, is_clear)
 
 
 def percent_text(value: float) -> str:
@@ -197,9 +207,9 @@ def _nearest(
     if column is not None:
         medians = metrics.groupby(["codec", "rate"])[[column, "bpp"]].median()
         cells = {codec: _least(medians, column, codec) for codec in codecs}
-        yield Column(
-            "Distance to the truth", "Nearest to the truth", _own_error(errors, column), cells
-        )
+        own = _own_error(errors, column)
+        # Of a scan without errors the finest rate is the nearest, which tells nothing.
+        yield Column("Distance to the truth", "Nearest to the truth" if own else "", own, cells)
 
 
 def _distance_of(table: pd.DataFrame) -> str | None:
