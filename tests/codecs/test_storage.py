@@ -141,3 +141,16 @@ def test_more_points_than_a_decoder_takes_are_not_coded(
     monkeypatch.setattr(most_points, "_MANY_PER_BYTE", 0)
     with pytest.raises(InputError, match=f"codec {name}: .*points"):
         open_codec(name).encode(_points(), "5mm")
+
+
+@pytest.mark.parametrize("name", ["draco", *NAMES])
+@pytest.mark.parametrize("rate", ["10mm", "5mm", "2mm"])
+def test_wide_clouds_far_away_keep_their_step(name: str, rate: str) -> None:
+    """Ten kilometres at 530 km: Draco's single precision has steps of 31 mm there."""
+    points = np.random.default_rng(2).random((500, 3)) * [1e4, 1e4, 50] + [531e3, 140e3, 10]
+    codec = open_codec(name)
+    decoded = codec.decode(codec.encode(points, rate))
+    for axis in range(3):
+        found, given = np.sort(decoded[:, axis]), np.sort(points[:, axis])
+        single = 0.002  # two steps of single precision at ten kilometres
+        assert np.abs(found - given).max() <= codec.metric_rates[rate]["step_m"] / 2 + single

@@ -151,6 +151,8 @@ class Codec(ABC):
     input; 0 for a codec that adapts to the extent of the cloud."""
     shifts_far_clouds: bool = True
     """Whether clouds far from the origin are shifted to it before coding (`common.shift`)."""
+    is_single_precision: ClassVar[bool] = False
+    """Whether coordinates are coded from single precision, which wants a shift at fine steps."""
 
     def __init__(
         self,
@@ -312,7 +314,8 @@ class Codec(ABC):
         parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
         points = np.ascontiguousarray(points, dtype=np.float64)
-        shift = shift_of(points) if self.shifts_far_clouds else None
+        step = parameters.get("step_m") if self.is_single_precision else None
+        shift = shift_of(points, step) if self.shifts_far_clouds else None
         if shift is None:
             return self._encode(points, parameters)
         return shifted(self._encode(points - shift, parameters), shift)

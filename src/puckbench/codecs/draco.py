@@ -63,6 +63,7 @@ class DracoCodec(Codec):
 
     keeps_order: ClassVar[bool]
     """Whether points are coded in their order, which takes the sequential method."""
+    is_single_precision = True
     pace = Pace(0.02, 1.1)
     metric_rates = lengths()
     Options = DracoOptions
