@@ -41,3 +41,17 @@ def test_bits_are_compared_where_another_codec_is_beside_the_octree(
     outputs = Workflow(config).outputs
     assert ("handicap" in outputs.figures) == compared
     assert ("against_octree" in outputs.tables) == compared
+
+
+def test_scales_of_gpcc_are_drawn_where_it_codes_a_scaled_cloud() -> None:
+    config: dict[str, Any] = {
+        "scenes": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
+        "datasets": {
+            "rooms": {"scenes": "rooms", "make": "sample", "points": 9},
+            "metric": {"scenes": "rooms", "make": "sample", "points": 9, "size": "metric"},
+        },
+        "codecs": {"draco": {}, "gpcc": {}},
+    }
+    assert "gpcc_grid" in Workflow(config).outputs.figures
+    config["datasets"]["rooms"]["codecs"] = ["draco"]
+    assert "gpcc_grid" not in Workflow(config).outputs.figures

@@ -87,10 +87,11 @@ def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Codec -> rate -> scale, of the G-PCC codecs."""
+    """Codec -> rate -> scale, of the G-PCC codecs that code a data set like the thesis's."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()
         if codec.thesis_role in (GPCC, GPCC_AS_RUN)
         and all("scale" in values for values in codec.rates.values())
+        and any(plan.codes(name, dataset) for dataset in dataset_roles(plan))
     }
