@@ -377,7 +377,10 @@ def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
 @pytest.mark.parametrize(("clouds", "last"), [(12, "cloud"), (13, "mean")])
 def test_figure_6_4_has_a_key_of_its_marks(clouds: int, last: str) -> None:
     table = pd.DataFrame({"dataset": "rooms", "cloud": range(clouds), "points": range(clouds)})
-    texts = draw("fig_6_4", clouds=table).legends[0].get_texts()
+    figure = draw("fig_6_4", clouds=table)
+    top = figure.axes[0].get_ylim()[1]
+    assert 0.9 * top < table["points"].max() < 0.95 * top
+    texts = figure.legends[0].get_texts()
     assert {"quartiles", "median", "mean", last} == {text.get_text() for text in texts}
 
 
