@@ -209,7 +209,7 @@ def test_make_keeps_a_study_under_the_name_of_the_last_configuration(
     words: list[str], configs: str, name: str
 ) -> None:
     done = subprocess.run(
-        ["make", "--dry-run", "reference", *words],
+        ["make", "--no-print-directory", "--dry-run", "reference", *words],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -441,7 +441,7 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         size = min(sum(length * times for length, times in runs), 1 << 22)
         lengths = b"".join(base_128(number) for run in runs for number in run)
         raw = base_128(len(runs)) + lengths + bytes([int(random.integers(256))]) * size
-        return Record(Kind.GAPS, base_128(count) + codec._packed(raw))
+        return Record(Kind.GAPS, base_128(count) + codec._packed(raw, {}))
 
     found: list[Record] = []
     for record in whole:
@@ -455,7 +455,7 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         elif record.kind == Kind.LAYOUT and random.random() < 0.2:
             links = bytes(limit(random, 12) * 4)
             page = base_128(int(random.choice([511, 512, 4096, 65536, 65537])))
-            found += [Record(Kind.PAGES, page + codec._packed(links)), record]
+            found += [Record(Kind.PAGES, page + codec._packed(links, {})), record]
         elif record.kind == Kind.END and random.random() < 0.2:
             found.append(Record(Kind.END, _filling(random)))
         else:
@@ -552,7 +552,7 @@ def packets(streams: Sequence[bytes], random: Random) -> bytes:
     if random.random() < 0.4:
         counts = [limit(random, 17) for _ in range(int(random.choice([0, 1, 2, 300])))]
     numbers = base_128(len(counts)) + b"".join(map(base_128, counts))
-    packed = codec._packed(bytes(changed)) if random.random() < 0.8 else data(random)
+    packed = codec._packed(bytes(changed), {}) if random.random() < 0.8 else data(random)
     return Framing(stream[:4], 1, "").framed(numbers + packed)
 
 

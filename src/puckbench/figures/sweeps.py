@@ -13,6 +13,7 @@ from puckbench.figures.panels import panel_grid, set_title
 from puckbench.figures.quantities import Quantity
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.registry import SPINS_OR_RECORDINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,6 +84,7 @@ def _draw(
     title="Error of decoded ranges against bits per return",
     category="Spins of a sensor",
     frame="metric",
+    needs=(SPINS_OR_RECORDINGS,),
 )
 def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Root mean square error of ranges in millimetres against bits per return, medians over the
