@@ -73,7 +73,7 @@ class GpccNoSensor(Gpcc):
     title = "G-PCC (no sensor)"
     use = "comparison with papers on LiDAR, which run G-PCC so"
     colour = "#8A8A00"
-    marker = "d"
+    marker = "D"
     line = "--"
     rank = 75
     Options = NoSensorOptions
