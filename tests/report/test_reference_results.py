@@ -40,7 +40,7 @@ CONFIG: dict[str, Any] = {
     "codecs": {"draco": {"rates": ["r3", "r6"]}},
     "timing": {"repeats": 1},
 }
-SAMPLED = ("draco", "gpcc")
+SAMPLED = ("draco", "gpcc", "puck")
 """Fast codecs that every study has; a small one may have one of them alone."""
 FRAMES: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
 COMPARED = {"d1_mse", "d2_mse", "d1_psnr", "d2_psnr", "cd_plane", "truth_cd_plane"}
