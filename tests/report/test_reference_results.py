@@ -174,7 +174,7 @@ def test_the_samples_of_the_default_study_are_an_object_and_a_turn_of_a_sensor()
     reference = read_reference("default")
     datasets = [dataset for dataset, _ in samples_of(reference)]
     assert datasets == ["objects", "spins"]
-    assert set(only(reference)["codecs"]) == {"draco", "gpcc"}
+    assert set(only(reference)["codecs"]) == {"draco", "gpcc", "puck"}
     assert not missing_data(only(reference))
 
 
