@@ -19,14 +19,14 @@ from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.columns import Columns, Declared, Table, read_table, write_table
 from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
+from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn, clock_steps
 
 USUAL_QUANTUM_M = 0.002
 """Step of Velodyne's ranges, for sensors that state none."""
 _GREATEST_RISE = 100
 """Of the azimuth from block to block, in 0.01 degrees; a greater one shows missing blocks."""
 
-_HOUR_US = 3_600_000_000
+_HOUR_US = 3.6e9
 
 Firing = Literal["own_moment", "together"]
 
@@ -237,12 +237,12 @@ class Returns:
         that of the others on average. The clock starts again every hour.
         """
         times = [turn.times for turn in self.turns if turn.times is not None]
-        every = np.concatenate(times).astype(np.int64) if times else np.zeros(0, np.int64)
+        every = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
         if len(every) < 2:
             return None
-        nearest = np.mod(np.diff(every) + _HOUR_US // 2, _HOUR_US) - _HOUR_US // 2
-        span = int(np.ptp(np.concatenate([[0], np.cumsum(nearest)])))
-        return span * len(every) / len(nearest) * 1e-6 or None
+        steps = clock_steps(every, _HOUR_US)
+        span = float(np.ptp(np.concatenate([[0.0], np.cumsum(steps)])))
+        return span * len(every) / len(steps) * 1e-6 or None
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:

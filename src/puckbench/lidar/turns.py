@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 CENTIDEGREES = 36000
 MAX_LASERS = 128
@@ -94,3 +95,12 @@ def check_turn(turn: Turn, layout: Layout) -> None:
             raise InputError(f"{name} of a turn are {found}, not {kind} {expected}")
     if not 0 < blocks <= layout.max_blocks:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
+
+
+def clock_steps(times: Floats, hour: float) -> Floats:
+    """Steps (n - 1,) between times (n,) of a clock that starts again every hour, each the nearest.
+
+    hour: in the unit of the times.
+    """
+    steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
+    return steps

@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.metrics.frames import in_frame
 from puckbench.metrics.registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
-from puckbench.metrics.storage import ROUNDING, bits_at_error
+from puckbench.metrics.storage import bits_at_error, rounding_mm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,9 +114,6 @@ def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
 
 
 def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: float) -> float:
-    """The fewest bits with no more than a grid's error; nan where no rate has so little.
-
-    Rounding x, y and z to a grid has a root mean square error of half its step.
-    """
-    enough = bits[error_mm <= ROUNDING * grid_mm / 2]
+    """The fewest bits with no more than a grid's error; nan where no rate has so little."""
+    enough = bits[error_mm <= rounding_mm(grid_mm)]
     return float(enough.min()) if len(enough) else float("nan")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 ERROR_MM = 5.0
 """Root mean square error (D1) at which lossy codecs are compared."""
-ROUNDING = 1.1
+_ROUNDING = 1.1
 """By how much an error may exceed that of rounding to a grid, which holds for points that lie
 anywhere: on walls along its axes it is larger."""
 _MEDIANS = {
@@ -98,7 +98,12 @@ def _of_least_error(rows: pd.DataFrame) -> pd.DataFrame:
 def _kept(error_mm: float) -> str:
     if error_mm == 0:
         return "exact"
-    return "1 mm" if error_mm <= ROUNDING * 1.0 / 2 else "less"
+    return "1 mm" if error_mm <= rounding_mm(1.0) else "less"
+
+
+def rounding_mm(grid_mm: float) -> float:
+    """Root mean square error of rounding x, y and z to a grid, half its step, at most."""
+    return _ROUNDING * grid_mm / 2
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:

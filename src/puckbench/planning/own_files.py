@@ -6,6 +6,7 @@ import glob
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -126,8 +127,9 @@ class OwnRun:
 
     def unused(self) -> list[str]:
         """Paths that hold nothing of use, as a shell's pattern may find them among others."""
-        return [text for text, kinds in self._kinds() if not kinds]
+        return [text for text, kinds in self._kinds if not kinds]
 
+    @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
         """The paths, each with what there is below it."""
         return [
@@ -137,13 +139,12 @@ class OwnRun:
     def _sorted_paths(self) -> dict[Kind, list[str]]:
         """The paths by what they hold; InputError where none holds anything, or, strictly, one."""
         found: dict[Kind, list[str]] = {}
-        held = self._kinds()
         unused = self.unused()
-        if unused and (self.strict or len(unused) == len(held)):
+        if unused and (self.strict or len(unused) == len(self._kinds)):
             known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
             also = ", ".join(recordings.RECORDING_SUFFIXES)
             raise InputError(f"{unused[0]}: {NOTHING_THERE} there ({known}, {also})")
-        for text, kinds in held:
+        for text, kinds in self._kinds:
             for kind in kinds:
                 found.setdefault(kind, []).append(text)
         order: tuple[Kind, ...] = ("clouds", "meshes", "recordings")

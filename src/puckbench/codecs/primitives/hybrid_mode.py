@@ -30,9 +30,9 @@ from puckbench.codecs.primitives.stream import (
 )
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
+from puckbench.geometry.bounded_search import nearest_within
 from puckbench.geometry.box_tree import BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.search_work import nearest_within
 
 _DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
 """Borders in voxels of the classes of distances along the normal."""

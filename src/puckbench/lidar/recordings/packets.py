@@ -18,7 +18,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings.returns import BOTH, LAST, STRONGEST, RecordedReturns
 from puckbench.lidar.sensor import Sensor, load_sensor
-from puckbench.lidar.turns import CENTIDEGREES
+from puckbench.lidar.turns import CENTIDEGREES, clock_steps
 
 PACKET_BYTES = 1206
 
@@ -147,9 +147,8 @@ def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, N
 
 def packet_seconds(packets: NDArray[Any]) -> Floats:
     """Seconds since the first packet, (p,): the clock starts again every hour."""
-    steps = np.diff(packets["time_us"].astype(np.float64) * 1e-6)
-    nearest = np.mod(steps + HOUR_S / 2, HOUR_S) - HOUR_S / 2
-    return np.concatenate([[0.0], np.cumsum(nearest)])
+    steps = clock_steps(packets["time_us"].astype(np.float64) * 1e-6, HOUR_S)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _checked_mode(packets: NDArray[Any]) -> int:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from puckbench.geometry.bounded_search import nearest_within
 from puckbench.geometry.box_tree import box_tree
-from puckbench.geometry.search_work import nearest_within
 
 RANDOM = np.random.default_rng(5)
 
