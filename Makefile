@@ -79,4 +79,4 @@ dist: setup
 	@ls -l dist
 
 clean:
-	rm -rf build results fuzz site .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build results fuzz site jupyter_execute .snakemake .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -552,7 +552,7 @@ def packets(streams: Sequence[bytes], random: Random) -> bytes:
     if random.random() < 0.4:
         counts = [limit(random, 17) for _ in range(int(random.choice([0, 1, 2, 300])))]
     numbers = base_128(len(counts)) + b"".join(map(base_128, counts))
-    packed = codec._packed(bytes(changed), {}) if random.random() < 0.8 else data(random)
+    packed = codec._packed(bytes(changed)) if random.random() < 0.8 else data(random)
     return Framing(stream[:4], 1, "").framed(numbers + packed)
 
 
