@@ -17,7 +17,7 @@ from puckbench.jobs.preparation import Returns
 from puckbench.jobs.preparation import prepare as prepare_cloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.metrics.geometry import distortion
-from tests.support.default_clouds import CLOUDS
+from tests.support.default_clouds import CLOUDS, sampled_room
 
 _BOXES = (
     ((0, 0, 0), (1023, 700, 500)),
@@ -69,6 +69,18 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 3
     assert (steps[:, 1:] < 1).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "rates"), [(40_000, ("r4", "r5")), (120_000, ("r4", "r5", "r6"))]
+)
+def test_where_surfaces_alone_lose_voxels_stand_beside_one(
+    points: int, rates: tuple[str, ...]
+) -> None:
+    found = _curve(sampled_room("storage_1", points), rates=rates)
+    steps = found[1:] / found[:-1]
+    assert (steps[:, 0] > 1).all()
+    assert (steps[:, 1:4] < 1).all()
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from puckbench.core.threads import in_threads
 
 def test_results_keep_their_order_and_threads_run_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "2")
-    meeting = threading.Barrier(2, timeout=30)
+    meeting = threading.Barrier(2, timeout=600)
 
     def work(item: int) -> int:
-        meeting.wait()  # one thread alone would never get past this
+        meeting.wait()  # one thread alone would not get past this, and fail in the end
         return item * item
 
     assert in_threads(work, range(6)) == [0, 1, 4, 9, 16, 25]

@@ -15,7 +15,7 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.decode import Decode, DecodeCurve
+from puckbench.jobs.decode import Decode
 from puckbench.jobs.encode import Encode, EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.metrics import geometry
@@ -76,16 +76,20 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
     cloud, truth = Path("cloud.ply"), {"truth": Path("floor.ply"), "visible": Path("seen.ply")}
     EncodeCurve(codec=codec).run(cloud, files("curve", ".bin"))
     done = EvaluateCurve(codec=codec, dataset="d").run(
-        cloud, files("curve", ".bin"), files("curve", ".json"), **truth
+        cloud,
+        files("curve", ".bin"),
+        files("curve", ".json"),
+        files("curve/decoded", ".ply")[1:],
+        **truth,
     )
-    DecodeCurve(codec=codec).run(files("curve", ".bin"), files("curve/decoded", ".ply"))
     for rate in RATES:
         stream, row = (Path("alone") / f"{rate}{suffix}" for suffix in (".bin", ".json"))
         Encode(codec=codec, rate=rate).run(cloud, stream)
         Evaluate(codec=codec, dataset="d").run(cloud, stream, row, **truth)
-        Decode(codec=codec).run(stream, Path("alone/decoded") / f"{rate}.ply")
+        if rate != RATES[0]:
+            Decode(codec=codec).run(stream, Path("alone/decoded") / f"{rate}.ply")
     assert differences(Path("curve"), Path("alone")) == []
-    assert len(list(compared(Path("curve")))) == 5 * len(RATES)
+    assert len(list(compared(Path("curve")))) == 5 * len(RATES) - 2
     rows = [json.loads(path.read_text()) for path in files("curve", ".json")]
     assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in rows))
     assert (done["codec"], done["points"], done["rates"]) == (codec, 3000, 3)

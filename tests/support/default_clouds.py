@@ -35,6 +35,11 @@ def _scanned(name: str, errors: str) -> PointCloud:
     return prepare(PointCloud(found.xyz_noisy))
 
 
+def sampled_room(name: str, points: int) -> PointCloud:
+    """Points at random on the surfaces of a generated room."""
+    return _sampled(EmbeddedRooms(), name, points)
+
+
 CLOUDS: dict[str, Callable[[], PointCloud]] = {
     "airplane_01": partial(_sampled, EmbeddedObjects(), "airplane_01"),
     "chair_01": partial(_sampled, EmbeddedObjects(), "chair_01"),
@@ -42,5 +47,5 @@ CLOUDS: dict[str, Callable[[], PointCloud]] = {
     "office_1, clean scan": partial(_scanned, "office_1", "none"),
     "office_1, noisy scan": partial(_scanned, "office_1", "vlp16_divergence"),
 }
-RAW_ROOM = partial(_sampled, EmbeddedRooms(), "office_1", 120_000)
+RAW_ROOM = partial(sampled_room, "office_1", 120_000)
 """The default run's raw room, with as many points."""

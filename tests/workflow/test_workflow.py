@@ -8,13 +8,15 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
+from puckbench.io.clouds import read_cloud
 from puckbench.metrics.registry import SENSOR, table_entries
 from puckbench.planning.same_results import after_a_kill, differences
 from tests.support.bench import BOX_CODEC, RAW_CODEC, Bench
@@ -175,7 +177,7 @@ def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> Non
 def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     (restored.folder / "raw_grid.py").write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
     jobs = restored.planned()
-    curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate", "decode")}
+    curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate")}
     assert {jobs.pop(name) for name in curves} == {4}  # one job for each cloud
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
@@ -228,8 +230,9 @@ def test_single_targets_by_path(fresh: Bench) -> None:
         "encode_draco": 1,
         "evaluate_draco": 1,
     }
-    decoded = fresh.planned("results/decoded/objects/chair_01/draco/r8.ply")
-    assert decoded["decode_draco"] == 1
+    shown = fresh.planned("results/decoded/objects/chair_01/draco/r8.ply")
+    assert shown["evaluate_draco"] == 1
+    assert not {"decode_draco_r8", "scan", "encode_box"} & set(shown)
     assert "fig_6_6" not in fresh.planned("tables")
     assert fresh.planned("results/figures/fig_6_1.pdf") == {
         "scene": 1,
@@ -237,6 +240,18 @@ def test_single_targets_by_path(fresh: Bench) -> None:
         "prepare": 1,
         "fig_6_1": 1,
     }
+
+
+def test_a_rate_that_the_report_does_not_show_is_decoded_alone(fresh: Bench) -> None:
+    fresh.configure({"report": {"rates": 1}})
+    target = "results/decoded/objects/chair_01/draco/r1.ply"
+    planned = fresh.planned(target)
+    assert planned["decode_draco_r1"] == planned["encode_draco"] == 1
+    assert "evaluate_draco" not in planned
+    fresh.made(target)
+    stream = fresh.results / "coded" / "objects" / "chair_01" / "draco" / "r1.bin"
+    decoded = open_codec("draco").decode(stream.read_bytes())
+    assert np.allclose(read_cloud(fresh.folder / target).xyz, decoded)
 
 
 def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) -> None:
@@ -277,7 +292,7 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    _wait_for(fresh.results / "coded")
+    _wait_until(lambda: any((fresh.results / "coded").rglob("*.bin")), process)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     assert after_a_kill(fresh.results, finished.results) == []
@@ -287,10 +302,9 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
     assert differences(fresh.results, finished.results, finished=False) == []
 
 
-def _wait_for(folder: Path, seconds: float = 300) -> None:
-    deadline = time.monotonic() + seconds
-    while not any(folder.rglob("*.bin")):
-        assert time.monotonic() < deadline, f"nothing in {folder}"
+def _wait_until(happened: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    while not happened():
+        assert process.poll() is None, "the run has ended before"
         time.sleep(0.05)
 
 
@@ -299,7 +313,7 @@ def test_two_runs_at_once_are_kept_apart(fresh: Bench) -> None:
         fresh.command(), cwd=fresh.folder, stderr=subprocess.DEVNULL, start_new_session=True
     )
     try:
-        _wait_for_file(fresh.results / ".lock")
+        _wait_until((fresh.results / ".lock").exists, process)
         done = fresh.snakemake()
     finally:
         os.killpg(process.pid, signal.SIGKILL)
@@ -324,13 +338,6 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
     done = fresh.snakemake()
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("puckbench: /sys/results: ")
-
-
-def _wait_for_file(path: Path, seconds: float = 300) -> None:
-    deadline = time.monotonic() + seconds
-    while not path.exists():
-        assert time.monotonic() < deadline, f"no {path}"
-        time.sleep(0.05)
 
 
 @pytest.mark.parametrize(

@@ -30,30 +30,31 @@ for curve in coding.curves:
             " streams={output.streams:q} > {log:q} 2>&1"
 
 
-# The rates that the report shows in one job, each other one alone.
-for curve in [*coding.shown, *coding.not_shown]:
+# Each rate alone; those that the report shows are written where they are measured.
+for curve in coding.curves:
+    for rate in curve.alone():
 
-    rule:
-        name:
-            curve.name("decode")
-        input:
-            [one.first(f"{RESULTS}/coded", ".bin") for one in coding.coded_with(curve)],
-        output:
-            clouds=curve.files(f"{RESULTS}/decoded", ".ply"),
-            about=curve.files(f"{RESULTS}/decoded", ".json"),
-        log:
-            f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{curve.log}.log",
-        wildcard_constraints:
-            dataset=one_of(coding.datasets(curve)),
-        conda:
-            "../../envs/puckbench.yaml"
-        resources:
-            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
-        params:
-            record=coding.decode(curve).record,
-            code=coding.decode(curve).code,
-            streams=curve.files(f"{RESULTS}/coded", ".bin"),
-        shell:
-            "python -m puckbench.jobs decode_curve {params.record:q} streams={params.streams:q}"
-            " clouds={output.clouds:q} > {log:q} 2>&1"
+        rule:
+            name:
+                rate.name("decode")
+            input:
+                curve.first(f"{RESULTS}/coded", ".bin"),
+            output:
+                cloud=rate.first(f"{RESULTS}/decoded", ".ply"),
+                about=rate.first(f"{RESULTS}/decoded", ".json"),
+            log:
+                f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{rate.log}.log",
+            wildcard_constraints:
+                dataset=one_of(coding.datasets(curve)),
+            conda:
+                "../../envs/puckbench.yaml"
+            resources:
+                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
+                runtime=lambda w, attempt, minutes=coding.minutes(rate): attempt * minutes,
+            params:
+                record=coding.decode(rate).record,
+                code=coding.decode(rate).code,
+                stream=rate.first(f"{RESULTS}/coded", ".bin"),
+            shell:
+                "python -m puckbench.jobs decode {params.record:q} stream={params.stream:q}"
+                " cloud={output.cloud:q} > {log:q} 2>&1"

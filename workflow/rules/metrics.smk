@@ -1,52 +1,41 @@
 # Metrics: a result row for each cloud, codec and rate, from the streams' bytes alone; a job makes
 # those of a whole curve. Where scenes are labelled, a codec of surfaces has its primitives compared
-# with those that the scene is made of.
-for curve in coding.curves:
-    for surfaces in (False, True):
-        if not (measured := coding.measured(curve, surfaces)):
-            continue
-        recovered = {"recovered": curve.files(f"{RESULTS}/recovery", ".json")} if surfaces else {}
+# with those that the scene is made of. A cloud that the report shows has its own rules, without
+# wildcards, which Snakemake prefers: their jobs write some decoded clouds as well.
+for measuring in coding.measuring:
 
-        rule:
-            name:
-                curve.name("evaluate") + ("_surfaces" if surfaces else "")
-            input:
-                curve.first(f"{RESULTS}/coded", ".bin"),
-                unpack(lambda w: coding.truth(w.dataset, w.cloud)),
-                unpack(
-                    lambda w, surfaces=surfaces: (
-                        coding.labels(w.dataset, w.cloud) if surfaces else {}
-                    )
-                ),
-                cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-            output:
-                **recovered,
-                rows=curve.files(f"{RESULTS}/metrics", ".json"),
-            log:
-                f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{curve.log}.log",
-            wildcard_constraints:
-                dataset=one_of(measured),
-            priority: priority_of(curve)
-            conda:
-                "../../envs/puckbench.yaml"
-            threads: coding.cores(CORES)
-            resources:
-                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-                runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
-            params:
-                job="evaluate_surfaces" if surfaces else "evaluate_curve",
-                record=lambda w, c=curve, surfaces=surfaces: coding.evaluate(
-                    w.dataset, c, surfaces
-                ).record,
-                code=lambda w, c=curve, surfaces=surfaces: coding.evaluate(
-                    w.dataset, c, surfaces
-                ).code,
-                files=lambda w, input, output: files_of(input, output),
-                streams=curve.files(f"{RESULTS}/coded", ".bin"),
-                timed=coding.threads_environment,
-            shell:
-                "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
-                " streams={params.streams:q} > {log:q} 2>&1"
+    rule:
+        name:
+            measuring.name
+        input:
+            *measuring.of(measuring.curve.first(f"{RESULTS}/coded", ".bin")),
+            unpack(lambda w, one=measuring: coding.truth(*one.place(w))),
+            unpack(lambda w, one=measuring: coding.labels(*one.place(w)) if one.surfaces else {}),
+            cloud=measuring.of(f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply"),
+        output:
+            *measuring.beside(RESULTS),
+            **measuring.outputs(RESULTS),
+        log:
+            measuring.of(f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{measuring.curve.log}.log"),
+        wildcard_constraints:
+            dataset=one_of(measuring.datasets),
+        priority: priority_of(measuring.curve)
+        conda:
+            "../../envs/puckbench.yaml"
+        threads: coding.cores(CORES)
+        resources:
+            mem_mb=lambda w, attempt, mb=coding.memory_mb(measuring.curve.codec): attempt * mb,
+            runtime=lambda w, attempt, minutes=coding.minutes(measuring.curve): attempt * minutes,
+        params:
+            job="evaluate_surfaces" if measuring.surfaces else "evaluate_curve",
+            record=lambda w, one=measuring: coding.evaluate(*one.job(w)).record,
+            code=lambda w, one=measuring: coding.evaluate(*one.job(w)).code,
+            files=lambda w, input, output: files_of(input, output),
+            streams=measuring.of(*measuring.curve.files(f"{RESULTS}/coded", ".bin")),
+            timed=coding.threads_environment,
+        shell:
+            "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
+            " streams={params.streams:q} > {log:q} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.

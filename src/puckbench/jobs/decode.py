@@ -41,12 +41,10 @@ class Decoding(TimedJob):
         }
         return Decoded(timed.result, record)
 
-    def write_decoded(self, stream: Path, cloud: Path) -> dict[str, Any]:
+    def write_decoded(self, found: Decoded, stream: Path, cloud: Path) -> None:
         """Write the decoded cloud of a stream file as PLY."""
-        decoded, record = self.decoded(stream)
-        about = {"source": stream.name, "codec": record["codec"]}
-        write_cloud(cloud, replace(decoded, about=about))
-        return record
+        about = {"source": stream.name, "codec": found.record["codec"]}
+        write_cloud(cloud, replace(found.cloud, about=about))
 
 
 @JOBS.register("decode")
@@ -57,7 +55,11 @@ class Decode(Decoding):
 
     def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
         """Write the decoded cloud or mesh as PLY."""
-        return self._mesh(stream, cloud) if self.as_mesh else self.write_decoded(stream, cloud)
+        if self.as_mesh:
+            return self._mesh(stream, cloud)
+        found = self.decoded(stream)
+        self.write_decoded(found, stream, cloud)
+        return found.record
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, stream = self.read_stream(path)
@@ -71,14 +73,3 @@ class Decode(Decoding):
             "triangles": len(mesh.triangles),
             "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
         }
-
-
-@JOBS.register("decode_curve")
-class DecodeCurve(Decoding):
-    """Decode streams of a rate-distortion curve to clouds, in one process."""
-
-    def run(self, streams: tuple[Path, ...], clouds: tuple[Path, ...]) -> dict[str, Any]:
-        """Write the decoded clouds as PLY."""
-        for stream, cloud in zip(streams, clouds, strict=True):
-            self.write_decoded(stream, cloud)
-        return {"clouds": len(clouds)}

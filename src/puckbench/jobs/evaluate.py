@@ -11,10 +11,9 @@ from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
 from puckbench.core.progress import Progress
-from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import SUFFIXES, read_cloud
 from puckbench.jobs.codecs import record_file
-from puckbench.jobs.decode import Decoding
+from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns
@@ -84,10 +83,13 @@ class Evaluating(Decoding):
 
     def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
         """The result row of a decoded cloud, or of a stream (.bin)."""
+        return self._row_of(originals, self._found(decoded))
+
+    def _row_of(self, originals: Originals, found: Decoded) -> dict[str, Any]:
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
-        points, record = self._decoded(decoded)
+        points, record = found
         returns = {}
         if originals.returns is not None:
             returns = (
@@ -96,15 +98,15 @@ class Evaluating(Decoding):
                 else range_errors(originals.returns, points.returns)
             )
         ready = DistinctPoints(points.xyz)
-        found = measures(originals.reference, ready, self.peak)
+        errors = measures(originals.reference, ready, self.peak)
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
             **({FRAME: reference.frame} if reference.frame == "metric" else {}),
             **{key: reference.about[key] for key in _KEPT if key in reference.about},
             **record,
             "puckbench_version": __version__,
-            **found,
-            **picture_measures(reference, points, self.views, found),
+            **errors,
+            **picture_measures(reference, points, self.views, errors),
             **(originals.truth.measures(ready) if originals.truth else {}),
             **returns,
             **keeping_up(reference.about, record),
@@ -114,30 +116,42 @@ class Evaluating(Decoding):
         return result
 
     def write_rows(
-        self, originals: Originals, streams: Sequence[Path], rows: Sequence[Path]
+        self,
+        originals: Originals,
+        streams: Sequence[Path],
+        rows: Sequence[Path],
+        clouds: Sequence[Path] = (),
     ) -> dict[str, Any]:
-        """Write the result row of each stream; what was done, as `work` says it."""
+        """Write the result row of each stream, and the decoded cloud of those that `clouds` name.
+
+        Returns
+        -------
+        dict
+            What was done, as `work` says it.
+        """
         progress, seconds = Progress("rate"), 0.0
+        written = {cloud.stem: cloud for cloud in clouds}
         for record in map(record_file, streams):
             if not record.exists():
                 raise InputError(f"{record}: no such file: delete the streams beside it")
         for done, (stream, row) in enumerate(zip(streams, rows, strict=True), start=1):
-            found = self.row(originals, stream)
-            write_json(row, found)
-            seconds += found["decode_s"]
+            found = self._found(stream)
+            if stream.stem in written:
+                self.write_decoded(found, stream, written[stream.stem])
+            write_json(row, self._row_of(originals, found))
+            seconds += found.record["decode_s"]
             progress(done, len(rows))
         points = len(originals.reference.cloud)
         return {**self.work(points, len(rows), seconds), "truth": originals.truth is not None}
 
-    def _decoded(self, path: Path) -> tuple[PointCloud, dict[str, Any]]:
+    def _found(self, path: Path) -> Decoded:
+        """A decoded cloud as it is, or that of a stream with what it cost."""
         if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
-            return read_cloud(path), {}
-        decoded, record = self.decoded(path)
+            return Decoded(read_cloud(path), {})
+        found = self.decoded(path)
         beside = record_file(path)
-        return decoded, {
-            **(read_json(beside) if beside.exists() else {}),
-            **record,
-        }
+        coding = read_json(beside) if beside.exists() else {}
+        return Decoded(found.cloud, {**coding, **found.record})
 
 
 @JOBS.register("evaluate")
@@ -177,15 +191,18 @@ class EvaluateCurve(Evaluating):
         cloud: Path,
         streams: tuple[Path, ...],
         rows: tuple[Path, ...],
+        clouds: tuple[Path, ...] = (),
         truth: Path | None = None,
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the result rows, one for each stream.
+        """Write the result rows, one for each stream, and decoded clouds of some.
 
         Parameters
         ----------
+        clouds
+            Decoded clouds to write, each of the stream that has its name.
         cloud, truth, visible, clean
             As `Originals` takes them.
         """
-        return self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
+        return self.write_rows(Originals(cloud, truth, visible, clean), streams, rows, clouds)

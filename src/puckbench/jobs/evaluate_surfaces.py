@@ -23,6 +23,7 @@ class EvaluateSurfaces(Evaluating, Recovering):
         recovered: tuple[Path, ...],
         points: Path,
         scene: Path,
+        clouds: tuple[Path, ...] = (),
         truth: Path | None = None,
         visible: Path | None = None,
         clean: Path | None = None,
@@ -33,10 +34,12 @@ class EvaluateSurfaces(Evaluating, Recovering):
         ----------
         cloud, truth, visible, clean
             As `puckbench.jobs.evaluate.Originals` takes them.
+        clouds
+            Decoded clouds to write, each of the stream that has its name.
         points, scene
             As `puckbench.jobs.recovery.LabelledPoints` takes them.
         """
-        done = self.write_rows(Originals(cloud, truth, visible, clean), streams, rows)
+        done = self.write_rows(Originals(cloud, truth, visible, clean), streams, rows, clouds)
         labelled = LabelledPoints(points, scene)
         for stream, row in zip(streams, recovered, strict=True):
             write_json(row, self.recovered(labelled, cloud.stem, stream))

@@ -13,7 +13,7 @@ from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
 from puckbench.core.files import sha256
 from puckbench.geometry.cloud import Frame
-from puckbench.jobs.decode import DecodeCurve
+from puckbench.jobs.decode import Decode
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
 from puckbench.jobs.evaluate_surfaces import EvaluateSurfaces
@@ -54,6 +54,10 @@ class Curve:
         first, last = self.rates[0], self.rates[-1]
         return first if first == last else f"{first}_to_{last}"
 
+    def alone(self) -> list[Curve]:
+        """Each of its rates."""
+        return [replace(self, rates=(rate,), whole=False) for rate in self.rates]
+
     def files(self, folder: str, suffix: str) -> list[str]:
         """A file for each rate, of any data set and cloud."""
         return [
@@ -67,6 +71,60 @@ class Curve:
         for each input of each job.
         """
         return self.files(folder, suffix)[0]
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """What a rule measures: a curve of every cloud of some data sets, or of one cloud.
+
+    surfaces: whether the primitives are compared with the scenes'. example: the kind of example
+    that the cloud is. shown: rates whose decoded clouds the report shows, which are written too.
+    """
+
+    curve: Curve
+    datasets: tuple[str, ...]
+    surfaces: bool
+    cloud: str | None = None
+    example: str = ""
+    shown: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of the rule, such as ``evaluate_draco`` and ``evaluate_draco_object``."""
+        words = [self.curve.name("evaluate"), "surfaces" if self.surfaces else "", self.example]
+        return "_".join(filter(None, words))
+
+    def place(self, wildcards: Any) -> tuple[str, str]:
+        """The data set and the cloud of a job."""
+        if self.cloud is None:
+            return wildcards.dataset, wildcards.cloud
+        return self.datasets[0], self.cloud
+
+    def job(self, wildcards: Any) -> tuple[str, Curve, bool]:
+        """What `CodingJobs.evaluate` plans a job for."""
+        return self.place(wildcards)[0], self.curve, self.surfaces
+
+    def of(self, *paths: str) -> list[str]:
+        """Paths with the data set and the cloud in them, where the rule has one cloud."""
+        if self.cloud is None:
+            return [*paths]
+        return [path.format(dataset=self.datasets[0], cloud=self.cloud) for path in paths]
+
+    def outputs(self, results: str) -> dict[str, list[str]]:
+        """Files that a job is told to make, by the keys of its arguments."""
+        files = {"rows": self.curve.files(f"{results}/metrics", ".json")}
+        if self.surfaces:
+            files["recovered"] = self.curve.files(f"{results}/recovery", ".json")
+        if self.shown:
+            files["clouds"] = self._shown(results, ".ply")
+        return {key: self.of(*paths) for key, paths in files.items()}
+
+    def beside(self, results: str) -> list[str]:
+        """The descriptions of the decoded clouds, which are written beside them."""
+        return self.of(*self._shown(results, ".json"))
+
+    def _shown(self, results: str, suffix: str) -> list[str]:
+        return replace(self.curve, rates=self.shown).files(f"{results}/decoded", suffix)
 
 
 class CodingJobs:
@@ -116,29 +174,28 @@ class CodingJobs:
         return 5 + math.ceil(2 * len(curve.rates) * self._seconds(curve.codec) / 60)
 
     @cached_property
-    def shown(self) -> tuple[Curve, ...]:
-        """Rates whose decoded clouds the report shows, by codec; none without example clouds."""
-        if not self.plan.config.figures.examples.given():
-            return ()
-        count = self.plan.config.report.rates
+    def measuring(self) -> tuple[Measuring, ...]:
+        """What rules measure: of clouds that the report shows some decoded ones are written too."""
         return tuple(
-            Curve(codec, tuple(rates), True, frame)
-            for frame in self.plan.frames
-            for codec in self._coding(frame)
-            if (rates := spread_out(self.plan.rates(codec, frame), count))
+            one
+            for curve in self.curves
+            for surfaces in (False, True)
+            if (datasets := self.measured(curve, surfaces))
+            for one in (
+                Measuring(curve, tuple(datasets), surfaces),
+                *self._examples(curve, datasets, surfaces),
+            )
         )
 
-    @cached_property
-    def not_shown(self) -> tuple[Curve, ...]:
-        """Each other rate."""
-        shown = {(curve.frame, curve.codec, rate) for curve in self.shown for rate in curve.rates}
-        return tuple(
-            Curve(codec, (rate,), False, frame)
-            for frame in self.plan.frames
-            for codec in self._coding(frame)
-            for rate in self.plan.rates(codec, frame)
-            if (frame, codec, rate) not in shown
-        )
+    def _examples(self, curve: Curve, datasets: list[str], surfaces: bool) -> Iterator[Measuring]:
+        rates = spread_out(self.plan.rates(curve.codec, curve.frame), self.plan.config.report.rates)
+        shown = tuple(rate for rate in curve.rates if rate in rates)
+        # The same cloud may be an example of two kinds.
+        kinds = {name: kind for kind, name in self.plan.config.figures.examples.given().items()}
+        for name, kind in kinds.items():
+            dataset, cloud = name.split("/")
+            if dataset in datasets:
+                yield Measuring(curve, (dataset,), surfaces, cloud, kind, shown)
 
     @cache  # noqa: B019
     def encode(self, curve: Curve) -> PlannedJob:
@@ -148,8 +205,8 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def decode(self, curve: Curve) -> PlannedJob:
-        """Decode streams to clouds."""
-        record = DecodeCurve(codec=curve.codec, changes=self._entry(curve))
+        """Decode a stream to a cloud."""
+        record = Decode(codec=curve.codec, changes=self._entry(curve))
         return planned(record, self._module(curve.codec), also=self._weights(curve.codec))
 
     @cache  # noqa: B019
@@ -196,15 +253,6 @@ class CodingJobs:
             "points": self.clouds.true_points(dataset, cloud),
             "scene": self.clouds.scene_file(dataset, cloud),
         }
-
-    def coded_with(self, curve: Curve) -> list[Curve]:
-        """The curves, or parts of them, that have the rates of another one."""
-        return [
-            one
-            for one in self.curves
-            if (one.frame, one.codec) == (curve.frame, curve.codec)
-            and set(one.rates) & set(curve.rates)
-        ]
 
     def first_rows(self, kind: str, codec: str | None = None) -> list[str]:
         """The first row of each curve, of all clouds in the order of the table.

@@ -51,13 +51,11 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
         return both * pace.encoding, both * (1 - pace.encoding)
 
     for curve in coding.curves:
-        coded, decoded = calls(curve, coding.timing.repeats)
-        measured = decoded + len(curve.rates) * _METRICS[truth] * millions
-        found[curve.name("encode")] = coded
-        for suffix in ("", "_surfaces"):
-            found[curve.name("evaluate") + suffix] = measured
-    for curve in (*coding.shown, *coding.not_shown):
-        found[curve.name("decode")] = calls(curve, 1)[1]
+        found[curve.name("encode")] = calls(curve, coding.timing.repeats)[0]
+        found |= {one.name("decode"): calls(one, 1)[1] for one in curve.alone()}
+    for rule in coding.measuring:
+        decoded = calls(rule.curve, coding.timing.repeats)[1]
+        found[rule.name] = decoded + len(rule.curve.rates) * _METRICS[truth] * millions
     return found
 
 

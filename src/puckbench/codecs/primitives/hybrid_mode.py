@@ -126,13 +126,18 @@ def encode(
     Hybrid or None
         The best choice; None if the surface leaves too few bytes, or too many voxels fit.
     """
-    left = max_bytes - len(surface.stream)
-    if left < _MIN_VOXEL_SHARE * max_bytes:
+    if not leaves_voxels(surface.stream, max_bytes):
         return None
+    left = max_bytes - len(surface.stream)
     stream = voxel_mode.encode_to_budget(points, left, max_voxel_size)
     with suppress(InputError):  # of more voxels than a hybrid may have
         return _best_choice(points, surface, stream, criterion)
     return None
+
+
+def leaves_voxels(surface: bytes, max_bytes: int) -> bool:
+    """Whether the stream of a surface leaves bytes for voxels that are worth their header."""
+    return max_bytes - len(surface) >= _MIN_VOXEL_SHARE * max_bytes
 
 
 def _best_choice(

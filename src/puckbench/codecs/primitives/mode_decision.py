@@ -54,6 +54,8 @@ _LAMBDA_FACTORS = (1.0, 2.0, 4.0)
 With many bits voxels come nearer to noise and to scattered points, and surfaces do not; a surface
 of fewer bits may still be better than voxels of as few.
 """
+_COARSER_FACTORS = (8.0, 16.0, 32.0)
+"""Further multiples, of a surface that voxels stand beside because none alone is better."""
 _MAX_REFUSED = 3
 """Surfaces of revolution in a row that cost more than they save, after which no more are tried."""
 _MIN_SAVING = 0.98
@@ -147,7 +149,7 @@ class _Candidate(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A stream, and the surface that it holds unless it is of voxels."""
+    """A stream, and the surface that it holds unless it has voxels."""
 
     stream: bytes
     surface: DecodedSurface | None
@@ -168,7 +170,7 @@ def _surface_or_voxels(
     """The finest surface that is better than voxels of as many bytes in all respects; else voxels.
 
     Where the surface of fewest bytes is better in one respect and worse in another, the product of
-    the errors decides.
+    the errors decides, and so it does between voxels alone and voxels beside that surface.
     """
     if best.coded is None:
         return _Kept(voxel_mode.encode_to_budget(cloud.source, max_bytes), None)
@@ -186,20 +188,41 @@ def _surface_or_voxels(
             comparison = _Comparison.of(cloud, estimator, decoded.xyz, voxel_streams[-1])
             if comparison.surface_is_better():
                 return smallest
-    surface_wins = comparison is not None and comparison.surface_is_better_by_product()
-    return smallest if surface_wins else _Kept(voxel_streams[0], None)
+    if comparison is not None and comparison.surface_is_better_by_product():
+        return smallest
+    hybrid = _better_hybrid(cloud, estimator, coded, best.mode, voxel_streams[0])
+    return _Kept(hybrid or voxel_streams[0], None)
 
 
-def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
-    """The surface refined by voxels, or voxels of as many bytes.
+def _better_hybrid(
+    cloud: PreparedCloud,
+    estimator: DistortionEstimator,
+    coded: CodedSurface | None,
+    mode: SurfaceMode,
+    voxels: bytes,
+) -> bytes | None:
+    """Voxels beside a surface, where they are better than a stream of as many bytes of voxels.
 
-    What is refined is the surface that would be kept without voxels, and voxels alone take its
-    place only where they do not lose it: more bits shall not lose what it had. Where voxels were
-    kept, the product of the errors decides. The less the surface is refined, the more the distance
-    to it counts.
+    coded: the surface of fewest bytes of those that were compared; where it leaves voxels too few,
+    the finest that does not.
     """
-    cloud, estimator, best, kept = found
-    points = cloud.source
+    for factor in _COARSER_FACTORS:
+        if coded is None or hybrid_mode.leaves_voxels(coded.stream, len(voxels)):
+            break
+        coded = encode_surface(_weighted(cloud, factor), mode)
+    if coded is None:
+        return None
+    criterion = _criterion(cloud, estimator, 0.0)
+    part = hybrid_mode.SurfacePart(coded.stream, *coded.decoded()[:2])
+    hybrid = hybrid_mode.encode(cloud.source, part, len(voxels), UNITS / 4, criterion)
+    alone = estimator.measure(cloud.in_units(decode_stream(voxels)))
+    return hybrid.stream if hybrid and hybrid.cost < criterion.cost(alone) else None
+
+
+def _criterion(
+    cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
+) -> hybrid_mode.Criterion:
+    """The product of the errors; the more a surface is refined, the less that to it counts."""
 
     def nearest(decoded: Floats) -> Nearest:
         return estimator.nearest(cloud.in_units(decoded))
@@ -208,21 +231,33 @@ def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
         return estimator.measure(cloud.in_units(subset(decoded)), near)
 
     def product(errors: Distortion) -> float:
-        return float(errors.point * errors.plane * errors.surface ** (1 - settings.refinement))
+        return float(errors.point * errors.plane * errors.surface ** (1 - refinement))
 
+    return hybrid_mode.Criterion(nearest, measured, product)
+
+
+def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
+    """The surface refined by voxels, or voxels of as many bytes.
+
+    What is refined is the surface that would be kept without voxels, and voxels alone take its
+    place only where they do not lose it: more bits shall not lose what it had. Where voxels were
+    kept, the product of the errors decides.
+    """
+    cloud, estimator, best, kept = found
+    points = cloud.source
     max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings)
     surface = kept
     if kept.surface is None and best.coded:
         surface = _Kept(best.coded.stream, best.coded.decoded())
     if surface.surface:
         part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
-        criterion = hybrid_mode.Criterion(nearest, measured, product)
+        criterion = _criterion(cloud, estimator, settings.refinement)
         hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion)
         if hybrid:
             equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size)
             voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
             beside_surface = _lose_the_surface(voxels, hybrid.distortion, settings)
-            if beside_surface if kept.surface else hybrid.cost <= product(voxels):
+            if beside_surface if kept.surface else hybrid.cost <= criterion.cost(voxels):
                 return hybrid.stream
     return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
 
