@@ -136,7 +136,7 @@ def test_bits_grow_from_the_surface_to_the_highest_rate_in_equal_ratios() -> Non
     points = _floor()
     for size, most in ((8, 3.5 * len(points) / 8), (0.1, 4.5 * len(points) / 8)):
         rates = (Settings(max_voxel_size=size, refinement=k / 3) for k in range(4))
-        budgets = [_refined_budget(points, 1000, rate)[0] for rate in rates]
+        budgets = [_refined_budget(points, 1000, rate, [])[0] for rate in rates]
         assert budgets[0] == 1000
         assert budgets[3] >= int(most)
         steps = np.diff(np.log(budgets))

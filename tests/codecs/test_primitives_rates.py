@@ -77,10 +77,10 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
 def test_where_surfaces_alone_lose_voxels_stand_beside_one(
     points: int, rates: tuple[str, ...]
 ) -> None:
-    found = _curve(sampled_room("storage_1", points), rates=rates)
+    found = _curve(sampled_room("storage_1", points), rates=rates)[:, :4]
     steps = found[1:] / found[:-1]
     assert (steps[:, 0] > 1).all()
-    assert (steps[:, 1:4] < 1).all()
+    assert (steps[:, 1:] < 1).all()
 
 
 @pytest.mark.parametrize(

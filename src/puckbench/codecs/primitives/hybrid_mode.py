@@ -105,6 +105,7 @@ def encode(
     max_bytes: int,
     max_voxel_size: float,
     criterion: Criterion,
+    tried: voxel_mode.Trials | None = None,
 ) -> Hybrid | None:
     """Code a cloud as a surface and the finest voxels that fit beside it.
 
@@ -116,10 +117,10 @@ def encode(
         The coded surface.
     max_bytes
         Budget of the whole stream.
-    max_voxel_size
-        As of `voxel_mode.encode_to_budget`.
     criterion
         By which the kept points of the surface are chosen.
+    max_voxel_size, tried
+        As of `voxel_mode.encode_to_budget`.
 
     Returns
     -------
@@ -129,7 +130,7 @@ def encode(
     if not leaves_voxels(surface.stream, max_bytes):
         return None
     left = max_bytes - len(surface.stream)
-    stream = voxel_mode.encode_to_budget(points, left, max_voxel_size)
+    stream = voxel_mode.encode_to_budget(points, left, max_voxel_size, tried)
     with suppress(InputError):  # of more voxels than a hybrid may have
         return _best_choice(points, surface, stream, criterion)
     return None

@@ -136,8 +136,9 @@ def _find_surfaces(points: Floats, settings: Settings) -> _Surfaces:
     cloud = prepare(points, settings)
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
-    kept = _surface_or_voxels(cloud, estimator, best, _max_bytes(points, settings))
-    return _Surfaces(cloud, estimator, best, kept)
+    tried: voxel_mode.Trials = []
+    kept = _surface_or_voxels(cloud, estimator, best, _max_bytes(points, settings), tried)
+    return _Surfaces(cloud, estimator, best, kept, tuple(tried))
 
 
 class _Candidate(NamedTuple):
@@ -156,16 +157,24 @@ class _Kept(NamedTuple):
 
 
 class _Surfaces(NamedTuple):
-    """A cloud, the surface of least cost, and what is kept of it without refinement."""
+    """A cloud, the surface of least cost, and what is kept of it without refinement.
+
+    tried: what `voxel_mode.encode_to_budget` has tried.
+    """
 
     cloud: PreparedCloud
     estimator: DistortionEstimator
     best: _Candidate
     kept: _Kept
+    tried: tuple[tuple[float, int], ...]
 
 
 def _surface_or_voxels(
-    cloud: PreparedCloud, estimator: DistortionEstimator, best: _Candidate, max_bytes: int
+    cloud: PreparedCloud,
+    estimator: DistortionEstimator,
+    best: _Candidate,
+    max_bytes: int,
+    tried: voxel_mode.Trials,
 ) -> _Kept:
     """The finest surface that is better than voxels of as many bytes in all respects; else voxels.
 
@@ -173,7 +182,7 @@ def _surface_or_voxels(
     the errors decides, and so it does between voxels alone and voxels beside that surface.
     """
     if best.coded is None:
-        return _Kept(voxel_mode.encode_to_budget(cloud.source, max_bytes), None)
+        return _Kept(voxel_mode.encode_to_budget(cloud.source, max_bytes, tried=tried), None)
     voxel_streams: list[bytes] = []
     smallest, comparison = _Kept(b"", None), None
     for factor in _LAMBDA_FACTORS:
@@ -181,7 +190,7 @@ def _surface_or_voxels(
         coded = best.coded if factor == 1 else encode_surface(weighted, best.mode)
         fits = coded is not None and len(coded.stream) <= max_bytes
         budget = len(coded.stream) if coded and fits else max_bytes
-        voxel_streams.append(voxel_mode.encode_to_budget(cloud.source, budget))
+        voxel_streams.append(voxel_mode.encode_to_budget(cloud.source, budget, tried=tried))
         if coded and fits:
             decoded = coded.decoded()
             smallest = _Kept(coded.stream, decoded)
@@ -190,7 +199,7 @@ def _surface_or_voxels(
                 return smallest
     if comparison is not None and comparison.surface_is_better_by_product():
         return smallest
-    hybrid = _better_hybrid(cloud, estimator, coded, best.mode, voxel_streams[0])
+    hybrid = _better_hybrid(cloud, estimator, coded, best.mode, voxel_streams[0], tried)
     return _Kept(hybrid or voxel_streams[0], None)
 
 
@@ -200,23 +209,29 @@ def _better_hybrid(
     coded: CodedSurface | None,
     mode: SurfaceMode,
     voxels: bytes,
+    tried: voxel_mode.Trials,
 ) -> bytes | None:
     """Voxels beside a surface, where they are better than a stream of as many bytes of voxels.
 
-    coded: the surface of fewest bytes of those that were compared; where it leaves voxels too few,
-    the finest that does not.
+    coded: the surface of fewest bytes of those that were compared. Coarser ones are tried, which
+    leave more bytes for voxels, while that is better.
     """
-    for factor in _COARSER_FACTORS:
-        if coded is None or hybrid_mode.leaves_voxels(coded.stream, len(voxels)):
-            break
-        coded = encode_surface(_weighted(cloud, factor), mode)
-    if coded is None:
-        return None
     criterion = _criterion(cloud, estimator, 0.0)
-    part = hybrid_mode.SurfacePart(coded.stream, *coded.decoded()[:2])
-    hybrid = hybrid_mode.encode(cloud.source, part, len(voxels), UNITS / 4, criterion)
-    alone = estimator.measure(cloud.in_units(decode_stream(voxels)))
-    return hybrid.stream if hybrid and hybrid.cost < criterion.cost(alone) else None
+    least = criterion.cost(estimator.measure(cloud.in_units(decode_stream(voxels))))
+    best, found = None, np.inf
+    for factor in (None, *_COARSER_FACTORS):
+        if factor is not None:
+            coded = encode_surface(_weighted(cloud, factor), mode)
+        if coded is None:
+            break
+        if not hybrid_mode.leaves_voxels(coded.stream, len(voxels)):
+            continue
+        part = hybrid_mode.SurfacePart(coded.stream, *coded.decoded()[:2])
+        hybrid = hybrid_mode.encode(cloud.source, part, len(voxels), UNITS / 4, criterion, tried)
+        if hybrid is None or hybrid.cost >= found:
+            break
+        best, found = hybrid.stream, hybrid.cost
+    return best if found < least else None
 
 
 def _criterion(
@@ -243,23 +258,23 @@ def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
     place only where they do not lose it: more bits shall not lose what it had. Where voxels were
     kept, the product of the errors decides.
     """
-    cloud, estimator, best, kept = found
-    points = cloud.source
-    max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings)
+    cloud, estimator, best, kept, known = found
+    points, tried = cloud.source, [*known]
+    max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings, tried)
     surface = kept
     if kept.surface is None and best.coded:
         surface = _Kept(best.coded.stream, best.coded.decoded())
     if surface.surface:
         part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
         criterion = _criterion(cloud, estimator, settings.refinement)
-        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion)
+        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion, tried)
         if hybrid:
-            equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size)
+            equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size, tried)
             voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
             beside_surface = _lose_the_surface(voxels, hybrid.distortion, settings)
             if beside_surface if kept.surface else hybrid.cost <= criterion.cost(voxels):
                 return hybrid.stream
-    return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size)
+    return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size, tried)
 
 
 def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings) -> bool:
@@ -275,7 +290,9 @@ def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings
     return bool(gain * loss ** (6 * (1 - settings.refinement)) >= 1)
 
 
-def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tuple[int, float]:
+def _refined_budget(
+    points: Floats, kept_bytes: int, settings: Settings, tried: voxel_mode.Trials
+) -> tuple[int, float]:
     """Bytes of the refinement of a stream of `kept_bytes`, and the largest side of its voxels.
 
     Sparse clouds need more bits than `refined_bpp` for voxels of that side, beside the surface; the
@@ -283,7 +300,7 @@ def _refined_budget(points: Floats, kept_bytes: int, settings: Settings) -> tupl
     """
     low, high = bounds(points)
     unit = float((high - low).max()) / UNITS
-    coarsest = voxel_mode.bytes_of_voxel_size(points, settings.max_voxel_size * unit)
+    coarsest = voxel_mode.bytes_of_voxel_size(points, settings.max_voxel_size * unit, tried)
     budget = max(int(settings.refined_bpp * len(points) / 8), kept_bytes)
     if settings.refinement == 1:
         return max(budget, coarsest), settings.max_voxel_size

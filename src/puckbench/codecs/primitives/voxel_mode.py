@@ -38,6 +38,9 @@ _MIN_ERROR_PER_BYTE = 0.5
 """Share of the squared error that a table must save for each share of the bytes that it takes."""
 _TYPICAL_SLOPE = 2.2
 
+Trials = list[tuple[float, int]]
+"""Sides of voxels that were tried, and the bytes that they took."""
+
 
 class _Coded(NamedTuple):
     """Coded voxels: their grid, the voxels, G-PCC's octree, whether displacements are worth it."""
@@ -70,9 +73,11 @@ def encode_voxel_size(points: Floats, size: float) -> bytes:
     return _coded(points, size).stream()
 
 
-def bytes_of_voxel_size(points: Floats, size: float) -> int:
-    """Length of the stream that `encode_voxel_size` makes."""
-    return _coded(points, size).size()
+def bytes_of_voxel_size(points: Floats, size: float, tried: Trials) -> int:
+    """Length of the stream that `encode_voxel_size` makes; it joins what was tried."""
+    found = _coded(points, size).size()
+    tried.append((size, found))
+    return found
 
 
 def _coded(points: Floats, size: float) -> _Coded:
@@ -82,7 +87,12 @@ def _coded(points: Floats, size: float) -> _Coded:
     return _Coded(place, voxels, bits, _is_displaced(voxels, len(bits)))
 
 
-def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNITS / 4) -> bytes:
+def encode_to_budget(
+    points: Floats,
+    max_bytes: int,
+    max_voxel_size: float = UNITS / 4,
+    tried: Trials | None = None,
+) -> bytes:
     """Code the finest voxels that take no more than about `max_bytes` bytes.
 
     Parameters
@@ -93,31 +103,44 @@ def encode_to_budget(points: Floats, max_bytes: int, max_voxel_size: float = UNI
         The budget.
     max_voxel_size
         Bound of the voxels' side in units of 1/1023 of the extent, even if they take more bytes.
+    tried
+        Sides of voxels of these points that were tried for other budgets; those tried now join
+        them.
     """
     low, high = bounds(points)
     extent = float((high - low).max())
     if extent == 0:
         return encode_voxel_size(points, 1.0)
-    max_bytes = max(max_bytes, 1)
+    max_bytes, tried = max(max_bytes, 1), [] if tried is None else tried
     finest, coarsest = extent / UNITS * _FINEST, extent / UNITS * max_voxel_size
-    size, slope = min(_initial_size(points, extent, max_bytes), coarsest), _TYPICAL_SLOPE
     best: _Coded | None = None
-    tried: list[tuple[float, int]] = []
-    for _ in range(_MAX_TRIALS):
+    sizes: set[float] = set()
+    size = _next_size(tried, max_bytes) if tried else _initial_size(points, extent, max_bytes)
+    while len(sizes) < _MAX_TRIALS and (size := min(max(size, finest), coarsest)) not in sizes:
         coded = _coded(points, size)
         found = coded.size()
         if found <= max_bytes and (best is None or found > best.size()):
             best = coded
+        sizes.add(size)
+        tried.append((size, found))
         if max_bytes * (1 - _BUDGET_SLACK) <= found <= max_bytes:
             break
-        if found > max_bytes and size == coarsest:
-            break
-        tried.append((size, found))
-        if len(tried) > 1:
-            slope = _slope(tried[-2], tried[-1], slope)
-        size *= (found / (max_bytes * (1 - _BUDGET_SLACK / 2))) ** (1 / slope)
-        size = min(max(size, finest), coarsest)
+        size = _next_size(tried, max_bytes)
     return (best or coded).stream()
+
+
+def _next_size(tried: Trials, max_bytes: int) -> float:
+    """The side that is expected to take almost all of a budget.
+
+    It lies between the trials next above and below the budget, or beyond the two nearest ones.
+    """
+    wanted = max_bytes * (1 - _BUDGET_SLACK / 2)
+    nearest = sorted(tried, key=lambda trial: abs(np.log(trial[1] / wanted)))
+    (size, found), others = nearest[0], nearest[1:]
+    beyond = [trial for trial in others if (trial[1] > wanted) != (found > wanted)]
+    partner = next(iter(beyond or others), None)
+    slope = _slope(nearest[0], partner) if partner else _TYPICAL_SLOPE
+    return float(size * (found / wanted) ** (1 / slope))
 
 
 def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> Floats:
@@ -193,8 +216,8 @@ def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
     return float(size * max(count / wanted, 1e-6) ** 0.5)
 
 
-def _slope(a: tuple[float, int], b: tuple[float, int], default: float) -> float:
+def _slope(a: tuple[float, int], b: tuple[float, int]) -> float:
     """Exponent with which bytes fall as voxels grow, from two trials (side, bytes)."""
     if a[0] == b[0] or a[1] == b[1]:
-        return default
+        return _TYPICAL_SLOPE
     return float(np.clip(np.log(a[1] / b[1]) / np.log(b[0] / a[0]), 0.5, 3.5))
