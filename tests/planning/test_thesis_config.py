@@ -97,6 +97,7 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     more = read("capod_learned.yaml")
     chosen = more["scenes"]["objects"]["select"]
     assert chosen == [f"m{12 * k + 1:03}" for k in range(15)]  # 15 classes of 12, in their order
+    assert read("capod_first.yaml")["scenes"]["objects"]["select"] == chosen
     classes = [f"Class{k} 0 1\n{name[1:].lstrip('0')}\n" for k, name in enumerate(chosen)]
     put(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
     for k, name in enumerate(chosen):

@@ -34,6 +34,7 @@ FORMAT = 1
 _TITLES = {
     "default": "The default run",
     "capod": "CAPOD",
+    "capod_first": "CAPOD, the first object of each class",
     "real": "Real objects and rooms",
     "sweeps": "Turns of a sensor",
     "capod_learned": "CAPOD, the thesis's learned codecs",
