@@ -77,7 +77,7 @@ def test_directions_are_spread_evenly_over_the_sphere() -> None:
 
 def test_a_millimetre_is_the_least_clearance() -> None:
     caster: Any = Around(np.ones(1))
-    check_untouched(caster, np.array([[0.0011, 0, 0]]))
+    check_untouched(caster, np.array([[0.0011, 0, 0], [0.001, 0, 0]]))
     with pytest.raises(InputError, match=r"the sensor at \[0.0009, 0.0, 0.0\] touches the mesh"):
         check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0], [0.0001, 0, 0]]))
 
