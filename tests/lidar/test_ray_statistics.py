@@ -177,3 +177,13 @@ def test_a_plane_is_described_by_its_numbers() -> None:
     assert found["laser_bias_std_m"] == pytest.approx(0.03 / np.sqrt(2))
     assert found["ray_noise"] == {"median_std_m": 0.9, "sigma_m": 0.003, "bins": 1}
     assert seen(slice(None), None).described()["ray_noise"] is None
+
+
+@pytest.mark.parametrize("changing", ["laser_id", "turn"])
+def test_a_step_is_between_firings_of_one_laser_in_one_turn(changing: str) -> None:
+    """Three lasers, or turns, of which the last alone fires twice."""
+    columns = {name: np.zeros(4, dtype=int) for name in ("laser_id", "turn")}
+    columns[changing] = np.array([0, 1, 2, 2])
+    azimuth = np.radians([10.0, 20.0, 30.0, 30.2])
+    found = azimuth_step(RecordedReturns({**columns, "azimuth": azimuth}))
+    assert np.degrees(found) == pytest.approx(0.2)
