@@ -20,7 +20,12 @@ from puckbench.lidar.calibration.noise_shape import (
     _standard_differences,
     ray_shape,
 )
-from puckbench.lidar.calibration.observations import Observations, _beyond_plane, observations
+from puckbench.lidar.calibration.observations import (
+    Observations,
+    _beyond_plane,
+    _heights,
+    observations,
+)
 from tests.support.calibration_lookalike import residuals
 
 RANDOM = np.random.default_rng(3)
@@ -198,6 +203,19 @@ def test_errors_are_along_the_rays_beyond_a_plane_that_may_be_askew() -> None:
     assert met == pytest.approx(far)
     assert cosine == pytest.approx(rays @ normal)
     np.testing.assert_allclose(np.array(basis).T, far[:, None] ** 2 * rays)
+
+
+def test_the_height_over_a_plane_is_that_of_pythagoras_in_the_median_of_its_points() -> None:
+    """Of each of two planes a fifth of the ranges are wrong, some shorter than the way along it."""
+    random = np.random.default_rng(5)
+    height = np.repeat([2.5, 4.0], 25)
+    u, v = random.uniform(-6, 6, (2, 50))
+    residual = random.normal(0, 0.01, 50)
+    ranges = np.sqrt((height - residual) ** 2 + u**2 + v**2)
+    ranges[::5] /= np.repeat([2, 100], 5)
+    table = pd.DataFrame({"range_m": ranges, "plane_u_m": u, "plane_v_m": v})
+    table = table.assign(device=0, distance_m=1.0, surface="wall", residual_m=residual)
+    assert _heights(table.assign(run=np.repeat([1, 2], 25))) == pytest.approx(height)
 
 
 def wall_table(azimuth: Floats) -> pd.DataFrame:
