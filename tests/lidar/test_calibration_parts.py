@@ -249,6 +249,14 @@ def test_a_hundred_residuals_are_enough_and_fewer_are_not() -> None:
         observations([wall_table(np.linspace(-0.6, 0.6, 99))])
 
 
+def test_planes_scans_and_cells_are_counted_over_devices() -> None:
+    """Two devices before a wall each, whose eight lasers measure in three frames."""
+    table = wall_table(np.linspace(-0.6, 0.6, 240))
+    seen = observations([table.assign(frame=np.arange(240) // 8 % 3)] * 2)
+    assert (seen.devices, seen.surfaces, seen.scans, seen.cells) == (2, 2, 16, 48)
+    assert (len(seen), seen.laser_ids) == (480, (*range(8), *range(8)))
+
+
 @pytest.mark.parametrize(("lasers", "frames", "free"), [(3, 2, NAMES), (2, 2, NAMES[1:])])
 def test_the_spread_of_lasers_needs_three(lasers: int, frames: int, free: tuple[str, ...]) -> None:
     table = residuals(1, frames=frames)
