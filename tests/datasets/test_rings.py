@@ -13,7 +13,7 @@ from puckbench.datasets.nuscenes import NuScenes
 from puckbench.datasets.scene import Scene, of_returns
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import load_sensor
-from puckbench.lidar.recordings.rings import recovered_firings
+from puckbench.lidar.recordings.rings import _first_place, recovered_firings
 from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
 from puckbench.lidar.turns import Layout, Turn
 from tests.support.files import put
@@ -165,6 +165,22 @@ def test_the_motion_of_nuscenes_sweeps_is_undone(tmp_path: Path) -> None:
 def firings(returns: Returns) -> Floats:
     """The points of a sweep as they are fired, (columns, 32, 3)."""
     return as_nuscenes(returns)[:, :3].reshape(-1, 32, 3)
+
+
+@pytest.mark.parametrize(
+    ("alike", "columns", "moved", "is_found"),
+    [(3, 16, 3.9, True), (2, 16, 3.9, False), (3, 15, 3.9, False), (3, 16, 4.1, False)],
+)
+def test_the_way_is_known_from_three_alike_in_sixteen_columns_up_to_four_metres(
+    alike: int, columns: int, moved: float, is_found: bool
+) -> None:
+    """Firings without a return, on a straight way that ends at 0."""
+    left = 1 - np.arange(40) / 39
+    place = np.array([0.6, 0.8, 0.0]) * moved
+    xyz = np.random.default_rng(6).uniform(-9, 9, (40, 32, 3))
+    xyz[:columns, 5 : 5 + alike] = (left[:columns, None] * place)[:, None]
+    expected = place if is_found else np.zeros(3)
+    assert _first_place(xyz, left) == pytest.approx(expected, abs=1e-4)
 
 
 def test_heights_of_lasers_are_told_from_the_way_of_the_car() -> None:
