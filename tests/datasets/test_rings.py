@@ -1,5 +1,6 @@
 """Returns recovered from frames of KITTI and nuScenes, which are written from known returns."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from puckbench.datasets.nuscenes import NuScenes
 from puckbench.datasets.scene import Scene, of_returns
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import load_sensor
+from puckbench.lidar.recordings.rings import _first_place, recovered_firings
 from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
 from puckbench.lidar.turns import Layout, Turn
 from tests.support.files import put
@@ -158,6 +160,62 @@ def test_the_motion_of_nuscenes_sweeps_is_undone(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.beams.elevations_deg, known.beams.elevations_deg, atol=0.003)
     assert np.linalg.norm(found.points() - known.points(), axis=1).max() < 0.01
     assert scene.about["moved_rms_mm"] < 4
+
+
+def firings(returns: Returns) -> Floats:
+    """The points of a sweep as they are fired, (columns, 32, 3)."""
+    return as_nuscenes(returns)[:, :3].reshape(-1, 32, 3)
+
+
+@pytest.mark.parametrize(
+    ("alike", "columns", "moved", "is_found"),
+    [(3, 16, 3.9, True), (2, 16, 3.9, False), (3, 15, 3.9, False), (3, 16, 4.1, False)],
+)
+def test_the_way_is_known_from_three_alike_in_sixteen_columns_up_to_four_metres(
+    alike: int, columns: int, moved: float, is_found: bool
+) -> None:
+    """Firings without a return, on a straight way that ends at 0."""
+    left = 1 - np.arange(40) / 39
+    place = np.array([0.6, 0.8, 0.0]) * moved
+    xyz = np.random.default_rng(6).uniform(-9, 9, (40, 32, 3))
+    xyz[:columns, 5 : 5 + alike] = (left[:columns, None] * place)[:, None]
+    expected = place if is_found else np.zeros(3)
+    assert _first_place(xyz, left) == pytest.approx(expected, abs=1e-4)
+
+
+def test_heights_of_lasers_are_told_from_the_way_of_the_car() -> None:
+    """Each laser starts at a height of its own, as those of other sensors do."""
+    known = hdl32()
+    heights = tuple(np.linspace(5, 45, 32).tolist())
+    known = replace(known, beams=replace(known.beams, heights_mm=heights))
+    found = recovered_firings(firings(known), "HDL-32E").returns
+    np.testing.assert_allclose(found.beams.heights_mm, heights, atol=1.0)
+    np.testing.assert_allclose(found.beams.elevations_deg, known.beams.elevations_deg, atol=0.003)
+
+
+def with_few(returns: int) -> Returns:
+    """A turn in which laser 4 has so many returns, and one column has three."""
+    known = hdl32()
+    ranges = known.turns[0].ranges
+    ranges[0, :20, 16] = 6000  # others are told against the laser in the middle
+    ranges[0, :, 4] = np.where(np.arange(120) < returns, 5000, 0)
+    ranges[0, 30, 3:] = 0
+    return known
+
+
+def test_a_laser_is_found_from_sixteen_returns() -> None:
+    known = with_few(16)
+    found = recovered_firings(firings(known), "HDL-32E").returns
+    assert ((found.turns[0].ranges > 0) == (known.turns[0].ranges > 0)).all()
+    with pytest.raises(InputError, match="a laser with fewer than 16 returns"):
+        recovered_firings(firings(with_few(15)), "HDL-32E")
+
+
+def test_a_laser_that_never_returns_when_the_others_do_is_not_found() -> None:
+    known = with_few(50)
+    known.turns[0].ranges[0, 15:50, 16] = 0
+    with pytest.raises(InputError, match="a laser that hardly returns when the others do"):
+        recovered_firings(firings(known), "HDL-32E")
 
 
 def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: Path) -> None:

@@ -20,7 +20,12 @@ from puckbench.lidar.calibration.noise_shape import (
     _standard_differences,
     ray_shape,
 )
-from puckbench.lidar.calibration.observations import Observations, _beyond_plane, observations
+from puckbench.lidar.calibration.observations import (
+    Observations,
+    _beyond_plane,
+    _heights,
+    observations,
+)
 from tests.support.calibration_lookalike import residuals
 
 RANDOM = np.random.default_rng(3)
@@ -200,6 +205,19 @@ def test_errors_are_along_the_rays_beyond_a_plane_that_may_be_askew() -> None:
     np.testing.assert_allclose(np.array(basis).T, far[:, None] ** 2 * rays)
 
 
+def test_the_height_over_a_plane_is_that_of_pythagoras_in_the_median_of_its_points() -> None:
+    """Of each of two planes a fifth of the ranges are wrong, some shorter than the way along it."""
+    random = np.random.default_rng(5)
+    height = np.repeat([2.5, 4.0], 25)
+    u, v = random.uniform(-6, 6, (2, 50))
+    residual = random.normal(0, 0.01, 50)
+    ranges = np.sqrt((height - residual) ** 2 + u**2 + v**2)
+    ranges[::5] /= np.repeat([2, 100], 5)
+    table = pd.DataFrame({"range_m": ranges, "plane_u_m": u, "plane_v_m": v})
+    table = table.assign(device=0, distance_m=1.0, surface="wall", residual_m=residual)
+    assert _heights(table.assign(run=np.repeat([1, 2], 25))) == pytest.approx(height)
+
+
 def wall_table(azimuth: Floats) -> pd.DataFrame:
     """Residuals of a wall 1 m away, met without an error at these azimuths."""
     count = len(azimuth)
@@ -229,6 +247,14 @@ def test_a_hundred_residuals_are_enough_and_fewer_are_not() -> None:
     assert len(observations([wall_table(np.linspace(-0.6, 0.6, 100))])) == 100
     with pytest.raises(InputError, match="at least 100 residuals, there are 99"):
         observations([wall_table(np.linspace(-0.6, 0.6, 99))])
+
+
+def test_planes_scans_and_cells_are_counted_over_devices() -> None:
+    """Two devices before a wall each, whose eight lasers measure in three frames."""
+    table = wall_table(np.linspace(-0.6, 0.6, 240))
+    seen = observations([table.assign(frame=np.arange(240) // 8 % 3)] * 2)
+    assert (seen.devices, seen.surfaces, seen.scans, seen.cells) == (2, 2, 16, 48)
+    assert (len(seen), seen.laser_ids) == (480, (*range(8), *range(8)))
 
 
 @pytest.mark.parametrize(("lasers", "frames", "free"), [(3, 2, NAMES), (2, 2, NAMES[1:])])

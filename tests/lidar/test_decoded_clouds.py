@@ -86,6 +86,25 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
     assert table["distance"] == pytest.approx(np.array([5, 2]) / np.cos(np.radians(15)))
 
 
+def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
+    """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
+    given = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
+    lines = [f"1,2,3,0,{value}" for value in given]
+    (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
+    found = read_recording(tmp_path / "a.csv")["reflectivity"]
+    assert found.tolist() == [0, 0, 100, 255, 255, 255]
+
+
+@pytest.mark.parametrize("laser", ["-1", "16", "2.5", ""])
+@pytest.mark.parametrize("column", ["laser_id", "laser", "label", "ring", "channel"])
+def test_a_laser_is_a_whole_number_that_the_sensor_has(
+    tmp_path: Path, column: str, laser: str
+) -> None:
+    (tmp_path / "a.csv").write_text(f"x,y,z,{column}\n1,2,3,15\n1,2,3,{laser}\n")
+    with pytest.raises(InputError, match=f"column {column} has a value that is no laser"):
+        read_recording(tmp_path / "a.csv")
+
+
 def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
     export(tmp_path / "a.csv", read_recording(DATA / "single.pcap"))
     assert read_recording(tmp_path / "a.csv", start_s=0.001)["timestamp"].min() >= 0.001

@@ -69,6 +69,7 @@ def test_directions_are_spread_evenly_over_the_sphere() -> None:
     caster: Any = Around(np.ones(256))
     seen_around(caster, np.zeros(3))
     (directions,) = caster.directions
+    assert directions.shape == (256, 3)
     assert np.linalg.norm(directions, axis=1) == pytest.approx(1)
     assert directions.mean(axis=0) == pytest.approx(0, abs=0.01)
     assert directions.T @ directions / 256 == pytest.approx(np.eye(3) / 3, abs=0.01)
@@ -77,7 +78,7 @@ def test_directions_are_spread_evenly_over_the_sphere() -> None:
 
 def test_a_millimetre_is_the_least_clearance() -> None:
     caster: Any = Around(np.ones(1))
-    check_untouched(caster, np.array([[0.0011, 0, 0]]))
+    check_untouched(caster, np.array([[0.0011, 0, 0], [0.001, 0, 0]]))
     with pytest.raises(InputError, match=r"the sensor at \[0.0009, 0.0, 0.0\] touches the mesh"):
         check_untouched(caster, np.array([[0.5, 0, 0], [0.0009, 0, 0], [0.0001, 0, 0]]))
 
@@ -102,6 +103,7 @@ def test_spots_fill_the_floor_plan_the_nearest_to_its_middle_first(
 def test_where_no_ray_ends_the_floor_is_taken_for_the_scenes_lower_end() -> None:
     caster: Any = Around(np.full(9, np.inf))
     assert _floor(caster, np.zeros((9, 3)), np.array([6.0, 5.0, 3.0])) == -1.5
+    assert caster.directions[-1].tolist() == [[0, 0, -1]] * 9  # straight down
 
 
 @pytest.mark.parametrize(("wall_m", "fault"), [(1.99, True), (2.0, False)])

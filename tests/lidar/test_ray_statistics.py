@@ -3,9 +3,13 @@ import pytest
 from scipy.stats import chi2
 
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.ransac import Plane
 from puckbench.lidar.recordings import RecordedReturns
+from puckbench.lidar.walls.detection import Surface
 from puckbench.lidar.walls.statistics import (
     LaserBias,
+    PlaneStatistics,
+    RayNoise,
     azimuth_step,
     laser_bias,
     range_deviation,
@@ -139,3 +143,47 @@ def test_two_returns_of_one_firing_are_no_step() -> None:
     nothing = np.zeros(9, dtype=int)
     columns = {"azimuth": azimuth, "laser_id": nothing, "turn": nothing}
     assert np.degrees(azimuth_step(RecordedReturns(columns))) == pytest.approx(0.2)
+
+
+# Forty, sixty and five returns of three lasers, from a wall that is 5 mm off to either side.
+LASER = np.repeat([0, 3, 7], [40, 60, 5])
+DEVIATION = np.where(np.arange(105) % 2, 0.005, -0.005) + np.repeat([0.01, -0.02, 1.0], [40, 60, 5])
+
+
+def seen(some: slice, noise_m: float | None) -> PlaneStatistics:
+    """Some of these returns as a plane's, with so much noise of single rays."""
+    laser, deviation = LASER[some], DEVIATION[some]
+    surface = Surface("wall", Plane(np.array([0.0, -1.0, 0.0]), -2.5), np.arange(105)[some], 3, 1)
+    rows = RecordedReturns({"laser_id": laser, "distance": np.full(len(laser), 2.5)})
+    noise = None if noise_m is None else RayNoise(0.9, noise_m, 1)
+    bias = laser_bias(deviation, laser)
+    return PlaneStatistics(surface, rows, -deviation, deviation, bias, noise)
+
+
+def test_unevenness_is_what_biases_and_rays_leave_of_the_spread() -> None:
+    """Variances are subtracted; a laser with fewer than twenty returns has no bias to tell."""
+    assert seen(slice(None), 0.003).unevenness_m == pytest.approx(0.004)
+    assert seen(slice(None), 0.006).unevenness_m == 0
+    assert seen(slice(None), None).unevenness_m is None
+    assert seen(slice(100, None), 0.003).unevenness_m is None
+
+
+def test_a_plane_is_described_by_its_numbers() -> None:
+    found = seen(slice(None), 0.003).described()
+    assert (found["distance_m"], found["width_m"], found["height_m"]) == (2.5, 3, 1)
+    assert (found["rows"], found["lasers"]) == (105, 3)
+    assert found["std_m"] == pytest.approx(np.sqrt(np.cov(DEVIATION)))
+    assert found["laser_bias_m"] == {"0": pytest.approx(0.01), "3": pytest.approx(-0.02)}
+    assert found["laser_bias_std_m"] == pytest.approx(0.03 / np.sqrt(2))
+    assert found["ray_noise"] == {"median_std_m": 0.9, "sigma_m": 0.003, "bins": 1}
+    assert seen(slice(None), None).described()["ray_noise"] is None
+
+
+@pytest.mark.parametrize("changing", ["laser_id", "turn"])
+def test_a_step_is_between_firings_of_one_laser_in_one_turn(changing: str) -> None:
+    """Three lasers, or turns, of which the last alone fires twice."""
+    columns = {name: np.zeros(4, dtype=int) for name in ("laser_id", "turn")}
+    columns[changing] = np.array([0, 1, 2, 2])
+    azimuth = np.radians([10.0, 20.0, 30.0, 30.2])
+    found = azimuth_step(RecordedReturns({**columns, "azimuth": azimuth}))
+    assert np.degrees(found) == pytest.approx(0.2)

@@ -61,6 +61,23 @@ def test_dual_returns_of_one_surface_make_one_row() -> None:
     assert behind - before == pytest.approx(0.25)
 
 
+@pytest.mark.parametrize(
+    ("mode", "name", "kinds"),
+    [(0x37, "strongest", {STRONGEST}), (0x38, "last", {LAST}), (0x39, "dual", {BOTH})],
+)
+def test_the_mode_of_the_packets_tells_which_returns_they_have(
+    mode: int, name: str, kinds: set[int]
+) -> None:
+    """The bytes are those of the manual; blocks of a dual packet are alike in pairs."""
+    packets = box_capture(2).payloads.copy().view(PACKET)
+    packets["mode"] = mode
+    packets["blocks"][:, :, 1::2] = packets["blocks"][:, :, ::2]
+    table = decode_packets(packets.view(np.uint8))
+    assert table.about["returns"] == name
+    assert set(table["return_kind"]) == kinds
+    assert len(table) == 2 * 15 * (12 if mode == 0x39 else 24)
+
+
 @pytest.mark.parametrize("name", ["single", "dual"])
 def test_a_capture_decodes_as_velodyne_decoder_decodes_it(name: str) -> None:
     table = read_recording(DATA / f"{name}.pcap")

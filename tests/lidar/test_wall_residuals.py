@@ -6,6 +6,7 @@ import json
 import re
 import runpy
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -103,12 +104,42 @@ def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: RecordedPlanes) -> 
     assert max(plane["unevenness_m"] for plane in summary["planes"]) < 0.0015
 
 
+def test_biases_of_a_recording_are_those_of_its_walls(planes: RecordedPlanes) -> None:
+    """Variances are averaged; a plane that is no wall has no part in it."""
+    first, *rest = planes.surfaces
+    summary = recording_summary(replace(planes, surfaces=[replace(first, kind="floor"), *rest]))
+    stds = [plane["laser_bias_std_m"] for plane in summary["planes"]]
+    assert summary["laser_bias_std_m"] == pytest.approx(np.linalg.norm(stds[1:]) / np.sqrt(3))
+    assert summary["bias_repeatability"]["pairs"] == 3
+    assert summary["rows"] == sum(plane["rows"] for plane in summary["planes"])
+    assert summary["turns"] == 12
+
+
+def test_a_table_of_another_decoder_tells_less_of_its_recording(planes: RecordedPlanes) -> None:
+    """Nothing was cut off that one would know of, and the kind of returns is not known."""
+    about = {"source": "room.csv", "sensor": "VLP-16"}
+    bare = replace(planes, table=replace(planes.table, about=about), still=None)
+    summary = recording_summary(bare)
+    assert (summary["capture"], summary["sensor"]) == ("room.csv", "VLP-16")
+    assert (summary["returns"], summary["bytes_cut_off"], summary["shift_m"]) == (None, 0, None)
+
+
+@pytest.mark.parametrize("interval", [(-0.1, 1), (1, 1), (2, 1), (0, 1, 2), (1,)])
+def test_an_interval_begins_with_the_recording_or_later_and_ends_after_that(
+    interval: tuple[float, ...],
+) -> None:
+    assert recording_options({"still_s": (0, 0.1)}).still_s == (0, 0.1)
+    with pytest.raises(InputError, match="still_s must be"):
+        recording_options({"still_s": interval})
+
+
 def test_the_table_is_that_of_a_virtual_scans_residuals(planes: RecordedPlanes) -> None:
     table = recording_residuals(planes)
     assert tuple(table.columns) == COLUMNS
     assert set(table["model"]) == {REAL}
     assert set(table["surface"]) == {"wall"}
     assert sorted(table.groupby("run")["distance_m"].first()) == pytest.approx([2.5, 2.5, 3, 3])
+    assert set(table["run"]) == {1, 2, 3, 4}
     assert set(table["frame"]) == set(planes.table["turn"])
     assert table["elevation_deg"].abs().max() == 15
     assert table["range_m"].min() >= 2.4

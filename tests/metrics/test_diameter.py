@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist, pdist
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics import diameter as module
 from puckbench.metrics.diameter import (
     BLOCK,
     ROUNDING,
@@ -115,3 +116,13 @@ def test_a_farther_pair_than_any_other_is_not_looked_for() -> None:
     points = generator(7, "blocks").normal(size=(150, 3))
     assert _largest_squared(points, 1e6) == 1e6
     assert _largest_squared(points, 0.0) == pytest.approx(pdist(points).max() ** 2)
+
+
+@pytest.mark.parametrize("count", [1, 64, 65, 150])
+def test_no_block_is_looked_at_beyond_the_last(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the loops' own Python, which refuses an index outside of an array."""
+    for name in ("_boxes", "_box_squared", "_cap_squared", "_diagonal", "_pairs_squared"):
+        monkeypatch.setattr(module, name, getattr(module, name).py_func)
+    points = generator(8, "blocks").normal(size=(count, 3))
+    farthest = cdist(points, points).max() ** 2
+    assert _largest_squared.py_func(points, 0.0) == pytest.approx(farthest)
