@@ -98,9 +98,9 @@ class LosslessOptions(GridOptions):
 
 @CODECS.register("gpcc_lossless")
 class GpccLossless(Gpcc):
-    """G-PCC at finer scales: of coordinates that are multiples of 1 / scale nothing is lost."""
+    """G-PCC that keeps every point: of multiples of 1 / scale, or of a step, nothing is lost."""
 
-    title = "G-PCC (finer scales)"
+    title = "G-PCC (every point)"
     use = "every point, as exactly as is asked for"
     colour = "#C0A030"
     marker = "8"
