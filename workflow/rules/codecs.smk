@@ -54,7 +54,7 @@ for curve in coding.curves:
             params:
                 record=coding.decode(rate).record,
                 code=coding.decode(rate).code,
-                stream=rate.first(f"{RESULTS}/coded", ".bin"),
+                stream=rate.files(f"{RESULTS}/coded", ".bin"),
             shell:
                 "python -m puckbench.jobs decode {params.record:q} stream={params.stream:q}"
                 " cloud={output.cloud:q} > {log:q} 2>&1"
