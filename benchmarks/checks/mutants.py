@@ -63,7 +63,7 @@ TESTS = {
     "metrics": "metrics/test_seen",
     "metrics/frames": "metrics/test_frames",
     "metrics/geometry": "metrics/test_geometry metrics/test_truth",
-    "metrics/registry": "thesis/test_tables",
+    "metrics/registry": "metrics/test_registry thesis/test_tables",
     "metrics/rate_deltas": "metrics/test_bjontegaard",
     "thesis/claims": "thesis/test_claim_rules thesis/test_claims",
 }
