@@ -21,7 +21,7 @@ from puckbench.jobs.joined import RowsTable
 from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.planned_job import PlannedJob, planned
-from puckbench.planning.report_contents import spread_out
+from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
 """Of the six pictures' width times height, one at a time: 305 MB were measured at 1920 pixels."""
@@ -188,7 +188,7 @@ class CodingJobs:
         )
 
     def _examples(self, curve: Curve, datasets: list[str], surfaces: bool) -> Iterator[Measuring]:
-        rates = spread_out(self.plan.rates(curve.codec, curve.frame), self.plan.config.report.rates)
+        rates = shown_rates(self.plan, curve.codec, curve.frame)
         shown = tuple(rate for rate in curve.rates if rate in rates)
         # The same cloud may be an example of two kinds.
         kinds = {name: kind for kind, name in self.plan.config.figures.examples.given().items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from puckbench.geometry.cloud import Frame
 from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
@@ -31,7 +32,7 @@ def planned_contents(
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
         own_figures=plan.config.figures.own,
         own_tables=plan.config.tables,
-        examples=tuple(_examples(plan, chosen.rates)),
+        examples=tuple(_examples(plan)),
         logs=str(plan.results / "logs"),
         configuration=plan.config.as_json(),
         style=tuple(style),
@@ -40,7 +41,7 @@ def planned_contents(
     )
 
 
-def _examples(plan: Plan, rates: int) -> Iterable[Example]:
+def _examples(plan: Plan) -> Iterable[Example]:
     """The configuration's example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
         dataset, cloud = name.split("/")
@@ -50,7 +51,7 @@ def _examples(plan: Plan, rates: int) -> Iterable[Example]:
         decoded = {
             codec: {
                 rate: str(folder / codec / f"{rate}.ply")
-                for rate in spread_out(plan.rates(codec, frame), rates)
+                for rate in shown_rates(plan, codec, frame)
             }
             for codec in plan.codecs
             if plan.codes(codec, dataset)
@@ -58,6 +59,11 @@ def _examples(plan: Plan, rates: int) -> Iterable[Example]:
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded
         )
+
+
+def shown_rates(plan: Plan, codec: str, frame: Frame) -> list[str]:
+    """Rates of a codec whose decoded clouds the report shows."""
+    return spread_out(plan.rates(codec, frame), plan.config.report.rates)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 from hashlib import sha256
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -218,15 +219,14 @@ def _better_hybrid(
     """
     criterion = _criterion(cloud, estimator, 0.0)
     least = criterion.cost(estimator.measure(cloud.in_units(decode_stream(voxels))))
+    coarser = (encode_surface(_weighted(cloud, factor), mode) for factor in _COARSER_FACTORS)
     best, found = None, np.inf
-    for factor in (None, *_COARSER_FACTORS):
-        if factor is not None:
-            coded = encode_surface(_weighted(cloud, factor), mode)
-        if coded is None:
+    for surface in chain([coded], coarser):
+        if surface is None:
             break
-        if not hybrid_mode.leaves_voxels(coded.stream, len(voxels)):
+        if not hybrid_mode.leaves_voxels(surface.stream, len(voxels)):
             continue
-        part = hybrid_mode.SurfacePart(coded.stream, *coded.decoded()[:2])
+        part = hybrid_mode.SurfacePart(surface.stream, *surface.decoded()[:2])
         hybrid = hybrid_mode.encode(cloud.source, part, len(voxels), UNITS / 4, criterion, tried)
         if hybrid is None or hybrid.cost >= found:
             break
