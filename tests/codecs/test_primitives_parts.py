@@ -10,6 +10,8 @@ from puckbench.codecs.primitives.distortion import DistortionEstimator
 from puckbench.codecs.primitives.manhattan_frame import (
     STEP,
     estimate_manhattan_frame,
+    rotated,
+    rotated_back,
     rotation_matrix,
 )
 from puckbench.codecs.primitives.stream import (
@@ -31,7 +33,10 @@ def _box_normals(count: int = 3000) -> np.ndarray:
 @pytest.mark.parametrize("turn", [(0, 0, 0), (300, -4000, 17), (32767, 0, 0)])
 def test_rotations_are_those_of_rotation_vectors(turn: tuple[int, int, int]) -> None:
     expected = Rotation.from_rotvec(np.array(turn) * STEP).as_matrix()
-    assert np.allclose(rotation_matrix(turn), expected)
+    matrix = rotation_matrix(turn)
+    assert np.allclose(matrix, expected)
+    assert np.allclose(rotated(_box_normals(), matrix), _box_normals() @ expected.T)
+    assert np.allclose(rotated_back(_box_normals(), matrix), _box_normals() @ expected)
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 30), (10, 5, 40), (3, -2, 1)])

@@ -63,3 +63,27 @@ def test_an_edited_codec_makes_its_own_curves_again(copied: Bench) -> None:
     first = {"scene", "sample", "scan", "prepare", "scan_error", "residuals", "wall_points"}
     assert not first & set(jobs)
     assert not {job for job in jobs if job.startswith("fig_5_")}
+
+
+@pytest.mark.parametrize(
+    ("lost", "jobs"),
+    [
+        ("coded/{}.bin", {"encode_draco": 1, "evaluate_draco": 1}),
+        ("metrics/{}.json", {"evaluate_draco": 1}),
+    ],
+)
+def test_a_lost_file_of_a_curve_makes_the_curve_again(
+    finished: Bench, lost: str, jobs: dict[str, int]
+) -> None:
+    """Other jobs follow the first file of a curve alone."""
+    rows = next(finished.results.glob("metrics/*/*/draco"))
+    rate = max(path.stem for path in rows.glob("*.json"))
+    path = finished.results / lost.format(rows.relative_to(finished.results / "metrics") / rate)
+    aside = path.rename(path.with_suffix(".aside"))
+    try:
+        planned = finished.planned()
+    finally:
+        aside.rename(path)
+    assert jobs.items() <= planned.items()
+    assert "metrics_table" in planned
+    assert not {"encode_box", "evaluate_box", "prepare"} & set(planned)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 from puckbench.codecs.base import Pace
@@ -25,6 +26,7 @@ from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
 """Of the six pictures' width times height, one at a time: 305 MB were measured at 1920 pixels."""
+_KINDS_OF_FILES = (("coded", ".bin"), ("metrics", ".json"), ("recovery", ".json"))
 _MOST_SECONDS = 600
 """Of one job's coding and decoding, as estimated: a curve that takes longer is cut by rates."""
 
@@ -254,10 +256,29 @@ class CodingJobs:
             "scene": self.clouds.scene_file(dataset, cloud),
         }
 
+    def lost_files(self) -> list[str]:
+        """Streams and rows that are gone, of curves whose first ones, which jobs follow, are there.
+
+        Looked for by what asks for all files of a run, so that Snakemake makes them again.
+        """
+        rates = self.rates()
+        firsts = (
+            Path(row).with_suffix(suffix)
+            for kind, suffix in _KINDS_OF_FILES
+            for row in self.first_rows(kind)
+        )
+        return [
+            str(path)
+            for first in firsts
+            if first.exists()
+            for rate in rates[f"{first.parent.name}/{first.stem}"]
+            if not (path := first.with_stem(rate)).exists()
+        ]
+
     def first_rows(self, kind: str, codec: str | None = None) -> list[str]:
         """The first row of each curve, of all clouds in the order of the table.
 
-        kind: of the rows. codec: whose, if not of all.
+        kind: of the rows, or ``coded`` for names as of the streams. codec: whose, if not of all.
         """
         folder = f"{self.plan.results}/{kind}"
         return [
@@ -266,7 +287,7 @@ class CodingJobs:
             for curve in self.curves
             if codec in (None, curve.codec)
             and dataset in self.datasets(curve)
-            and (kind == "metrics" or dataset in self.measured(curve, surfaces=True))
+            and (kind != "recovery" or dataset in self.measured(curve, surfaces=True))
         ]
 
     def rates(self, codec: str | None = None) -> dict[str, tuple[str, ...]]:

@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.codecs.common.binary_coder import exhausted
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.entropy import reader
-from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
+from puckbench.codecs.primitives.manhattan_frame import rotated_back, rotation_matrix
 from puckbench.codecs.primitives.occupancy_decision import NO_CRITERION
 from puckbench.codecs.primitives.occupancy_map import code_occupancy_maps
 from puckbench.codecs.primitives.octree_arrays import (
@@ -117,7 +117,8 @@ def points_and_normals(patches: Patches) -> DecodedSurface:
     """Points of planes and surfaces of revolution; InputError for too many, or none."""
     xyz, rows = plane_points(patches)
     planes = patches.leaves.plane_index[rows]
-    normals = patches.leaves.planes[planes, :3] @ rotation_matrix(patches.header.rotation)
+    matrix = rotation_matrix(patches.header.rotation)
+    normals = rotated_back(patches.leaves.planes[planes, :3], matrix)
     found = DecodedSurface(xyz, normals, planes)
     return _concatenated([found, *revolution_points(patches)])
 
@@ -132,7 +133,8 @@ def revolution_points(patches: Patches) -> list[DecodedSurface]:
     for k, (surface, bits) in enumerate(patches.revolutions):
         cells, normals = sample_surface(surface, bits, header.points_across, header.column_spacing)
         indices = np.full(len(cells), int(patches.leaves.counts[1]) + k)
-        found.append(DecodedSurface(header.in_cloud(cells), normals @ matrix, indices))
+        turned = rotated_back(normals, matrix)
+        found.append(DecodedSurface(header.in_cloud(cells), turned, indices))
     return found
 
 

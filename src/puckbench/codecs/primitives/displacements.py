@@ -8,7 +8,6 @@ voxels around; the encoder sends the optimal share of the distance for each clas
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
+from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.tangent_planes import tangents
 
@@ -44,7 +44,7 @@ class LocalPlanes(NamedTuple):
         factors, gain
             (CLASSES,) shares in units of 1 / `ONE`, and the weighted squared error that they save.
         """
-        wanted = np.einsum("ij,ij->i", apart, self.normals)
+        wanted = (apart * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * wanted * self.distances, CLASSES)
         squares = np.bincount(self.classes, weights * self.distances**2, CLASSES)
         factors = np.rint(ONE * products / np.maximum(squares, 1e-12)).clip(-127, 127)
@@ -77,21 +77,13 @@ def fit_displacements(
     table, gain
         The best table, and the weighted squared error that it saves.
     """
-    best, most = DisplacementTable(1, np.zeros(CLASSES, np.int8)), 0.0
-    for table, gain in displacement_gains(voxels, means, weights):
-        if gain > most:
-            best, most = table, gain
-    return best, most
-
-
-def displacement_gains(
-    voxels: Ints, means: Floats, weights: Floats, block_sizes: tuple[int, ...] = BLOCK_SIZES
-) -> Iterator[tuple[DisplacementTable, float]]:
-    """For each size of a block, what `fit_displacements` chooses from."""
     apart = voxels - means
-    for block_size in block_sizes:
+
+    def fitted(block_size: int) -> tuple[DisplacementTable, float]:
         factors, gain = _local_planes(voxels, block_size).fitted(apart, weights)
-        yield DisplacementTable(block_size, factors), gain
+        return DisplacementTable(block_size, factors), gain
+
+    return max(in_threads(fitted, BLOCK_SIZES), key=lambda found: found[1])
 
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:

@@ -208,7 +208,7 @@ def _planes_below(
         raise InputError("the stream is damaged, or its voxels lie too far from its surface")
     distance, row = found
     along = normals[row]
-    offset = np.einsum("ij,ij->i", points - xyz[row], along) / cell_size
+    offset = ((points - xyz[row]) * along).sum(axis=1) / cell_size
     across = (distance / cell_size) ** 2 - offset**2
     classes = 2 * np.searchsorted(_DISTANCES, np.abs(offset)) + (across > _BESIDE**2)
     return LocalPlanes(along, offset, classes)

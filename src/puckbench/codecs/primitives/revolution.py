@@ -7,6 +7,7 @@ around it. All lengths are in cells.
 from __future__ import annotations
 
 import struct
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from puckbench.codecs.primitives.stream import REVOLUTION_BYTES
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.vectors import cross, dot, length, moved, row_of, scaled, vector
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22
@@ -59,47 +61,78 @@ class RevolutionSurface(NamedTuple):
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
         """Radius, and height along the axis over the origin, at arc lengths of the profile."""
-        if self.kind == SPHERE:
-            angle = arc_length / self.radius
-            radius = np.where(np.abs(angle) < np.pi / 2, self.radius * np.cos(angle), 0.0)
-            return radius, self.radius * np.sin(angle)
-        return self.radius + arc_length * np.sin(self.angle), arc_length * np.cos(self.angle)
+        return _profile(self, np.asarray(arc_length, dtype=np.float64))
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
         """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
-        u, v = orthogonal_axes(self.axis)
-        radial = np.cos(azimuth)[:, None] * u + np.sin(azimuth)[:, None] * v
-        radius, height = self.profile(arc_length)
-        xyz = self.origin + radius[:, None] * radial + height[:, None] * self.axis
-        if self.kind == SPHERE:
-            return xyz, (xyz - self.origin) / self.radius
-        return xyz, radial * np.cos(self.angle) - self.axis * np.sin(self.angle)
-
-    def _distance(self, height: Floats, radius: Floats) -> Floats:
-        if self.kind == SPHERE:
-            return np.asarray(np.maximum(np.hypot(radius, height), 1e-9) - self.radius)
-        distance = (radius - self.radius) * np.cos(self.angle) - height * np.sin(self.angle)
-        return np.asarray(distance)
+        return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
-        u, v = orthogonal_axes(self.axis)
-        vector = xyz - self.origin
-        height, radius = vector @ self.axis, np.hypot(vector @ u, vector @ v)
-        azimuth = np.arctan2(vector @ v, vector @ u)
-        if self.kind == SPHERE:
-            length = np.maximum(np.hypot(radius, height), 1e-9)
-            arc_length = self.radius * np.arcsin(np.clip(height / length, -1, 1))
-            return arc_length, azimuth, self._distance(height, radius), vector / length[:, None]
-        sine, cosine = np.sin(self.angle), np.cos(self.angle)
-        radial = (vector - height[:, None] * self.axis) / np.maximum(radius, 1e-9)[:, None]
-        arc_length = (radius - self.radius) * sine + height * cosine
-        return (
-            arc_length,
-            azimuth,
-            self._distance(height, radius),
-            radial * cosine - self.axis * sine,
-        )
+        return _coordinates(self, xyz)
+
+
+@compiled
+def _profile(surface: RevolutionSurface, arc_length: Floats) -> tuple[Floats, Floats]:
+    """What `RevolutionSurface.profile` tells."""
+    radius, height = np.empty(len(arc_length)), np.empty(len(arc_length))
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(len(arc_length)):
+        if surface.kind == SPHERE:
+            angle = arc_length[i] / surface.radius
+            radius[i] = surface.radius * np.cos(angle) if abs(angle) < np.pi / 2 else 0.0
+            height[i] = surface.radius * np.sin(angle)
+        else:
+            radius[i] = surface.radius + arc_length[i] * sine
+            height[i] = arc_length[i] * cosine
+    return radius, height
+
+
+@compiled
+def _points_at(
+    surface: RevolutionSurface, radius: Floats, height: Floats, azimuth: Floats
+) -> tuple[Floats, Floats]:
+    """What `RevolutionSurface.points_at` tells."""
+    xyz, normals = np.empty((len(radius), 3)), np.empty((len(radius), 3))
+    u, v = orthogonal_axes(surface.axis)
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(len(radius)):
+        along, across = np.cos(azimuth[i]), np.sin(azimuth[i])
+        for a in range(3):
+            radial = along * u[a] + across * v[a]
+            offset = radius[i] * radial + height[i] * surface.axis[a]
+            xyz[i, a] = surface.origin[a] + offset
+            if surface.kind == SPHERE:
+                normals[i, a] = offset / surface.radius
+            else:
+                normals[i, a] = radial * cosine - surface.axis[a] * sine
+    return xyz, normals
+
+
+@compiled
+def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """What `RevolutionSurface.coordinates` tells."""
+    count = len(xyz)
+    arc_length, azimuth, distance = np.empty(count), np.empty(count), np.empty(count)
+    normals = np.empty((count, 3))
+    across = orthogonal_axes(surface.axis)
+    axis, u, v = vector(surface.axis), vector(across[0]), vector(across[1])
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(count):
+        distance[i], height, radius = distance_to(surface, sine, cosine, xyz[i])
+        out = moved(row_of(xyz, i), -1.0, vector(surface.origin))
+        azimuth[i] = np.arctan2(dot(out, v), dot(out, u))
+        if surface.kind == SPHERE:
+            far = max(length(out), 1e-9)
+            arc_length[i] = surface.radius * np.arcsin(min(max(height / far, -1.0), 1.0))
+            normal = scaled(1 / far, out)
+        else:
+            arc_length[i] = (radius - surface.radius) * sine + height * cosine
+            outwards = scaled(1 / max(radius, 1e-9), moved(out, -height, axis))
+            normal = moved(scaled(cosine, outwards), -sine, axis)
+        for a in range(3):
+            normals[i, a] = normal[a]
+    return arc_length, azimuth, distance, normals
 
 
 @compiled_in_place
@@ -126,19 +159,14 @@ def distance_to(
     return distance, height, radius
 
 
+@compiled
 def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors orthogonal to an axis and to each other."""
-    start = np.eye(3)[int(np.abs(axis).argmin())]
-    u = cross(axis, start)
-    u = u / np.linalg.norm(u)
-    return u, cross(axis, u)
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of two vectors (3,), in a fraction of the time of numpy's."""
-    x, y, z = a.tolist()
-    u, v, w = b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+    """Two unit vectors (3,) orthogonal to an axis and to each other."""
+    start = np.zeros(3)
+    start[np.abs(axis).argmin()] = 1.0
+    u = cross(vector(axis), vector(start))
+    u = scaled(1 / length(u), u)
+    return np.array(u), np.array(cross(vector(axis), u))
 
 
 def pack_parameters(surface: RevolutionSurface) -> bytes:
@@ -184,7 +212,7 @@ def _unpack_one(stream: bytes) -> RevolutionSurface:
     if at > 2 or radius == 0 or rows > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
         raise InputError("the stream is damaged (its surfaces of revolution make no sense)")
     axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, position[3] / _SLOPE, position[4] / _SLOPE
-    axis /= np.linalg.norm(axis)
+    axis /= hypot(*axis)
     origin = np.array(position[:3]) / _POSITION
     return RevolutionSurface(
         kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, rows

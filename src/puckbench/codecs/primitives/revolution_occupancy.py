@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.primitives.manhattan_frame import rotated
 from puckbench.codecs.primitives.octree_arrays import Bytes, Ints
 from puckbench.codecs.primitives.revolution import (
     MAX_COLUMNS,
@@ -54,10 +55,9 @@ def to_grid(
     margins: tuple[float, float, float],
 ) -> RevolutionSurface:
     """A surface in the cloud's units, in cells of a grid that is rotated and begins at `corner`."""
-    origin = (rotation @ surface.origin - corner) / cell + margins
-    return surface._replace(
-        origin=origin, axis=rotation @ surface.axis, radius=surface.radius / cell
-    )
+    origin, axis = rotated(np.stack([surface.origin, surface.axis]), rotation)
+    origin = (origin - corner) / cell + margins
+    return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell)
 
 
 def fit_revolutions(
@@ -118,7 +118,7 @@ def _decide_columns(
 
     middles, _ = sample_surface(surface, np.ones(int(surface.columns().sum()), np.uint8), 1, 1)
     distance, nearest = cKDTree(xyz).query(middles)
-    normal_distance = np.einsum("ij,ij->i", middles - xyz[nearest], normals[nearest])
+    normal_distance = ((middles - xyz[nearest]) * normals[nearest]).sum(axis=1)
     beyond = np.maximum(distance - costs.spacing, 0)
     error = np.minimum(normal_distance**2 + costs.tangential_weight * beyond**2, costs.max_error)
     saved = np.where(beyond == 0, costs.omission_error * weights[nearest], 0.0)

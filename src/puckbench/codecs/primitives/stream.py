@@ -17,7 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.primitives.manhattan_frame import RotationVector, rotation_matrix
+from puckbench.codecs.primitives.manhattan_frame import (
+    RotationVector,
+    rotated_back,
+    rotation_matrix,
+)
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
@@ -131,7 +135,8 @@ class SurfaceHeader(NamedTuple):
 
     def in_cloud(self, cells: Floats) -> Floats:
         """Points (n, 3) given in cells, in the cloud's coordinates."""
-        return np.asarray((cells * self.cell_size + self.origin) @ rotation_matrix(self.rotation))
+        placed = cells * self.cell_size + self.origin
+        return rotated_back(placed, rotation_matrix(self.rotation))
 
 
 def pack_surface(header: SurfaceHeader, bits: bytes) -> bytes:

@@ -17,7 +17,11 @@ from puckbench.codecs.primitives.decoder import (
     surface_part,
 )
 from puckbench.codecs.primitives.entropy import writer
-from puckbench.codecs.primitives.manhattan_frame import RotationVector, rotation_matrix
+from puckbench.codecs.primitives.manhattan_frame import (
+    RotationVector,
+    rotated,
+    rotation_matrix,
+)
 from puckbench.codecs.primitives.occupancy_decision import RdCriterion
 from puckbench.codecs.primitives.occupancy_map import code_occupancy_maps
 from puckbench.codecs.primitives.octree import Level, build_octree, leaves_of, prune_octree
@@ -207,9 +211,9 @@ def _omission_error(column: float) -> float:
 def _rotated(cloud: PreparedCloud, rotation: RotationVector) -> tuple[SurfaceSamples, Floats]:
     """The surface along other axes, from its corner on, and that corner (3,) in units."""
     surface, matrix = cloud.surface, rotation_matrix(rotation)
-    xyz = surface.xyz @ matrix.T
+    xyz = rotated(surface.xyz, matrix)
     corner = xyz.min(axis=0)
-    return surface._replace(xyz=xyz - corner, normals=surface.normals @ matrix.T), corner
+    return surface._replace(xyz=xyz - corner, normals=rotated(surface.normals, matrix)), corner
 
 
 def _in_columns(
@@ -248,7 +252,7 @@ def _plan_octree(
 ) -> tuple[SurfaceHeader, list[Level]]:
     """The octree's levels, and a header without place, density and surfaces of revolution."""
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
-    depth = int(np.ceil(np.log2(shape.max())))
+    depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column, 1))), 0)
     coarsest = max(depth - round(np.log2(max(settings.max_leaf_size / column, 1))), 0)
     weights = surface.shares / 2 + surface.area / 2
@@ -275,7 +279,8 @@ def _place(
 ) -> SurfaceHeader:
     """The header with the place of the grid in the input's coordinates."""
     start = corner - np.array(mode.margins) * column
-    origin = cloud.corner @ rotation_matrix(mode.rotation).T + cloud.unit * start
+    corner_there = rotated(cloud.corner[None], rotation_matrix(mode.rotation))[0]
+    origin = corner_there + cloud.unit * start
     return header._replace(origin=origin, cell_size=column * cloud.unit, rotation=mode.rotation)
 
 

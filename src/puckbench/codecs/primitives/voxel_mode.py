@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from math import log
 from typing import NamedTuple
 
 import numpy as np
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.primitives.cells import CellGroups, group_by_cell
-from puckbench.codecs.primitives.displacements import (
-    displace,
-    displacement_gains,
-    fit_displacements,
-)
+from puckbench.codecs.primitives.displacements import displace, fit_displacements
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.settings import UNITS
 from puckbench.codecs.primitives.stream import (
-    BLOCK_SIZES,
     CLASSES,
     MAX_DISPLACED,
     MAX_HYBRID_VOXELS,
@@ -43,24 +39,19 @@ Trials = list[tuple[float, int]]
 
 
 class _Coded(NamedTuple):
-    """Coded voxels: their grid, the voxels, G-PCC's octree, whether displacements are worth it."""
+    """Coded voxels: their grid, the voxels, G-PCC's octree."""
 
     place: GridPlacement
     voxels: CellGroups
     bits: bytes
-    displaced: bool
 
     def size(self) -> int:
-        """Length of the stream."""
-        return VOXEL_HEADER_BYTES + (CLASSES if self.displaced else 0) + len(self.bits)
+        """Length of the stream, if it has displacements."""
+        return VOXEL_HEADER_BYTES + CLASSES + len(self.bits)
 
     def stream(self) -> bytes:
-        """The stream, with the best displacements."""
-        table = None
-        if self.displaced:
-            cells, means, weights = targets(self.voxels)
-            table, _ = fit_displacements(cells, means, weights)
-        return pack_voxels(self.place, table, self.bits)
+        """The stream, with the best displacements where these are worth their bytes."""
+        return pack_voxels(self.place, _displacements(self.voxels, len(self.bits)), self.bits)
 
 
 def voxelise(points: Floats, place: GridPlacement) -> CellGroups:
@@ -74,7 +65,7 @@ def encode_voxel_size(points: Floats, size: float) -> bytes:
 
 
 def bytes_of_voxel_size(points: Floats, size: float, tried: Trials) -> int:
-    """Length of the stream that `encode_voxel_size` makes; it joins what was tried."""
+    """Length of the stream that `encode_voxel_size` makes, at most; it joins what was tried."""
     found = _coded(points, size).size()
     tried.append((size, found))
     return found
@@ -83,8 +74,7 @@ def bytes_of_voxel_size(points: Floats, size: float, tried: Trials) -> int:
 def _coded(points: Floats, size: float) -> _Coded:
     place = GridPlacement(bounds(points)[0], size).rounded()
     voxels = voxelise(points, place)
-    bits = encode_voxels(voxels.cells)
-    return _Coded(place, voxels, bits, _is_displaced(voxels, len(bits)))
+    return _Coded(place, voxels, encode_voxels(voxels.cells))
 
 
 def encode_to_budget(
@@ -135,7 +125,7 @@ def _next_size(tried: Trials, max_bytes: int) -> float:
     It lies between the trials next above and below the budget, or beyond the two nearest ones.
     """
     wanted = max_bytes * (1 - _BUDGET_SLACK / 2)
-    nearest = sorted(tried, key=lambda trial: abs(np.log(trial[1] / wanted)))
+    nearest = sorted(tried, key=lambda trial: abs(log(trial[1] / wanted)))
     (size, found), others = nearest[0], nearest[1:]
     beyond = [trial for trial in others if (trial[1] > wanted) != (found > wanted)]
     partner = next(iter(beyond or others), None)
@@ -197,15 +187,14 @@ def targets(voxels: CellGroups) -> tuple[Ints, Floats, Floats]:
     return voxels.cells, voxels.means, weights
 
 
-def _is_displaced(voxels: CellGroups, voxel_bytes: int) -> bool:
-    """Whether displacements save more of the squared error than they add to the bytes."""
+def _displacements(voxels: CellGroups, voxel_bytes: int) -> DisplacementTable | None:
+    """The best table; None where it saves less of the squared error than it adds to the bytes."""
     if len(voxels.cells) > MAX_DISPLACED:
-        return False
+        return None
     cells, means, weights = targets(voxels)
     error = (weights[:, None] * (cells - means) ** 2).sum()
-    least = _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error
-    gains = displacement_gains(cells, means, weights, BLOCK_SIZES[::-1])  # the fastest first
-    return any(gain > least for _, gain in gains)
+    table, gain = fit_displacements(cells, means, weights)
+    return table if gain > _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error else None
 
 
 def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
@@ -220,4 +209,4 @@ def _slope(a: tuple[float, int], b: tuple[float, int]) -> float:
     """Exponent with which bytes fall as voxels grow, from two trials (side, bytes)."""
     if a[0] == b[0] or a[1] == b[1]:
         return _TYPICAL_SLOPE
-    return float(np.clip(np.log(a[1] / b[1]) / np.log(b[0] / a[0]), 0.5, 3.5))
+    return float(min(max(log(a[1] / b[1]) / log(b[0] / a[0]), 0.5), 3.5))
