@@ -48,6 +48,14 @@ def test_the_manhattan_frame_of_a_rotated_box_undoes_its_rotation(
     assert np.allclose(np.sort(np.abs(back), axis=1), [0, 0, 1], atol=0.01)
 
 
+def test_the_frame_of_a_single_wall_has_an_axis_along_its_normal() -> None:
+    normal = np.array([0.21, -0.13, 1.0]) / np.sqrt(0.21**2 + 0.13**2 + 1)
+    normals = normal + np.random.default_rng(0).normal(0, 0.02, (2000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    turned = rotation_matrix(estimate_manhattan_frame(normals)) @ normal
+    assert np.sort(np.abs(turned))[2] == pytest.approx(1, abs=1e-3)
+
+
 def test_no_manhattan_frame_is_estimated_for_aligned_boxes_and_spheres() -> None:
     rng = np.random.default_rng(1)
     round_ones = rng.normal(size=(4000, 3))

@@ -17,6 +17,7 @@ _MAX_NORMALS = 4000
 _INITIAL_STEP_DEG = 7.5
 _TOLERANCE = radians(2.0)
 _COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
+_INERTIA = 1e-7
 _MAX_ITERATIONS = 60
 _MIN_GAIN = 0.02
 """Alignment that a rotation has to gain."""
@@ -76,7 +77,7 @@ def estimate_manhattan_frame(normals: Floats) -> RotationVector:
             vector[axis] = np.radians(degrees) / STEP
             rotation_vector = _quantise(_refine(subset, rotation_matrix(_rounded(vector))))
             share = _alignment(subset, rotation_matrix(rotation_vector))
-            if share > best_share + 1e-9:
+            if share > best_share + 1e-6:
                 best, best_share = rotation_vector, share
     return best
 
@@ -97,15 +98,17 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
     """Rotation near a given one that maps normals near an axis onto it (Kabsch 1976)."""
     rotation = rotation.copy()
     for least in _COSINES:
-        sums = np.zeros((3, 3))
+        sums, count = np.zeros((3, 3)), 0
         turned = rotated(normals, rotation)
         for i in range(len(turned)):
             axis = np.abs(turned[i]).argmax()
             if abs(turned[i, axis]) > least:
                 sign = 1.0 if turned[i, axis] > 0 else -1.0
+                count += 1
                 for a in range(3):
                     sums[axis, a] += sign * normals[i, a]
-        if not _find_nearest_rotation(sums, rotation):
+        # A little of what it was decides what the normals leave open, those of a single wall.
+        if not _find_nearest_rotation(sums + _INERTIA * count * rotation, rotation):
             break
     return rotation
 
@@ -124,7 +127,7 @@ def _find_nearest_rotation(matrix: Floats, rotation: Floats) -> bool:
                 b, c = (a + 1) % 3, (a + 2) % 3
                 cofactors[i, a] = matrix[j, b] * matrix[k, c] - matrix[j, c] * matrix[k, b]
         volume = (matrix[0] * cofactors[0]).sum()
-        if volume <= 1e-9:
+        if volume <= 0.0:
             return False
         before, matrix = matrix, (matrix + cofactors / volume) / 2
         if np.abs(matrix - before).max() < 1e-12:

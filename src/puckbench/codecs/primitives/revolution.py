@@ -61,11 +61,11 @@ class RevolutionSurface(NamedTuple):
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
         """Radius, and height along the axis over the origin, at arc lengths of the profile."""
-        return _profile(self, np.asarray(arc_length, dtype=np.float64))
+        return _profile(self, np.array(arc_length, dtype=np.float64))  # not one for reading alone
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
         """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
-        return _points_at(self, *self.profile(arc_length), azimuth)
+        return _points_at(self, *self.profile(arc_length), np.array(azimuth))
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""

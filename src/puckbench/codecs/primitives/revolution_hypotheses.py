@@ -15,6 +15,8 @@ SPANS = (3.0, 6.0, 12.0)
 """Distances of the samples of a hypothesis, in sampling cells."""
 _NEAREST = 0.6
 """Distance of the nearest one, as share of the farthest one's."""
+_PRIMES = (7919, 104729)
+"""Multiples of a seed's row choose the two others, here and there around it."""
 _MIN_BEND = 1e-4
 """Squared difference of two normals, at least."""
 _MIN_AXIS, _MIN_VOLUME = 0.02, 1e-3
@@ -53,14 +55,14 @@ def hypotheses_through(
     largest = float(np.ptp(xyz, axis=0).max()) / 2
     found, count = np.empty((3 * len(SPANS) * len(seeds), _SIZE)), 0
     place = np.empty(len(xyz), np.int64)
-    for k, span in enumerate(SPANS):
+    for span in SPANS:
         order, blocked = blocks_around(xyz, span * cell)
         place[order] = np.arange(len(xyz))
         count = _through_seeds(
             blocked,
             normals[order],
             place[seeds],
-            (span * cell, 7 * k + 3),
+            span * cell,
             (tolerance, largest),
             found,
             count,
@@ -80,24 +82,23 @@ def _through_seeds(
     blocked: BlockedSamples,
     normals: Floats,
     seeds: Ints,
-    span: tuple[float, int],
+    radius: float,
     limits: tuple[float, float],
     found: Floats,
     count: int,
 ) -> int:
-    """Write hypotheses (m, 9) through seeds and two other samples each; their number.
+    """Write hypotheses (m, 9) through seeds and two samples about a radius away; their number.
 
-    span: radius around a seed, and which of the samples about as far is the second one. limits:
-    tolerance, largest radius.
+    limits: tolerance, largest radius.
     """
     runs = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocked.starts, seed, side="right") - 1
         near = runs_near(blocked, block, 1, runs)
-        others, _ = _others(blocked.xyz, seed, near, span[0], (-1, -1))
+        others, _ = _others(blocked.xyz, seed, near, radius, (-1, -1))
         if others >= 2:
-            wanted = (span[1] % others, others // 2)
-            _, rows = _others(blocked.xyz, seed, near, span[0], wanted)
+            wanted = (_PRIMES[0] * seed % others, _PRIMES[1] * seed % others)
+            _, rows = _others(blocked.xyz, seed, near, radius, wanted)
             count = _through_samples(blocked.xyz, normals, (seed, *rows), limits, found, count)
     return int(count)
 
@@ -172,11 +173,19 @@ def _cone(
     out = moved(middle, -1.0, apex)
     axis = scaled((1 if dot(out, axis) > 0 else -1) / length(axis), axis)
     height = dot(out, axis)
-    angle = np.arcsin(min(abs(dot(n, axis)), 1.0))
+    angle = (_angle(a, apex, axis) + _angle(b, apex, axis) + _angle(c, apex, axis)) / 3
     if _ANGLES[0] < angle < _ANGLES[1]:
         origin = moved(apex, height, axis)
         count = _add(CONE, origin, axis, (height * np.tan(angle), angle), limits, found, count)
     return count
+
+
+@inlined
+def _angle(point: Vector, apex: Vector, axis: Vector) -> float:
+    """Half the opening angle of the cone on which a point lies."""
+    out = moved(point, -1.0, apex)
+    height = dot(out, axis)
+    return float(np.arctan2(length(moved(out, -height, axis)), height))
 
 
 @inlined

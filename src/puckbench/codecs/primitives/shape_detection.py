@@ -7,6 +7,7 @@ Schnabel, Wahl and Klein (2007), but at equal steps instead of at random: it is 
 from __future__ import annotations
 
 from math import tan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ _MIN_COVERAGE = 0.35
 _CURVED_COSINES = (0.8, 0.985)
 """Cosines of the angle between neighbours' normals on a curved surface without an edge."""
 _MIN_NORMAL_COSINE = 0.96
+_MIN_TOLERANCE = 0.35
+"""Distance of an inlier of a hypothesis, in sampling cells, at least: three normals are noisy."""
 _NEIGHBOURS = 24
 """Nearest samples, with the sample itself, that tell whether the surface bends there."""
 
@@ -68,11 +71,19 @@ def detect_revolutions(
     curved = _curved_samples(xyz, normals, cell)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
         return []
-    seeds, scored = (curved[:: -(-len(curved) // most)] for most in (_MAX_SEEDS, _MAX_SCORED))
-    hypotheses = hypotheses_through(xyz, normals, seeds, cell, tolerance)
-    inliers = np.empty((len(hypotheses), len(scored)), np.bool_)
-    _find_inliers_of_all(hypotheses, xyz[scored], normals[scored], tolerance, inliers)
-    return _select(hypotheses, inliers, xyz, normals, cell, tolerance)
+    # Things much larger than the distance of neighbours bend too little to be found by that.
+    seeds = [_some(rows, _MAX_SEEDS) for rows in (curved, np.arange(len(xyz)))]
+    loose = max(tolerance, _MIN_TOLERANCE * cell)
+    hypotheses = hypotheses_through(xyz, normals, np.concatenate(seeds), cell, loose)
+    scored = _some(xyz, _MAX_SCORED), _some(normals, _MAX_SCORED)
+    inliers = np.empty((len(hypotheses), len(scored[0])), np.bool_)
+    _find_inliers_of_all(hypotheses, *scored, loose, inliers)
+    return _select(hypotheses, inliers, xyz, normals, cell, (loose, tolerance))
+
+
+def _some(rows: NDArray[Any], most: int) -> NDArray[Any]:
+    """Rows at equal steps, `most` of them at most."""
+    return np.ascontiguousarray(rows[:: -(-len(rows) // most)])
 
 
 def bounded_inliers(
@@ -188,9 +199,13 @@ def _select(
     xyz: Floats,
     normals: Floats,
     cell: float,
-    tolerance: float,
+    tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Greedily select and refine the hypotheses that explain most of the remaining samples."""
+    """Greedily select and refine the hypotheses that explain most of the remaining samples.
+
+    tolerances: distances of an inlier of a hypothesis, and of a fitted surface.
+    """
+    tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     free = np.ones(len(xyz), bool)
     found: list[RevolutionSurface] = []
@@ -201,7 +216,7 @@ def _select(
         explained = unexplained & inliers[best]
         counts -= inliers[:, explained].sum(axis=1)
         unexplained &= ~explained
-        refined = _refine(hypothesis(hypotheses[best]), xyz, normals, free, tolerance)
+        refined = _refine(hypothesis(hypotheses[best]), xyz, normals, free, tolerances)
         refined = clip_to_inliers(refined, xyz, normals, free, tolerance)
         rows = free & bounded_inliers(refined, xyz, normals, tolerance)
         if rows.sum() >= _MIN_INLIERS and _coverage(refined, xyz[rows], cell) > _MIN_COVERAGE:
@@ -211,14 +226,21 @@ def _select(
 
 
 def _refine(
-    surface: RevolutionSurface, xyz: Floats, normals: Floats, free: Mask, tolerance: float
+    surface: RevolutionSurface,
+    xyz: Floats,
+    normals: Floats,
+    free: Mask,
+    tolerances: tuple[float, float],
 ) -> RevolutionSurface:
-    """Robust least-squares fit of a surface to its inliers."""
-    for _ in range(2):
+    """Robust least-squares fits of a surface to its inliers, each to nearer ones than the last.
+
+    So a surface that crosses between two others ends on one of them.
+    """
+    for tolerance in (*tolerances, tolerances[1] / 2):
         rows = np.flatnonzero(free & _inliers(surface, xyz, normals, tolerance))
         if len(rows) < 12:
             return surface
-        near = xyz[rows[:: -(-len(rows) // _MAX_FITTED)]]
+        near = xyz[_some(rows, _MAX_FITTED)]
         base = surface._replace(origin=_foot_of_mean(surface, near))
         base = base._replace(radius=_radius_at(surface, base.origin))
         surface = fit_revolution(base, near, tolerance / 2)
