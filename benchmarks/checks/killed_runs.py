@@ -1,13 +1,15 @@
 """Runs killed at random points and resumed: are their results those of an undisturbed run?
 
-    python -m benchmarks.checks.killed_runs [--kills 20] [--seed 1] [--only-snakemake] [CONFIG]
+    python -m benchmarks.checks.killed_runs [--kills 20] [--seed 1] [--only-snakemake] [--cores 2]
+        [--target tables] [--like FOLDER --longest SECONDS] [CONFIG]
 
-Runs the tables of CONFIG (benchmarks/small.yaml) once from nothing. Then again in another folder,
-where every run is killed (SIGKILL to the whole process group; with --only-snakemake its jobs are
-left alone and go on) after a random share of the undisturbed run's time, and started again by the
-same command; when one comes to its end, the next begins from nothing, until there were that many
-kills. After each kill every file under its final name must be whole, that is, the undisturbed
-run's; at each end all files must be, times aside. Exit status 1 where they are not.
+Runs the tables of CONFIG (benchmarks/small.yaml) once from nothing, or takes a run that is in
+FOLDER already. Then again in another folder, where every run is killed (SIGKILL to the whole
+process group; with --only-snakemake its jobs are left alone and go on) after random seconds, at
+most half of the undisturbed run's time, and started again by the same command; when one comes to
+its end, the next begins from nothing, until there were that many kills. After each kill every file
+under its final name must be whole, that is, the undisturbed run's; at each end all files must be,
+times aside. Exit status 1 where they are not.
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ class Folder:
 
     path: Path
     config: Path
+    target: str
+    cores: int
 
     @property
     def results(self) -> Path:
@@ -54,10 +58,11 @@ class Folder:
             "--snakefile",
             ROOT / "workflow" / "Snakefile",
         ]
-        words = ["--configfile", self.config, "--config", "results=results", "--cores", "2"]
+        words = ["--configfile", self.config, "--config", "results=results"]
+        words += ["--cores", str(self.cores)]
         with (self.path / "run.log").open("ab") as log:
             return subprocess.Popen(
-                [*program, "tables", "--quiet", "rules", "host", "reason", *words],
+                [*program, self.target, "--quiet", "rules", "host", "reason", *words],
                 cwd=self.path,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -77,7 +82,7 @@ def undisturbed(folder: Folder) -> float:
     return time.perf_counter() - start
 
 
-def killed(folder: Folder, seconds: float, group: bool) -> bool:
+def killed(folder: Folder, seconds: float | None, group: bool) -> bool:
     """Start a run and kill it after some seconds; False when it came to its end before."""
     run = folder.start()
     try:
@@ -99,22 +104,31 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only-snakemake", action="store_true")
+    parser.add_argument("--cores", type=int, default=2, help="of the runs that are killed")
+    parser.add_argument("--target", default="tables")
+    parser.add_argument("--like", type=Path, help="folder of a whole run of CONFIG")
+    parser.add_argument("--longest", type=float, help="seconds before a kill")
     options = parser.parse_args()
+    if options.like and not options.longest:
+        parser.error("--like needs --longest")
     with tempfile.TemporaryDirectory() as name:
         sys.exit(campaign(Path(name), options))
 
 
 def campaign(place: Path, options: argparse.Namespace) -> int:
     """All kills; the number of findings."""
-    reference = Folder(place / "undisturbed", options.config.resolve())
-    whole = undisturbed(reference)
-    print(f"undisturbed: {whole:.0f} s", flush=True)
+    config, longest = options.config.resolve(), options.longest
+    reference = Folder(options.like or place / "undisturbed", config, options.target, cores=2)
+    if options.like is None:
+        whole = undisturbed(reference)
+        print(f"undisturbed: {whole:.0f} s", flush=True)
+        longest = longest or LONGEST_SHARE * whole
     random = generator(options.seed, "killed runs")
-    folder = Folder(place / "killed", options.config.resolve())
+    folder = Folder(place / "killed", config, options.target, options.cores)
     kills = ends = findings = 0
     while kills < options.kills or folder.path.exists():
         last = kills == options.kills
-        wait = whole * 100 if last else random.uniform(0, LONGEST_SHARE) * whole
+        wait = None if last else random.uniform(0, longest)
         if killed(folder, wait, not options.only_snakemake):
             kills += 1
             findings += report(f"kill {kills} after {wait:.1f} s", folder, reference, False)

@@ -260,29 +260,21 @@ def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
     """
     cloud, estimator, best, kept, known = found
     points, tried = cloud.source, [*known]
-    budget = _refined_budget(points, len(kept.stream), settings, tried)
+    max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings, tried)
     surface = kept
     if kept.surface is None and best.coded:
         surface = _Kept(best.coded.stream, best.coded.decoded())
-    if surface.surface is None:
-        return voxel_mode.encode_to_budget(points, *budget, tried)
-    part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
-    criterion = _criterion(cloud, estimator, settings.refinement)
-
-    def alone() -> tuple[bytes, Distortion]:
-        stream = voxel_mode.encode_to_budget(points, *budget, [*tried])
-        return stream, estimator.measure(cloud.in_units(decode_stream(stream)))
-
-    def beside() -> hybrid_mode.Hybrid | None:
-        return hybrid_mode.encode(points, part, *budget, criterion, [*tried])
-
-    choices: list[Callable[[], Any]] = [alone, beside]
-    (voxels, errors), hybrid = in_threads(lambda choice: choice(), choices)
-    if hybrid is None:
-        return bytes(voxels)
-    keeps_surface = _lose_the_surface(errors, hybrid.distortion, settings)
-    better = keeps_surface if kept.surface else hybrid.cost <= criterion.cost(errors)
-    return bytes(hybrid.stream if better else voxels)
+    if surface.surface:
+        part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
+        criterion = _criterion(cloud, estimator, settings.refinement)
+        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion, tried)
+        if hybrid:
+            equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size, tried)
+            voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
+            beside_surface = _lose_the_surface(voxels, hybrid.distortion, settings)
+            if beside_surface if kept.surface else hybrid.cost <= criterion.cost(voxels):
+                return hybrid.stream
+    return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size, tried)
 
 
 def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings) -> bool:
