@@ -2,8 +2,9 @@
 
     python benchmarks/same_results.py RESULTS OTHER_RESULTS
 
-Compares every file but logs and the report page: tables and rows without their columns of time and
-memory, everything else byte by byte. Prints what differs; exit status 1 when anything does.
+Compares every file but logs, the report page and figures of times: tables and rows without their
+columns of time and memory, everything else byte by byte. Prints what differs; exit status 1 when
+anything does.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Whether two results folders hold the same bytes, times aside.
 
-Every file but logs and the report page is compared: tables and rows without their columns of time
-and memory, everything else byte by byte.
+Every file but logs, the report page and figures of times is compared: tables and rows without their
+columns of time and memory, everything else byte by byte.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_TIMES = re.compile(r"^(en|de)code_(s|peak_mib)(_\w+)?$")
+_TIMES = re.compile(r"^(en|de)code_(s|peak_mib|ms_per_turn|real_time)(_\w+)?$")
 """Columns that no two runs have alike."""
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
 """Words of the one claim of `claims.csv` that is about them."""
 _TABLE_FOLDERS = {"tables", "first_look"}
-_LEFT_OUT = re.compile(r"^(logs/.*|report\.html|\.lock)$")
+_LEFT_OUT = re.compile(
+    r"^(logs/.*|report\.html|\.lock|reference\.parquet|(figures|first_look)/fig_6_[589]\.\w+)$"
+)
+"""Logs, the page, reference results and three figures tell times."""
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
