@@ -13,8 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_TIMES = re.compile(r"^(en|de)code_(s|peak_mib|ms_per_turn|real_time)(_\w+)?$")
-"""Columns that no two runs have alike."""
+from puckbench.report.quantities import is_time
+
+_MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
 """Words of the one claim of `claims.csv` that is about them."""
 _TABLE_FOLDERS = {"tables", "first_look"}
@@ -82,13 +83,18 @@ def _table(path: Path) -> list[list[str]]:
     return [[*map(str, table)], *([repr(cell) for cell in row] for row in table.to_numpy(object))]
 
 
+def _varies(column: str) -> bool:
+    """Whether no two runs have a column alike."""
+    return is_time(column) or _MEMORY.fullmatch(column) is not None
+
+
 def _without_times(rows: list[list[str]]) -> list[list[str]]:
-    kept = [at for at, name in enumerate(rows[0]) if not _TIMES.match(name)]
+    kept = [at for at, name in enumerate(rows[0]) if not _varies(name)]
     kept_rows = [row for row in rows if not any(_CLAIM_ABOUT_TIMES in cell for cell in row)]
     return [[row[at] for at in kept] for row in kept_rows]
 
 
 def _timeless(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _timeless(item) for key, item in value.items() if not _TIMES.match(key)}
+        return {key: _timeless(item) for key, item in value.items() if not _varies(key)}
     return value

@@ -128,6 +128,14 @@ _REFERENCES = {
 """What a column's name begins with, its group, and what it is measured to."""
 
 
+_TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
+
+
+def is_time(column: str) -> bool:
+    """Whether a column holds the times of a codec's calls, or what is made of them."""
+    return _TIME.fullmatch(column) is not None
+
+
 def measured(column: str) -> Measured:
     """What a column measures; one that is not known is called by its own name."""
     if column in _PLAIN:

@@ -8,7 +8,6 @@ made stands as JSON in the metadata of its schema.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from puckbench.core.errors import InputError
 from puckbench.core.files import written_whole
 from puckbench.core.models import among
-from puckbench.report.quantities import in_words
+from puckbench.report.quantities import in_words, is_time
 from puckbench.report.run_record import RunRecord
 
 if TYPE_CHECKING:
@@ -43,8 +42,6 @@ _TITLES = {
 _DIGITS = 6
 """Significant digits of measured numbers."""
 _CLOUD = ["dataset", "cloud"]
-_TIME = re.compile(r"(?:en|de)code_(?:s|s_min|s_max|ms_per_turn|real_time)")
-"""Columns of times, and of factors that are made of them."""
 _TIMED = ("encode_curve", "evaluate_curve")
 """Jobs whose calls of a codec are timed: the second one decodes."""
 LEAST_SHARE = 0.95
@@ -237,7 +234,7 @@ def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
 
 def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
     """The result rows without seconds and what is made of them."""
-    return metrics[[name for name in metrics if not _TIME.fullmatch(str(name))]]
+    return metrics[[name for name in metrics if not is_time(str(name))]]
 
 
 def _rounded(table: Any) -> pd.DataFrame:

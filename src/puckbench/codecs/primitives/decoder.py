@@ -9,7 +9,6 @@ import numpy as np
 from puckbench.codecs.common.binary_coder import exhausted
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.entropy import reader
-from puckbench.codecs.primitives.manhattan_frame import rotated_back, rotation_matrix
 from puckbench.codecs.primitives.occupancy_decision import NO_CRITERION
 from puckbench.codecs.primitives.occupancy_map import code_occupancy_maps
 from puckbench.codecs.primitives.octree_arrays import (
@@ -117,8 +116,7 @@ def points_and_normals(patches: Patches) -> DecodedSurface:
     """Points of planes and surfaces of revolution; InputError for too many, or none."""
     xyz, rows = plane_points(patches)
     planes = patches.leaves.plane_index[rows]
-    matrix = rotation_matrix(patches.header.rotation)
-    normals = rotated_back(patches.leaves.planes[planes, :3], matrix)
+    normals = patches.header.along_axes(patches.leaves.planes[planes, :3])
     found = DecodedSurface(xyz, normals, planes)
     return _concatenated([found, *revolution_points(patches)])
 
@@ -126,15 +124,14 @@ def points_and_normals(patches: Patches) -> DecodedSurface:
 def revolution_points(patches: Patches) -> list[DecodedSurface]:
     """Points of each surface of revolution, its index after those of the planes."""
     header, found = patches.header, []
-    matrix = rotation_matrix(header.rotation)
     columns = sum(int(bits.sum()) for _, bits in patches.revolutions)
     if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
         raise InputError(f"the stream is damaged ({columns} columns of surfaces of revolution)")
     for k, (surface, bits) in enumerate(patches.revolutions):
         cells, normals = sample_surface(surface, bits, header.points_across, header.column_spacing)
         indices = np.full(len(cells), int(patches.leaves.counts[1]) + k)
-        turned = rotated_back(normals, matrix)
-        found.append(DecodedSurface(header.in_cloud(cells), turned, indices))
+        placed = header.in_cloud(cells), header.along_axes(normals)
+        found.append(DecodedSurface(*placed, indices))
     return found
 
 

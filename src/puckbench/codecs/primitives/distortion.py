@@ -111,9 +111,9 @@ def search_tree(points: Floats) -> Any:
     return KDTree(np.ascontiguousarray(points), leafsize=_LEAF_SIZE)
 
 
-def subset(points: Floats, count: int = _MAX_QUERIES) -> Floats:
-    """Those of some points (n, 3) that are looked up: at most `count`, at equal steps."""
-    return np.ascontiguousarray(points[:: -(-len(points) // count)])
+def subset(rows: NDArray[Any], count: int = _MAX_QUERIES) -> NDArray[Any]:
+    """Those of some rows (n, ...), n > 0, that are looked at: at most `count`, at equal steps."""
+    return np.ascontiguousarray(rows[:: -(-len(rows) // count)])
 
 
 def _shorter(a: Floats, b: Floats) -> Floats:

@@ -6,6 +6,7 @@ from math import cos, hypot, radians, sin
 
 import numpy as np
 
+from puckbench.codecs.primitives.distortion import subset
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
 
@@ -18,9 +19,10 @@ _INITIAL_STEP_DEG = 7.5
 _TOLERANCE = radians(2.0)
 _COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
 _INERTIA = 1e-7
+"""Weight of the rotation so far, which decides what the normals leave open, as of a single wall."""
 _MAX_ITERATIONS = 60
-_MIN_GAIN = 0.02
-"""Alignment that a rotation has to gain."""
+_MIN_GAIN, _MIN_BETTER = 0.02, 1e-6
+"""Alignment that a rotation has to gain over none, and over another one."""
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
@@ -69,15 +71,15 @@ def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     RotationVector
         From the cloud's axes to the scene's; zeros where a rotation gains little.
     """
-    subset = np.ascontiguousarray(normals[:: -(-len(normals) // _MAX_NORMALS)])
-    best, best_share = (0, 0, 0), _alignment(subset, np.eye(3)) + _MIN_GAIN
+    chosen = subset(normals, _MAX_NORMALS)
+    best, best_share = (0, 0, 0), _alignment(chosen, np.eye(3)) + _MIN_GAIN
     for axis in range(3):
         for degrees in np.arange(0, 90, _INITIAL_STEP_DEG):
             vector = np.zeros(3)
             vector[axis] = np.radians(degrees) / STEP
-            rotation_vector = _quantise(_refine(subset, rotation_matrix(_rounded(vector))))
-            share = _alignment(subset, rotation_matrix(rotation_vector))
-            if share > best_share + 1e-6:
+            rotation_vector = _quantise(_refine(chosen, rotation_matrix(_rounded(vector))))
+            share = _alignment(chosen, rotation_matrix(rotation_vector))
+            if share > best_share + _MIN_BETTER:
                 best, best_share = rotation_vector, share
     return best
 
@@ -107,7 +109,6 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
                 count += 1
                 for a in range(3):
                     sums[axis, a] += sign * normals[i, a]
-        # A little of what it was decides what the normals leave open, those of a single wall.
         if not _find_nearest_rotation(sums + _INERTIA * count * rotation, rotation):
             break
     return rotation

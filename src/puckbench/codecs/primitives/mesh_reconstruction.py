@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.codecs.primitives.decoder import Patches, read_patches
-from puckbench.codecs.primitives.manhattan_frame import rotated_back, rotation_matrix
 from puckbench.codecs.primitives.occupancy_map import column_in_leaf
 from puckbench.codecs.primitives.octree_arrays import (
     OCCUPIED,
@@ -72,7 +71,7 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
     segments, segment = np.unique(leaf_segments(patches)[leaf_of_quad], return_inverse=True)
     planes = patches.leaves.planes[plane_ids]
     offsets = planes[:, 3] * patches.header.cell_size + planes[:, :3] @ patches.header.origin
-    normals = rotated_back(planes[:, :3], rotation_matrix(patches.header.rotation))
+    normals = patches.header.along_axes(planes[:, :3])
     primitives = [
         Primitive("plane", {"normal": normal.tolist(), "offset": float(offset)})
         for normal, offset in zip(normals, offsets, strict=True)
@@ -90,7 +89,7 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
 def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> Primitive:
     """Kind and parameters of a surface of revolution in the cloud's coordinates."""
     point = header.in_cloud(surface.origin[None])[0].tolist()
-    axis = rotated_back(surface.axis[None], rotation_matrix(header.rotation))[0].tolist()
+    axis = header.along_axes(surface.axis[None])[0].tolist()
     radius = surface.radius * header.cell_size
     if surface.kind == SPHERE:
         return Primitive("sphere", {"centre": point, "radius": radius})

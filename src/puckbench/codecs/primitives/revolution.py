@@ -17,10 +17,19 @@ from puckbench.codecs.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
 from puckbench.codecs.primitives.occupancy_map import MIXERS as MAP_MIXERS
 from puckbench.codecs.primitives.octree_arrays import Bytes, Ints
 from puckbench.codecs.primitives.stream import REVOLUTION_BYTES
-from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.core.compiling import compiled, compiled_in_place, inlined
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.vectors import cross, dot, length, moved, row_of, scaled, vector
+from puckbench.geometry.vectors import (
+    Vector,
+    cross,
+    dot,
+    length,
+    moved,
+    row_of,
+    scaled,
+    vector,
+)
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22
@@ -61,11 +70,11 @@ class RevolutionSurface(NamedTuple):
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
         """Radius, and height along the axis over the origin, at arc lengths of the profile."""
-        return _profile(self, np.array(arc_length, dtype=np.float64))  # not one for reading alone
+        return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
         """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
-        return _points_at(self, *self.profile(arc_length), np.array(azimuth))
+        return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
@@ -116,20 +125,18 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
     arc_length, azimuth, distance = np.empty(count), np.empty(count), np.empty(count)
     normals = np.empty((count, 3))
     across = orthogonal_axes(surface.axis)
-    axis, u, v = vector(surface.axis), vector(across[0]), vector(across[1])
+    u, v = vector(across[0]), vector(across[1])
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     for i in range(count):
         distance[i], height, radius = distance_to(surface, sine, cosine, xyz[i])
         out = moved(row_of(xyz, i), -1.0, vector(surface.origin))
         azimuth[i] = np.arctan2(dot(out, v), dot(out, u))
         if surface.kind == SPHERE:
-            far = max(length(out), 1e-9)
-            arc_length[i] = surface.radius * np.arcsin(min(max(height / far, -1.0), 1.0))
-            normal = scaled(1 / far, out)
+            sine_of_height = height / max(length(out), 1e-9)
+            arc_length[i] = surface.radius * np.arcsin(min(max(sine_of_height, -1.0), 1.0))
         else:
             arc_length[i] = (radius - surface.radius) * sine + height * cosine
-            outwards = scaled(1 / max(radius, 1e-9), moved(out, -height, axis))
-            normal = moved(scaled(cosine, outwards), -sine, axis)
+        normal = normal_at(surface, sine, cosine, out, height, radius)
         for a in range(3):
             normals[i, a] = normal[a]
     return arc_length, azimuth, distance, normals
@@ -157,6 +164,26 @@ def distance_to(
     else:
         distance = (radius - surface.radius) * cosine - height * sine
     return distance, height, radius
+
+
+@inlined
+def normal_at(
+    surface: RevolutionSurface,
+    sine: float,
+    cosine: float,
+    out: Vector,
+    height: float,
+    radius: float,
+) -> Vector:
+    """Unit normal where a surface is nearest to a point, `out` of its origin.
+
+    The others are what `distance_to` takes and returns.
+    """
+    if surface.kind == SPHERE:
+        return scaled(1 / max(length(out), 1e-9), out)
+    axis = vector(surface.axis)
+    outwards = scaled(1 / max(radius, 1e-9), moved(out, -height, axis))
+    return moved(scaled(cosine, outwards), -sine, axis)
 
 
 @compiled
@@ -276,8 +303,9 @@ def sample_surface(
     arc_length = (surface.first_row + rows)[:, None, None] + step[:, None]
     azimuth = 2 * np.pi * (column[:, None, None] + step) / columns_in_row[:, None, None]
     shape = (len(rows), points_across, points_across)
+    # Copies: compiled loops would be compiled again for views that may not be written to.
     return surface.points_at(
-        np.broadcast_to(arc_length, shape).ravel(), np.broadcast_to(azimuth, shape).ravel()
+        np.broadcast_to(arc_length, shape).flatten(), np.broadcast_to(azimuth, shape).flatten()
     )
 
 

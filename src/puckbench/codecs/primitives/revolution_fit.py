@@ -12,11 +12,12 @@ from puckbench.codecs.primitives.revolution import (
     SPHERE,
     RevolutionSurface,
     distance_to,
+    normal_at,
     orthogonal_axes,
 )
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.vectors import dot, length, moved, row_of, scaled, vector
+from puckbench.geometry.vectors import dot, length, moved, row_of, vector
 
 _MAX_STEPS = 15
 _DAMPING, _DAMPING_STEP = 1e-3, 10.0
@@ -87,14 +88,11 @@ def _linearise(
     for i in range(len(xyz)):
         distance, height, radius = distance_to(surface, sine, cosine, xyz[i])
         out = moved(row_of(xyz, i), -1.0, origin)
+        normal = normal_at(surface, sine, cosine, out, height, radius)
         if surface.kind == SPHERE:
-            normal = scaled(1 / max(length(out), 1e-9), out)
             slopes[2], slopes[3], slopes[4], slopes[5] = -dot(axis, normal), 0.0, -1.0, 0.0
         else:
-            radius_here = max(radius, 1e-9)
-            outwards = scaled(1 / radius_here, moved(out, -height, axis))
-            normal = moved(scaled(cosine, outwards), -sine, axis)
-            tilt = -(cosine * height / radius_here + sine)
+            tilt = -(cosine * height / max(radius, 1e-9) + sine)
             slopes[2], slopes[3] = tilt * dot(out, u), tilt * dot(out, v)
             slopes[4] = -cosine
             slopes[5] = -(radius - surface.radius) * sine - height * cosine

@@ -7,11 +7,11 @@ Schnabel, Wahl and Klein (2007), but at equal steps instead of at random: it is 
 from __future__ import annotations
 
 from math import tan
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.codecs.primitives.distortion import subset
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.revolution import SPHERE, RevolutionSurface, distance_to
 from puckbench.codecs.primitives.revolution_fit import fit_revolution
@@ -72,18 +72,13 @@ def detect_revolutions(
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
         return []
     # Things much larger than the distance of neighbours bend too little to be found by that.
-    seeds = [_some(rows, _MAX_SEEDS) for rows in (curved, np.arange(len(xyz)))]
+    seeds = [subset(rows, _MAX_SEEDS) for rows in (curved, np.arange(len(xyz)))]
     loose = max(tolerance, _MIN_TOLERANCE * cell)
     hypotheses = hypotheses_through(xyz, normals, np.concatenate(seeds), cell, loose)
-    scored = _some(xyz, _MAX_SCORED), _some(normals, _MAX_SCORED)
+    scored = subset(xyz, _MAX_SCORED), subset(normals, _MAX_SCORED)
     inliers = np.empty((len(hypotheses), len(scored[0])), np.bool_)
     _find_inliers_of_all(hypotheses, *scored, loose, inliers)
     return _select(hypotheses, inliers, xyz, normals, cell, (loose, tolerance))
-
-
-def _some(rows: NDArray[Any], most: int) -> NDArray[Any]:
-    """Rows at equal steps, `most` of them at most."""
-    return np.ascontiguousarray(rows[:: -(-len(rows) // most)])
 
 
 def bounded_inliers(
@@ -240,7 +235,7 @@ def _refine(
         rows = np.flatnonzero(free & _inliers(surface, xyz, normals, tolerance))
         if len(rows) < 12:
             return surface
-        near = xyz[_some(rows, _MAX_FITTED)]
+        near = xyz[subset(rows, _MAX_FITTED)]
         base = surface._replace(origin=_foot_of_mean(surface, near))
         base = base._replace(radius=_radius_at(surface, base.origin))
         surface = fit_revolution(base, near, tolerance / 2)

@@ -135,8 +135,11 @@ class SurfaceHeader(NamedTuple):
 
     def in_cloud(self, cells: Floats) -> Floats:
         """Points (n, 3) given in cells, in the cloud's coordinates."""
-        placed = cells * self.cell_size + self.origin
-        return rotated_back(placed, rotation_matrix(self.rotation))
+        return self.along_axes(cells * self.cell_size + self.origin)
+
+    def along_axes(self, vectors: Floats) -> Floats:
+        """Vectors (n, 3) along the grid's axes, along the cloud's."""
+        return rotated_back(vectors, rotation_matrix(self.rotation))
 
 
 def pack_surface(header: SurfaceHeader, bits: bytes) -> bytes:
