@@ -18,7 +18,7 @@ from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
-from puckbench.jobs import __main__ as jobs
+from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
 
 CAPTURE = Path(__file__).parents[1] / "data" / "capture" / "single.pcap"
@@ -65,7 +65,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     assert capsys.readouterr().err == "puckbench: interrupted\n"
     assert sorted(cloud.parent.iterdir()) == before
     record = json.dumps({"codec": "draco", "rate": "r1"})
-    assert jobs.main(["encode", record, f"cloud={cloud}", f"stream={out}"]) == 130
+    assert process.main(["encode", record, f"cloud={cloud}", f"stream={out}"]) == 130
     assert capsys.readouterr().err == "puckbench: interrupted\n"
 
 

@@ -23,8 +23,9 @@ def test_the_environment_of_a_timed_job_gives_every_library_its_threads() -> Non
         "import json, numba, torch; from puckbench.core.environment import allowed_threads;"
         "print(json.dumps([numba.get_num_threads(), torch.get_num_threads(), allowed_threads()]))"
     )
-    command = [*thread_environment(1).split(), sys.executable, "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    environment = {**os.environ, **thread_environment(1)}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [1, 1, 1]
 
 

@@ -24,7 +24,7 @@ for curve in coding.curves:
         params:
             record=coding.encode(curve).record,
             code=coding.encode(curve).code,
-            timed=coding.threads_environment,
+            timed=TIMED,
         shell:
             "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
             " streams={output.streams:q} > {log:q} 2>&1"

@@ -13,6 +13,7 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
+from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
@@ -81,6 +82,8 @@ bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
+# What goes before the command of a timed job: the threads that libraries may use.
+TIMED = shlex.join(["env", *map("=".join, coding.threads_environment.items())])
 # Not workflow.cores, an error where nothing runs (--report).
 CORES = workflow.resource_settings.cores
 
@@ -102,6 +105,8 @@ onstart:
     # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
     if workflow.local_exec:
         workflow.scheduler.job_rate_limiter = None
+        if not workflow.deployment_settings.deployment_method:  # jobs run in this environment
+            start_fork_server()
 
 
 onsuccess:

@@ -32,7 +32,7 @@ for measuring in coding.measuring:
             code=lambda w, one=measuring: coding.evaluate(*one.job(w)).code,
             files=lambda w, input, output: files_of(input, output),
             streams=measuring.of(*measuring.curve.files(f"{RESULTS}/coded", ".bin")),
-            timed=coding.threads_environment,
+            timed=TIMED,
         shell:
             "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
             " streams={params.streams:q} > {log:q} 2>&1"

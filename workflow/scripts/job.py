@@ -5,7 +5,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.jobs.__main__ import leave, run_job
+from puckbench.jobs.process import leave, run_job
 
 if TYPE_CHECKING:
     snakemake: Any = None

@@ -41,9 +41,9 @@ INSTALLED = (
 """Packages whose versions a report of a fault should name; those not installed are left out."""
 
 
-def thread_environment(threads: int) -> str:
-    """The beginning of a shell command whose program may use `threads` threads."""
-    return " ".join(["env", *(f"{name}={threads}" for name in THREAD_VARIABLES)])
+def thread_environment(threads: int) -> dict[str, str]:
+    """Additions to the environment of a program that may use `threads` threads."""
+    return dict.fromkeys(THREAD_VARIABLES, str(threads))
 
 
 def run_environment(alone: bool) -> dict[str, Any]:

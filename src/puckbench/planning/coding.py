@@ -308,8 +308,8 @@ class CodingJobs:
             yield RowsTable(kind="recovery", rates=self.rates()), self.first_rows("recovery")
 
     @property
-    def threads_environment(self) -> str:
-        """What goes before the command of a timed job: the threads that libraries may use."""
+    def threads_environment(self) -> dict[str, str]:
+        """Additions to the environment of a timed job: the threads that libraries may use."""
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
