@@ -21,6 +21,7 @@ import struct
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import chain
 from typing import IO, NamedTuple, NoReturn
 
 VARIABLE = "PUCKBENCH_FORK_SERVER"
@@ -132,18 +133,20 @@ def serve(listener_number: int) -> None:
                 continue
             threads, streams, _, _ = socket.recv_fds(asking, _DIGEST_BYTES, 3)
             if threads not in templates:
-                templates[threads] = _start_template(listener, *templates.values())
+                inherited = (listener, asking, *templates.values())
+                templates[threads] = _start_template([each.fileno() for each in inherited], streams)
             socket.send_fds(templates[threads], [b"?"], [asking.fileno(), *streams])
             for number in streams:
                 os.close(number)
 
 
-def _start_template(*others: socket.socket) -> socket.socket:
-    """Fork a template, without the server's other sockets; where it takes requests."""
+def _start_template(*inherited: Sequence[int]) -> socket.socket:
+    """Fork a template, which closes what the server has open; where it takes requests."""
     here, there = socket.socketpair()
     if os.fork() == 0:
-        for each in (here, *others):
-            each.close()
+        here.close()
+        for number in chain(*inherited):
+            os.close(number)
         _be_template(there)
     there.close()
     return here

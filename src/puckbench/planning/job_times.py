@@ -1,7 +1,7 @@
 """What the jobs of a finished run cost, and what those of another would.
 
-Every job ends its log with what it cost (`puckbench.jobs.cost`): the processor time of the whole
-process, imports included, which other work on the machine does not lengthen.
+Every job ends its log with what it cost (`puckbench.jobs.cost`): the processor time of its
+process, which other work on the machine does not lengthen.
 """
 
 from __future__ import annotations

@@ -1,0 +1,193 @@
+"""Jobs that a server forks: results, streams, status and end as those of a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs import fork_server
+
+OWN = """
+import json, os, sys, time
+from pathlib import Path
+
+import numba
+
+from puckbench.codecs.base import Codec
+
+
+class Own(Codec):
+    rates = {"r1": {}}
+
+    def _encode(self, points, parameters):
+        print("said", file=sys.stderr)
+        if os.environ.get("WAIT"):
+            Path(os.environ["WAIT"]).write_text(str(os.getpid()))
+            time.sleep(60)
+        if os.environ.get("DIE"):
+            os.kill(os.getpid(), 9)
+        found = {
+            "forked": sys.argv[0] == "-c",
+            "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
+            "threads": numba.get_num_threads(),
+            "folder": os.getcwd(),
+            "variable": os.environ.get("VARIABLE"),
+        }
+        return json.dumps(found).encode()
+
+    def _decode(self, stream):
+        raise NotImplementedError
+"""
+STARTER = """
+import sys
+from puckbench.jobs.fork_server import VARIABLE, start_fork_server
+import os
+start_fork_server()
+print(os.environ[VARIABLE], flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def server() -> Iterator[subprocess.Popen[str]]:
+    """A process that has started a server; its name is in the environment of further processes."""
+    starter = subprocess.Popen(
+        [sys.executable, "-c", STARTER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert starter.stdout is not None
+    with starter, pytest.MonkeyPatch.context() as patch:
+        patch.setenv(fork_server.VARIABLE, starter.stdout.readline().strip())
+        yield starter
+        starter.kill()
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> list[str]:
+    """The words of a job that codes a cloud with a codec of its user's file."""
+    points = np.random.default_rng(0).random((10, 3)) * 1023
+    write_cloud(tmp_path / "cloud.ply", PointCloud(points, about={"size": 1024}))
+    (tmp_path / "own.py").write_text(OWN)
+    record = {"codec": "own", "rate": "r1", "changes": {"class": f"{tmp_path}/own.py:Own"}}
+    files = [f"cloud={tmp_path}/cloud.ply", f"stream={tmp_path}/out.bin"]
+    return [sys.executable, "-m", "puckbench.jobs", "encode", json.dumps(record), *files]
+
+
+def _run(
+    words: list[str], folder: Path, **environment: str
+) -> tuple[subprocess.CompletedProcess[str], dict[str, Any]]:
+    """A job's process as it ended, and what its codec found."""
+    done = subprocess.run(
+        words,
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    stream = folder / "out.bin"
+    found: dict[str, Any] = json.loads(stream.read_bytes()) if stream.exists() else {}
+    stream.unlink(missing_ok=True)
+    return done, found
+
+
+@pytest.mark.usefixtures("server")
+def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
+    job: list[str], tmp_path: Path
+) -> None:
+    done, found = _run(job, tmp_path, VARIABLE="value")
+    assert (done.returncode, done.stderr) == (0, "said\n")
+    assert json.loads(done.stdout)["job"] == "encode"
+    assert found["forked"]
+    assert found["folder"] == str(tmp_path)
+    assert found["variable"] == "value"
+    assert _run(job, tmp_path)[1]["variable"] is None
+
+
+@pytest.mark.usefixtures("server")
+def test_the_second_job_of_a_kind_finds_what_the_first_imported(
+    job: list[str], tmp_path: Path
+) -> None:
+    inherited = [_run(job, tmp_path)[1]["numpy in the parent"] for _ in range(2)]
+    assert inherited == [False, True]
+
+
+@pytest.mark.usefixtures("server")
+def test_jobs_with_other_threads_are_forked_from_other_processes(
+    job: list[str], tmp_path: Path
+) -> None:
+    numbers = ["1", "2", "1", "2"]
+    found = [_run(job, tmp_path, NUMBA_NUM_THREADS=number)[1] for number in numbers]
+    assert [each["threads"] for each in found] == [1, 2, 1, 2]
+    assert all(each["forked"] for each in found)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_job_s_status_and_errors_come_to_who_asked(job: list[str], tmp_path: Path) -> None:
+    (tmp_path / "cloud.ply").unlink()
+    done, _ = _run(job, tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("puckbench: ")
+    assert done.stderr.count("\n") == 1
+    done, _ = _run([*job[:3], "encode", "{", *job[5:]], tmp_path)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+
+
+@pytest.mark.usefixtures("server")
+def test_a_job_that_the_system_kills_ends_as_a_shell_says_it(
+    job: list[str], tmp_path: Path
+) -> None:
+    assert _run(job, tmp_path, DIE="1")[0].returncode == 128 + signal.SIGKILL
+
+
+@pytest.mark.usefixtures("server")
+def test_a_job_ends_with_the_process_that_asked_for_it(job: list[str], tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
+    asking = subprocess.Popen(job, env={**os.environ, "WAIT": str(begun)}, cwd=tmp_path)
+    while not (begun.exists() and begun.read_text()):
+        time.sleep(0.05)
+    number = int(begun.read_text())
+    os.kill(number, 0)
+    asking.kill()
+    asking.wait()
+    while _lives(number):
+        time.sleep(0.05)
+    assert not (tmp_path / "out.bin").exists()
+
+
+def test_without_its_server_a_job_is_a_process_of_its_own(
+    server: subprocess.Popen[str], job: list[str], tmp_path: Path
+) -> None:
+    assert _run(job, tmp_path)[1]["forked"]
+    server.kill()  # the server sees it by the end of its standard input
+    server.wait()
+    while (answer := _run(job, tmp_path))[1].get("forked") is not False:
+        time.sleep(0.05)
+    assert answer[0].returncode == 0
+
+
+@pytest.mark.usefixtures("server")
+def test_another_python_does_not_use_the_server(job: list[str], tmp_path: Path) -> None:
+    sources = os.environ.get("PYTHONPATH", "")
+    done, found = _run(job, tmp_path, PYTHONPATH=os.pathsep.join(["/elsewhere", sources]))
+    assert (done.returncode, found["forked"]) == (0, False)
+
+
+def _lives(number: int) -> bool:
+    try:
+        state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
