@@ -8,6 +8,7 @@ rule report_page:
         f"{RESULTS}/logs/report.log",
     conda:
         "../../envs/puckbench.yaml"
+    threads: 2  # the last job of a run
     resources:
         mem_mb=2000,
         runtime=20,

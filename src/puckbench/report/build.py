@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from puckbench.core.files import read_bytes
+from puckbench.core.threads import in_threads
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.io.tables import read_table
@@ -142,10 +143,13 @@ def _tables(
 def _chapters(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
     """The figures by chapter of the thesis and by number, then those that it does not have."""
     chapters: dict[str, list[FigureShown]] = {heading: [] for heading in _CHAPTERS.values()}
-    by_number = sorted(contents.figures.items(), key=lambda item: figure_entry(item[0]).place)
-    for name, file in by_number:
-        heading = _CHAPTERS.get(figure_entry(name).thesis[:1], _CHAPTERS[""])
-        chapters[heading].append(_figure(name, Path(file), folder))
+    by_number = sorted(contents.figures, key=lambda name: figure_entry(name).place)
+    figures = in_threads(
+        lambda name: _figure(name, Path(contents.figures[name]), folder), by_number
+    )
+    for figure in figures:
+        heading = _CHAPTERS.get(figure_entry(figure.name).thesis[:1], _CHAPTERS[""])
+        chapters[heading].append(figure)
     return {heading: shown for heading, shown in chapters.items() if shown}
 
 
