@@ -12,8 +12,8 @@ from puckbench.planning.workflow import Workflow
 
 SAMPLE_S = 0.05
 """Seconds of `machine_sample` on the machine where the numbers below were measured."""
-_START_S = 0.9
-"""Of a job's process, with imports."""
+_START_S = 0.15
+"""Of a job's process, which is forked with its imports."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
 """Seconds for each million points of jobs that make and measure clouds."""
 _METRICS = {False: 1.0, True: 2.0}
