@@ -90,7 +90,8 @@ def test_inference_gives_what_the_modules_give() -> None:
             logits = model.g_s(torch.from_numpy(latent)[None] / model.gain(1))
         assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 1e-3
         assert np.abs(hyper - exact_hyper[0].numpy()).max() < 0.5 + 1e-3
-        np.testing.assert_allclose(fast.synthesise(latent, 1), logits.flatten(), atol=1e-4)
+        found = fast.synthesise(latent, 1, np.ones(latent.shape[1:], dtype=bool))
+        np.testing.assert_allclose(found, logits.flatten(), atol=1e-4)
 
 
 @pytest.mark.parametrize("where", [(3, 20, 40), (31, 31, 31), (60, 0, 25)])
@@ -103,6 +104,23 @@ def test_empty_parts_of_a_cube_need_not_be_computed(where: tuple[int, int, int])
         latent, _ = Inference(model).analyse(occupied, 1)
         exact = model.g_a(torch.from_numpy(occupied)[None, None]) * model.gain(1)
     assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 0.1
+
+
+@pytest.mark.parametrize("where", [(5, 9, 13), (2, 6, 10), (15, 0, 8)])
+def test_blocks_that_are_not_wanted_need_not_be_computed(where: tuple[int, int, int]) -> None:
+    model = network1(TINY1.model_copy(update={"cube_size": 64, "blocks": 3}))
+    with torch.no_grad():
+        for layer in model.g_s.parameters():
+            layer.mul_(3)  # so that what is far away counts
+    latent = np.random.default_rng(0).integers(-9, 10, (model.shape.latent_channels, 16, 16, 16))
+    blocks = np.zeros((16, 16, 16), dtype=bool)
+    blocks[where] = True
+    found = Inference(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
+    with torch.no_grad():
+        exact = model.g_s(torch.from_numpy(latent)[None].float() / model.gain(1))[0, 0].numpy()
+    wanted = tuple(slice(4 * k, 4 * k + 4) for k in where)
+    np.testing.assert_allclose(found[wanted], exact[wanted], rtol=1e-4, atol=1e-4)
+    assert np.isneginf(found).any()
 
 
 def test_cubes_of_many_extents_are_computed_in_few_shapes(monkeypatch: pytest.MonkeyPatch) -> None:

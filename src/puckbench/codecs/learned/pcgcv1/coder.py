@@ -209,7 +209,7 @@ class Decoder:
 
         def one(cube: int) -> SiblingBlocks:
             y_hat = np.ascontiguousarray(np.moveaxis(y_hats[cube], -1, 0))
-            logits = self.weights.network.synthesise(y_hat, rate)
+            logits = self.weights.network.synthesise(y_hat, rate, blocks[cube])
             if self.weights.shape.occupied_blocks:
                 keys = most_likely_per_block(logits, blocks[cube], counts[cube])
             else:

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn.functional import max_pool3d
 
 from puckbench.codecs.learned.device import device_of
-from puckbench.codecs.learned.pcgcv1.inference import Floats32, Integers, quantised
+from puckbench.codecs.learned.pcgcv1.inference import Bools, Floats32, Integers, quantised
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, coded_blocks
 
 
@@ -28,8 +28,8 @@ class DeviceInference:
             z = model.h_a(y) * max_pool3d(blocks, 2)
             return quantised(y.cpu()), quantised(z.cpu())
 
-    def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
-        """As in `Transforms`."""
+    def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        """As in `Transforms`; of all blocks."""
         with torch.inference_mode():
             y = self._moved(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()

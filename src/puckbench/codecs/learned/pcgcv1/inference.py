@@ -28,6 +28,7 @@ from puckbench.codecs.learned.pcgcv1.model import (
     VoxceptionResNet,
     coded_blocks,
 )
+from puckbench.codecs.learned.pcgcv1.occupied_blocks import STRIDE
 
 _LANES = 16
 _TILE = 4
@@ -38,10 +39,14 @@ _MARGIN = 16
 """Margin around the voxels of a cube. Seven layers of three have a receptive field of seven voxels
 to each side, and are wrong as far from a false border: `_INVALID_MARGIN` is discarded."""
 _INVALID_MARGIN = 8
+_SYNTHESIS_MARGIN = 8
+"""Margin around the blocks whose logits are wanted: the same seven layers, and a false border of
+one voxel where a transposed convolution lacks the input before."""
 _SIDE_MULTIPLE = 16
 """Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program and
 megabytes of memory for each layer and each shape."""
 Floats32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
 Integers = NDArray[np.int32]
 
 
@@ -51,8 +56,11 @@ class Transforms(Protocol):
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
         """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
 
-    def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
-        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest."""
+    def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
+
+        blocks: (s, s, s), those whose logits are wanted; others' may be -inf.
+        """
 
 
 class Inference:
@@ -94,7 +102,7 @@ class Inference:
     def _stride_two(self, occupied: Floats32) -> Tensor:
         """Features at stride 2; far from any voxel they are those of an empty cube."""
         sides = occupied.shape
-        box = _bounding_box(occupied)
+        box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
         kept = [
             (
@@ -127,28 +135,33 @@ class Inference:
         features = first.apply(_channels_last(y)).relu_()
         return last.apply(_strided_conv(features, down).relu_())
 
-    def synthesise(self, y_hat: Integers, rate: int) -> Floats32:
+    def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
         """As in `Transforms`."""
+        side = blocks.shape[0] * STRIDE
+        box = _bounding_box(blocks, _SYNTHESIS_MARGIN // STRIDE, _SIDE_MULTIPLE // STRIDE)
+        there = tuple(slice(STRIDE * low, STRIDE * high) for low, high in box)
+        (up_two, up_one), (four, two, one) = self._ups, self._synthesis_blocks
         with torch.inference_mode():
             features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
-            features = _apply_blocks(
-                self._synthesis_blocks[0], self._synthesis_in.apply(features).relu_()
-            )
-            for up, blocks in zip(self._ups, self._synthesis_blocks[1:], strict=True):
-                features = _apply_blocks(blocks, up.apply(features))
-            logits: Floats32 = _logits(features, self._synthesis_out).numpy()
-        return logits
+            features = _apply_blocks(four, self._synthesis_in.apply(features).relu_())
+            features = _apply_blocks(two, up_two.apply(features))
+            part = features[(..., *(slice(axis.start // 2, axis.stop // 2) for axis in there))]
+            features = _apply_blocks(one, up_one.apply(part))
+            found = _logits(features, self._synthesis_out).numpy()
+        logits = np.full((side, side, side), -np.inf, dtype=np.float32)
+        logits[there] = found
+        return logits.ravel()
 
 
-def _bounding_box(occupied: Floats32) -> list[tuple[int, int]]:
-    """Extent of the voxels along each axis with a margin, in multiples of `_SIDE_MULTIPLE`."""
+def _bounding_box(occupied: Floats32 | Bools, margin: int, multiple: int) -> list[tuple[int, int]]:
+    """Extent of what is occupied along each axis with a margin, in multiples of some length."""
     box = []
     for axis, side in enumerate(occupied.shape):
         others = tuple(other for other in range(3) if other != axis)
         found = np.flatnonzero(occupied.any(axis=others))
-        low, high = (found[0], found[-1] + 1) if len(found) else (0, side)
-        last = -(-(int(high) + _MARGIN) // _SIDE_MULTIPLE) * _SIDE_MULTIPLE
-        box.append((max(int(low) - _MARGIN, 0) // _SIDE_MULTIPLE * _SIDE_MULTIPLE, min(last, side)))
+        low, high = (int(found[0]), int(found[-1]) + 1) if len(found) else (0, side)
+        last = -(-(high + margin) // multiple) * multiple
+        box.append((max(low - margin, 0) // multiple * multiple, min(last, side)))
     return box
 
 
@@ -226,11 +239,11 @@ def _tile_kernel(layer: Conv) -> Kernel:
 
 
 def _logits(features: Tensor, layer: Kernel) -> Tensor:
-    """The layer with one output for each voxel: (side**3,), z fastest."""
-    side, tiles = features.shape[-1], features.shape[-1] // _TILE
+    """The layer with one output for each voxel of (1, c, s, t, u): (s, t, u)."""
+    sides = features.shape[2:]
     found = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
-    split = found.reshape(_TILE, _TILE, side, tiles, tiles)
-    return split.permute(2, 3, 0, 4, 1).reshape(-1)
+    split = found.reshape(_TILE, _TILE, *found.shape[1:])
+    return split.permute(2, 3, 0, 4, 1).reshape(sides)
 
 
 @dataclass(frozen=True)
@@ -245,17 +258,16 @@ class PolyphaseConv:
     out: int
 
     def apply(self, features: Tensor) -> Tensor:
-        """One cube (1, c, s, s, s) to (1, d, 2 s, 2 s, 2 s), in channels-last memory."""
-        side = features.shape[-1]
+        """A box (1, c, s, t, u) to (1, d, 2 s, 2 t, 2 u), in channels-last memory."""
+        a, b, c = features.shape[2:]
         padded = _channels_last(pad(features, (1, 0) * 3))
-        raised = torch.empty(side, 2, side, 2, 2 * side * self.out)
+        raised = torch.empty(a, 2, b, 2, 2 * c * self.out)
         for x, row in enumerate(self.layers):
             for y, layer in enumerate(row):
                 found = _channels_last(_conv3d(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
-                strips = found.permute(0, 2, 3, 4, 1).reshape(side, side, -1)
+                strips = found.permute(0, 2, 3, 4, 1).reshape(a, b, -1)
                 torch.clamp_min(strips, 0, out=raised[:, x, :, y])
-        cube = raised.view(1, 2 * side, 2 * side, 2 * side, self.out)
-        return cube.permute(0, 4, 1, 2, 3)
+        return raised.view(1, 2 * a, 2 * b, 2 * c, self.out).permute(0, 4, 1, 2, 3)
 
 
 def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
