@@ -38,9 +38,11 @@ class Own(Codec):
             time.sleep(60)
         if os.environ.get("DIE"):
             os.kill(os.getpid(), 9)
+        parent = Path(f"/proc/{os.getppid()}")
         found = {
             "forked": sys.argv[0] == "-c",
-            "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
+            "numpy in the parent": "_multiarray" in (parent / "maps").read_text(),
+            "template": int((parent / "stat").read_text().split(")")[1].split()[1]),
             "threads": numba.get_num_threads(),
             "folder": os.getcwd(),
             "variable": os.environ.get("VARIABLE"),
@@ -154,17 +156,33 @@ def test_a_job_that_the_system_kills_ends_as_a_shell_says_it(
 
 @pytest.mark.usefixtures("server")
 def test_a_job_ends_with_the_process_that_asked_for_it(job: list[str], tmp_path: Path) -> None:
-    begun = tmp_path / "begun"
-    asking = subprocess.Popen(job, env={**os.environ, "WAIT": str(begun)}, cwd=tmp_path)
-    while not (begun.exists() and begun.read_text()):
-        time.sleep(0.05)
-    number = int(begun.read_text())
-    os.kill(number, 0)
+    asking, number = _begun(job, tmp_path)
     asking.kill()
-    asking.wait()
-    while _lives(number):
-        time.sleep(0.05)
+    asking.communicate()  # until the job, which has the same streams, has ended as well
+    assert not _lives(number)
     assert not (tmp_path / "out.bin").exists()
+
+
+@pytest.mark.usefixtures("server")
+def test_a_job_is_interrupted_with_the_process_that_asked_for_it(
+    job: list[str], tmp_path: Path
+) -> None:
+    asking, number = _begun(job, tmp_path)
+    asking.send_signal(signal.SIGINT)
+    said = asking.communicate()[1]
+    assert (asking.returncode, said) == (130, "said\npuckbench: interrupted\n")
+    assert not _lives(number)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_process_that_forks_jobs_is_replaced_when_it_dies(job: list[str], tmp_path: Path) -> None:
+    first = _run(job, tmp_path)[1]["template"]
+    os.kill(first, signal.SIGKILL)
+    while _lives(first):
+        time.sleep(0.05)
+    found = _run(job, tmp_path)[1]
+    assert found["forked"]
+    assert found["template"] != first
 
 
 def test_without_its_server_a_job_is_a_process_of_its_own(
@@ -183,6 +201,20 @@ def test_another_python_does_not_use_the_server(job: list[str], tmp_path: Path) 
     sources = os.environ.get("PYTHONPATH", "")
     done, found = _run(job, tmp_path, PYTHONPATH=os.pathsep.join(["/elsewhere", sources]))
     assert (done.returncode, found["forked"]) == (0, False)
+
+
+def _begun(job: list[str], folder: Path) -> tuple[subprocess.Popen[str], int]:
+    """The process that asked for a job, and the job's number, when it is at work."""
+    begun = folder / "begun"
+    environment = {**os.environ, "WAIT": str(begun)}
+    asking = subprocess.Popen(
+        job, env=environment, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    while not (begun.exists() and begun.read_text()):
+        time.sleep(0.05)
+    number = int(begun.read_text())
+    assert _lives(number)
+    return asking, number
 
 
 def _lives(number: int) -> bool:

@@ -33,9 +33,11 @@ _PACKAGES = (
 )
 """Packages that a template imports. Importing them starts no thread that a fork would lose; those
 of a user's codec stay in its jobs."""
-_GRACE_S = 5.0
-"""Seconds that a job has to leave nothing half written when its waiting process was killed."""
+_SAME_SIGNAL_S, _GRACE_S = 1.0, 5.0
+"""Seconds that a job has to end by a signal that the process which asked for it had as well; and to
+leave nothing half written when it is interrupted."""
 _DIGEST_BYTES = 32
+_STREAMS = 3
 _MOST_BYTES = 1 << 17
 _FAILED = 1
 _INTERRUPTED = 130
@@ -51,7 +53,9 @@ def start_fork_server() -> None:
     """
     import subprocess
 
-    if not hasattr(os, "pidfd_open"):
+    try:
+        os.close(os.pidfd_open(os.getpid()))
+    except (AttributeError, OSError):
         return
     os.environ[VARIABLE] = f"puckbench-{os.urandom(8).hex()}"
     with socket.socket(socket.AF_UNIX) as listener:
@@ -109,8 +113,8 @@ def run_forked(words: Sequence[str]) -> int | None:
         try:
             socket.send_fds(server, [_digest(threads).encode()], [0, 1, 2])
             server.sendall(json.dumps(request).encode() + b"\n")
-            answer = server.recv(1)
-        except KeyboardInterrupt:  # the job has it as well, and tells of it
+            answer = _end_of_job(server)
+        except KeyboardInterrupt:
             return _INTERRUPTED
         except OSError:
             answer = b""
@@ -118,6 +122,15 @@ def run_forked(words: Sequence[str]) -> int | None:
         print("puckbench: the process of this job was lost", file=sys.stderr)  # noqa: T201
         return _FAILED
     return answer[0]
+
+
+def _end_of_job(server: socket.socket) -> bytes:
+    """The job's exit status as a byte; none where its process is lost."""
+    try:
+        return server.recv(1)
+    except KeyboardInterrupt:  # the job mostly has it as well; it ends first
+        server.shutdown(socket.SHUT_WR)
+        return server.recv(1)
 
 
 def serve(listener_number: int) -> None:
@@ -131,23 +144,34 @@ def serve(listener_number: int) -> None:
         with asking, suppress(OSError):
             if not _is_mine(asking):
                 continue
-            threads, streams, _, _ = socket.recv_fds(asking, _DIGEST_BYTES, 3)
-            if threads not in templates:
+            threads, streams, _, _ = socket.recv_fds(asking, _DIGEST_BYTES, _STREAMS)
+            if len(streams) == _STREAMS and not _handed_on(asking, streams, templates.get(threads)):
                 inherited = (listener, asking, *templates.values())
                 templates[threads] = _start_template([each.fileno() for each in inherited], streams)
-            socket.send_fds(templates[threads], [b"?"], [asking.fileno(), *streams])
+                _handed_on(asking, streams, templates[threads])
             for number in streams:
                 os.close(number)
+
+
+def _handed_on(asking: socket.socket, streams: list[int], template: socket.socket | None) -> bool:
+    """Whether a template has taken a request; not if there is none yet, or no longer."""
+    try:
+        return bool(template and socket.send_fds(template, [b"?"], [asking.fileno(), *streams]))
+    except OSError:
+        return False
 
 
 def _start_template(*inherited: Sequence[int]) -> socket.socket:
     """Fork a template, which closes what the server has open; where it takes requests."""
     here, there = socket.socketpair()
     if os.fork() == 0:
-        here.close()
-        for number in chain(*inherited):
-            os.close(number)
-        _be_template(there)
+        try:
+            here.close()
+            for number in chain(*inherited):
+                os.close(number)
+            _be_template(there)
+        finally:
+            os._exit(_FAILED)
     there.close()
     return here
 
@@ -177,7 +201,7 @@ def _be_template(requests: socket.socket) -> NoReturn:
             job, *modules = json.loads(imports.recv(_MOST_BYTES))
             wanted.setdefault(job, []).extend(modules)
             continue
-        _, numbers, _, _ = socket.recv_fds(requests, 1, 4)
+        _, numbers, _, _ = socket.recv_fds(requests, 1, 1 + _STREAMS)
         if not numbers:
             os._exit(0)
         with socket.socket(fileno=numbers[0]) as asking, suppress(OSError, ValueError):
@@ -189,8 +213,11 @@ def _be_template(requests: socket.socket) -> NoReturn:
             _import(wanted.pop(request.words[0], []))
             gc.freeze()
             if os.fork() == 0:
-                requests.close()
-                _attend(asking, request, told)
+                try:
+                    requests.close()
+                    _attend(asking, request, told)
+                finally:
+                    os._exit(_FAILED)
             request.close()
 
 
@@ -211,7 +238,8 @@ def _import(modules: Iterable[str]) -> None:
 def _attend(asking: socket.socket, request: _Request, told: socket.socket) -> NoReturn:
     """Fork the process of a job, answer with its exit status, and end.
 
-    Where the process that asks ends before, the job is interrupted, and killed if it goes on.
+    Where the process that asks is gone or interrupted before, so is the job: by the same signal,
+    else after a while by one of its own, and by SIGKILL at last.
     """
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     job = os.fork()
@@ -221,9 +249,9 @@ def _attend(asking: socket.socket, request: _Request, told: socket.socket) -> No
     request.close()
     watched = os.pidfd_open(job)
     if watched not in select.select([watched, asking.fileno()], [], [])[0]:
-        os.kill(job, signal.SIGINT)
-        if not select.select([watched], [], [], _GRACE_S)[0]:
-            os.kill(job, signal.SIGKILL)
+        for wait_s, number in ((_SAME_SIGNAL_S, signal.SIGINT), (_GRACE_S, signal.SIGKILL)):
+            if not select.select([watched], [], [], wait_s)[0]:
+                os.kill(job, number)
     status = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
     with suppress(OSError):
         asking.sendall(bytes([status if status >= 0 else 128 - status]))
