@@ -9,7 +9,6 @@ import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import Floats
 from puckbench.metrics.frames import FRAME
 from puckbench.report.quantities import Measured, in_order, is_known, unit_in
 
@@ -78,21 +77,17 @@ def _cells(
 ) -> list[dict[str, Any]]:
     """The cells by data set, codec, and rate by its number."""
     rates = ordered_rates(set(metrics["rate"]))
-    values = metrics[columns].to_numpy(dtype=np.float64, na_value=np.nan)
-    groups = metrics.groupby(_KEYS, sort=False).indices
+    groups = dict(list(metrics.groupby(_KEYS, sort=False)))
     keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in groups]
-    return [_cell(key, values[groups[key]], columns) for key in keys]
+    return [_cell(key, groups[key], columns) for key in keys]
 
 
-def _cell(key: tuple[str, str, str], rows: Floats, columns: list[str]) -> dict[str, Any]:
-    """One cell, of values (clouds, columns)."""
-    missing = np.isnan(rows)
-    whole = np.flatnonzero(~missing.any(axis=0))
-    found = dict(zip(whole.tolist(), np.quantile(rows[:, whole], _SHARES, axis=0).T, strict=True))
-    for place in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)).tolist():
-        found[place] = np.quantile(rows[~missing[:, place], place], _SHARES)
-    values = {columns[place]: rounded(found[place]) for place in sorted(found)}
-    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": values}
+def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
+    values = rows[columns].astype(float).quantile(_SHARES)
+    known = {
+        name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()
+    }
+    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": known}
 
 
 def rounded(values: Any, digits: int = _DIGITS) -> list[float]:

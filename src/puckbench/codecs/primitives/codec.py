@@ -60,7 +60,7 @@ class Primitives(Codec):
     colour = "#CC79A7"
     marker = "P"
     rank = 40
-    pace = Pace(0.3, 34.0, encoding=0.9)
+    pace = Pace(0.7, 10.0, encoding=0.9)
     rates: Mapping[str, Parameters] = {
         **_SURFACES,
         **{
