@@ -165,11 +165,12 @@ def test_a_job_ends_with_the_process_that_asked_for_it(job: list[str], tmp_path:
 
 
 @pytest.mark.usefixtures("server")
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_job_is_interrupted_with_the_process_that_asked_for_it(
-    job: list[str], tmp_path: Path
+    sent: signal.Signals, job: list[str], tmp_path: Path
 ) -> None:
     asking, number = _begun(job, tmp_path)
-    asking.send_signal(signal.SIGINT)
+    asking.send_signal(sent)
     said = asking.communicate()[1]
     assert (asking.returncode, said) == (130, "said\npuckbench: interrupted\n")
     assert not _lives(number)

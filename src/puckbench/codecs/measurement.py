@@ -23,7 +23,8 @@ class Measured(NamedTuple, Generic[T]):
 
     peak_mib: the most resident memory during a call above what was resident before it, when what
     earlier calls had freed was back with the system (glibc; elsewhere a call may find such memory
-    and show less).
+    and show less). Pages of files that became resident (on Linux), mostly code of libraries, are
+    not counted: a process that was forked has to find them anew.
     """
 
     result: T
@@ -52,10 +53,11 @@ def measured(
     seconds, peaks = [], []
     for _ in range(repeats):
         gc.collect()
-        before = _reset_peak()
+        before = _reset_peak() - _mib_of_files()
         start = time.perf_counter()
         result = call()
-        cost = whole(Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before)))
+        elapsed_s = time.perf_counter() - start
+        cost = whole(Cost(elapsed_s, max(0.0, _peak_mib() - _mib_of_files() - before)))
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
@@ -74,10 +76,22 @@ def _reset_peak() -> float:
 
 
 def _peak_mib() -> float:
+    peak = _mib("VmHWM")
+    if peak is not None:
+        return peak
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB elsewhere
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+def _mib_of_files() -> float:
+    return _mib("RssFile") or 0.0
+
+
+def _mib(entry: str) -> float | None:
+    """An entry of what Linux tells of this process's memory; None where it does not."""
     try:
         status = Path("/proc/self/status").read_text()
-        kib = next(line for line in status.splitlines() if line.startswith("VmHWM:")).split()[1]
-        return int(kib) / 1024
-    except (OSError, StopIteration):
-        unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB elsewhere
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+    except OSError:
+        return None
+    found = [line.split()[1] for line in status.splitlines() if line.startswith(f"{entry}:")]
+    return int(found[0]) / 1024 if found else None

@@ -19,9 +19,9 @@ _TAIL_BYTES = 2048
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
     """One JSON object: the job, its seconds of processor time and of life, its peak memory.
 
-    Counted are this process and those that it waited for, with imports, of which a forked process
-    finds most made (`puckbench.jobs.fork_server`). With it stand what the job did, where that tells
-    how long it takes (`WORK`), when it ended, and the commit of the sources where that is known.
+    Counted are this process and those that it waited for; imports where it made them itself
+    (`puckbench.jobs.fork_server`). With it stand what the job did, where that tells how long it
+    takes (`WORK`), when it ended, and the commit of the sources where that is known.
     """
     import resource
 

@@ -1,13 +1,19 @@
-"""A server that has imported what jobs import, and forks the process of each job.
+"""A server whose templates have imported what jobs import, and fork the process of each job.
 
-Importing NumPy, Numba, pandas, Matplotlib, Open3D and PyTorch takes a job 0.4 to 2.5 s. What one
-job of a kind had to import, its template imports before it forks for the next. There is a template
-for each setting of the threads, which libraries read as they are imported. The server ends with
-the run that started it. Where none answers (a job by hand, on another node, in a container), a job
-is a process of its own.
+Importing NumPy, Numba, pandas, Matplotlib, Open3D and PyTorch takes a job 0.4 to 2.5 s. There are
+four kinds of processes:
 
-The process that Snakemake starts for a job (`run_forked`) hands its words, environment, folder and
-standard streams to the server and waits for the exit status. If it is killed, so is the job.
+* The *asking* process, which Snakemake starts for a job (`run_forked`), hands its words,
+  environment, folder and standard streams to the server and waits for the exit status. Where no
+  server answers (a job by hand, on another node, in a container), it is the job itself.
+* The *server* (`serve`) ends with the run that started it. It hands each request to a template.
+* A *template* imports what jobs of a kind had to import, before it forks for the next. There is one
+  for each setting of the threads, which libraries read as they are imported.
+* A *watcher* forks the *job* and waits for it. Where the asking process is gone or interrupted, the
+  job is interrupted within a second, and killed if it lives for five more.
+
+Other than the job of an ordinary process, a forked one has umask, limits, niceness and affinity of
+the run, not of the process that asked.
 """
 
 from __future__ import annotations
@@ -25,31 +31,35 @@ from itertools import chain
 from typing import IO, NamedTuple, NoReturn
 
 VARIABLE = "PUCKBENCH_FORK_SERVER"
-"""Environment variable that names the server of a run."""
+"""Environment variable: the secret that a run's jobs share with its server."""
 _PACKAGES = (
     *("DracoPy", "PIL", "constriction", "llvmlite", "matplotlib", "numba", "numpy", "open3d"),
     *("pandas", "puckbench", "pyarrow", "pydantic", "pydantic_core", "pykdtree", "safetensors"),
     *("scipy", "torch", "yaml"),
 )
-"""Packages that a template imports. Importing them starts no thread that a fork would lose; those
-of a user's codec stay in its jobs."""
-_SAME_SIGNAL_S, _GRACE_S = 1.0, 5.0
-"""Seconds that a job has to end by a signal that the process which asked for it had as well; and to
-leave nothing half written when it is interrupted."""
+"""Packages that a template imports. Threads that they start meanwhile, of allocators and of BLAS,
+they start anew after a fork. Packages of a user's codec are left to its jobs."""
+_BY_ITSELF_S, _GRACE_S = 1.0, 5.0
+"""After the asking process is gone or interrupted: seconds for the job to end by itself, as a
+terminal interrupts it too, before it is interrupted; then before it is killed."""
+_ON_INTERRUPT = signal.getsignal(signal.SIGINT)
+_GPU = "/dev/nvidiactl"
 _DIGEST_BYTES = 32
 _STREAMS = 3
 _MOST_BYTES = 1 << 17
+_BEGUN = b"+"
 _FAILED = 1
 _INTERRUPTED = 130
 _SERVE = "from puckbench.jobs.fork_server import serve; serve({})"
 _held: list[IO[bytes]] = []
-"""The end of the server's standard input, for as long as this process lives."""
+"""Write ends of standard inputs of servers, which end when this process does."""
 
 
 def start_fork_server() -> None:
     """Start a server for the jobs of this process's children; it ends with this process.
 
-    Nothing is started where the system is not Linux from version 5.3.
+    Nothing is started where the system is not Linux from version 5.3, nor where there is a GPU:
+    what an import says to its driver does not survive a fork.
     """
     import subprocess
 
@@ -57,7 +67,9 @@ def start_fork_server() -> None:
         os.close(os.pidfd_open(os.getpid()))
     except (AttributeError, OSError):
         return
-    os.environ[VARIABLE] = f"puckbench-{os.urandom(8).hex()}"
+    if os.path.exists(_GPU):  # noqa: PTH110 (a light start)
+        return
+    os.environ[VARIABLE] = os.urandom(_DIGEST_BYTES // 2).hex()
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(_address())
         listener.listen(socket.SOMAXCONN)
@@ -73,8 +85,8 @@ def start_fork_server() -> None:
 
 def _address() -> str:
     """Of this run's server, for the same Python: an abstract name of Linux, without a file."""
-    name, sources = os.environ[VARIABLE], os.environ.get("PYTHONPATH")
-    return "\0" + _digest(name, sources, sys.prefix, sys.version)
+    secret, sources = os.environ[VARIABLE], os.environ.get("PYTHONPATH")
+    return "\0puckbench-" + _digest(secret, sources, sys.prefix, sys.version)
 
 
 def _digest(*items: object) -> str:
@@ -101,36 +113,42 @@ def run_forked(words: Sequence[str]) -> int | None:
     """
     if VARIABLE not in os.environ:
         return None
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with socket.socket(socket.AF_UNIX) as server:
         try:
             server.connect(_address())
-        except OSError:
-            return None
-        if not _is_mine(server):
-            return None
-        threads = sorted(item for item in os.environ.items() if "THREADS" in item[0])
-        request = [[*words], os.getcwd(), dict(os.environ)]  # noqa: PTH109 (a light start)
-        try:
-            socket.send_fds(server, [_digest(threads).encode()], [0, 1, 2])
-            server.sendall(json.dumps(request).encode() + b"\n")
+            if not _is_mine(server) or not _is_begun(words, server):
+                return None
             answer = _end_of_job(server)
         except KeyboardInterrupt:
             return _INTERRUPTED
         except OSError:
-            answer = b""
+            return None
     if not answer:
         print("puckbench: the process of this job was lost", file=sys.stderr)  # noqa: T201
         return _FAILED
     return answer[0]
 
 
+def _is_begun(words: Sequence[str], server: socket.socket) -> bool:
+    """Whether the server takes a job on."""
+    threads = sorted(item for item in os.environ.items() if "THREADS" in item[0])
+    key = (os.environ[VARIABLE] + _digest(threads)).encode()
+    request = [[*words], os.getcwd(), dict(os.environ)]  # noqa: PTH109 (a light start)
+    socket.send_fds(server, [key], [0, 1, 2])
+    server.sendall(json.dumps(request).encode() + b"\n")
+    return bool(server.recv(len(_BEGUN)))
+
+
 def _end_of_job(server: socket.socket) -> bytes:
-    """The job's exit status as a byte; none where its process is lost."""
+    """The job's exit status as a byte; none where its watcher is lost."""
     try:
         return server.recv(1)
-    except KeyboardInterrupt:  # the job mostly has it as well; it ends first
+    except KeyboardInterrupt:  # a terminal interrupts the job as well; it ends first
         server.shutdown(socket.SHUT_WR)
         return server.recv(1)
+    except OSError:
+        return b""
 
 
 def serve(listener_number: int) -> None:
@@ -138,23 +156,23 @@ def serve(listener_number: int) -> None:
     listener = socket.socket(fileno=listener_number)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: jobs end by it, then the run
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-    templates: dict[bytes, socket.socket] = {}
+    secret, templates = os.environ[VARIABLE].encode(), dict[bytes, socket.socket]()
     while listener in select.select([listener, sys.stdin], [], [])[0]:
         asking, _ = listener.accept()
         with asking, suppress(OSError):
-            if not _is_mine(asking):
-                continue
-            threads, streams, _, _ = socket.recv_fds(asking, _DIGEST_BYTES, _STREAMS)
-            if len(streams) == _STREAMS and not _handed_on(asking, streams, templates.get(threads)):
-                inherited = (listener, asking, *templates.values())
-                templates[threads] = _start_template([each.fileno() for each in inherited], streams)
-                _handed_on(asking, streams, templates[threads])
-            for number in streams:
-                os.close(number)
+            key, streams, _, _ = socket.recv_fds(asking, 2 * _DIGEST_BYTES, _STREAMS)
+            try:
+                known = _is_mine(asking) and key.startswith(secret)
+                if known and not _handed_on(asking, streams, templates.get(key)):
+                    inherited = (listener, asking, *templates.values())
+                    templates[key] = _start_template([each.fileno() for each in inherited], streams)
+                    _handed_on(asking, streams, templates[key])
+            finally:
+                _close(streams)
 
 
 def _handed_on(asking: socket.socket, streams: list[int], template: socket.socket | None) -> bool:
-    """Whether a template has taken a request; not if there is none yet, or no longer."""
+    """Whether a template was given a request; not if there is none yet, or no longer."""
     try:
         return bool(template and socket.send_fds(template, [b"?"], [asking.fileno(), *streams]))
     except OSError:
@@ -162,18 +180,22 @@ def _handed_on(asking: socket.socket, streams: list[int], template: socket.socke
 
 
 def _start_template(*inherited: Sequence[int]) -> socket.socket:
-    """Fork a template, which closes what the server has open; where it takes requests."""
+    """Fork a template, which closes what the server has open; the socket of its requests."""
     here, there = socket.socketpair()
     if os.fork() == 0:
         try:
             here.close()
-            for number in chain(*inherited):
-                os.close(number)
+            _close(chain(*inherited))
             _be_template(there)
         finally:
             os._exit(_FAILED)
     there.close()
     return here
+
+
+def _close(numbers: Iterable[int]) -> None:
+    for number in numbers:
+        os.close(number)
 
 
 class _Request(NamedTuple):
@@ -182,11 +204,6 @@ class _Request(NamedTuple):
     words: list[str]
     folder: str
     environment: dict[str, str]
-    streams: list[int]
-
-    def close(self) -> None:
-        for number in self.streams:
-            os.close(number)
 
 
 def _be_template(requests: socket.socket) -> NoReturn:
@@ -198,27 +215,27 @@ def _be_template(requests: socket.socket) -> NoReturn:
     wanted: dict[str, list[str]] = {}
     while True:
         if imports in select.select([requests, imports], [], [])[0]:
-            job, *modules = json.loads(imports.recv(_MOST_BYTES))
-            wanted.setdefault(job, []).extend(modules)
+            with suppress(ValueError):  # of more modules than a message holds
+                job, *modules = json.loads(imports.recv(_MOST_BYTES))
+                wanted.setdefault(job, []).extend(modules)
             continue
         _, numbers, _, _ = socket.recv_fds(requests, 1, 1 + _STREAMS)
         if not numbers:
             os._exit(0)
         with socket.socket(fileno=numbers[0]) as asking, suppress(OSError, ValueError):
-            with asking.makefile("rb") as stream:
-                words, folder, environment = json.loads(stream.readline())
-            request = _Request(words, folder, environment, numbers[1:])
-            os.environ.clear()
-            os.environ.update(request.environment)
-            _import(wanted.pop(request.words[0], []))
-            gc.freeze()
-            if os.fork() == 0:
-                try:
+            try:
+                with asking.makefile("rb") as stream:
+                    request = _Request(*json.loads(stream.readline()))
+                os.environ.clear()
+                os.environ.update(request.environment)
+                _import(wanted.pop(request.words[0], []))
+                gc.freeze()
+                sys.stdout.flush()  # what imports said is not the job's
+                if os.fork() == 0:
                     requests.close()
-                    _attend(asking, request, told)
-                finally:
-                    os._exit(_FAILED)
-            request.close()
+                    _attend(asking, request, numbers[1:], told)
+            finally:
+                _close(numbers[1:])
 
 
 def _import(modules: Iterable[str]) -> None:
@@ -235,48 +252,50 @@ def _import(modules: Iterable[str]) -> None:
                 importlib.import_module(name)
 
 
-def _attend(asking: socket.socket, request: _Request, told: socket.socket) -> NoReturn:
-    """Fork the process of a job, answer with its exit status, and end.
-
-    Where the process that asks is gone or interrupted before, so is the job: by the same signal,
-    else after a while by one of its own, and by SIGKILL at last.
-    """
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    job = os.fork()
-    if job == 0:
-        asking.close()
-        _run(request, told)
-    request.close()
-    watched = os.pidfd_open(job)
-    if watched not in select.select([watched, asking.fileno()], [], [])[0]:
-        for wait_s, number in ((_SAME_SIGNAL_S, signal.SIGINT), (_GRACE_S, signal.SIGKILL)):
-            if not select.select([watched], [], [], wait_s)[0]:
-                os.kill(job, number)
-    status = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
-    with suppress(OSError):
+def _attend(
+    asking: socket.socket, request: _Request, streams: list[int], told: socket.socket
+) -> NoReturn:
+    """Fork the process of a job, wait for it, answer with its exit status, and end."""
+    try:
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        asking.sendall(_BEGUN)
+        job = os.fork()
+        if job == 0:
+            asking.close()
+            _run(request, streams, told)
+        _close(streams)
+        watched = os.pidfd_open(job)
+        if watched not in select.select([watched, asking.fileno()], [], [])[0]:
+            for wait_s, number in ((_BY_ITSELF_S, signal.SIGINT), (_GRACE_S, signal.SIGKILL)):
+                if not select.select([watched], [], [], wait_s)[0]:
+                    os.kill(job, number)
+        status = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
         asking.sendall(bytes([status if status >= 0 else 128 - status]))
-    os._exit(0)
+    finally:
+        os._exit(_FAILED)  # nobody waits for it
 
 
-def _run(request: _Request, told: socket.socket) -> NoReturn:
+def _run(request: _Request, streams: list[int], told: socket.socket) -> NoReturn:
     """Be the process of a job, as if started for it alone, and tell what it had to import."""
     import traceback
 
     before, status = set(sys.modules), _FAILED
-    for number, stream in enumerate(request.streams):
+    for number, stream in enumerate(streams):
         os.dup2(stream, number)
-    request.close()
+    _close(streams)
     try:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, _ON_INTERRUPT)
         os.chdir(request.folder)
         from puckbench.jobs.process import main
 
         status = main(request.words)
     except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else _FAILED
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)  # noqa: T201
+        status = end.code if isinstance(end.code, int) else _FAILED if end.code else 0
     except BaseException:  # noqa: BLE001 (as Python does at the end of a process)
         traceback.print_exc()
-    new = [name for name in sys.modules if name not in before]
+    new = [name for name in list(sys.modules) if name not in before]
     modules = [name for name in new if name.partition(".")[0] in _PACKAGES]
     with suppress(OSError):
         told.send(json.dumps([request.words[0], *modules]).encode())

@@ -145,7 +145,8 @@ class Inference:
             features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
             features = _apply_blocks(four, self._synthesis_in.apply(features).relu_())
             features = _apply_blocks(two, up_two.apply(features))
-            part = features[(..., *(slice(axis.start // 2, axis.stop // 2) for axis in there))]
+            x, y, z = (slice(axis.start // 2, axis.stop // 2) for axis in there)
+            part = features[:, :, x, y, z]
             features = _apply_blocks(one, up_one.apply(part))
             found = _logits(features, self._synthesis_out).numpy()
         logits = np.full((side, side, side), -np.inf, dtype=np.float32)
