@@ -66,7 +66,11 @@ sys.stdin.read()
 def server() -> Iterator[subprocess.Popen[str]]:
     """A process that has started a server; its name is in the environment of further processes."""
     starter = subprocess.Popen(
-        [sys.executable, "-c", STARTER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", STARTER],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=_hear_interrupts,  # noqa: PLW1509 (no other thread runs)
     )
     assert starter.stdout is not None
     with starter, pytest.MonkeyPatch.context() as patch:
@@ -205,12 +209,23 @@ def test_another_python_does_not_use_the_server(job: list[str], tmp_path: Path) 
     assert (done.returncode, found["forked"]) == (0, False)
 
 
+def _hear_interrupts() -> None:
+    """As a process in the foreground does: a shell lets those in the background ignore them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _begun(job: list[str], folder: Path) -> tuple[subprocess.Popen[str], int]:
     """The process that asked for a job, and the job's number, when it is at work."""
     begun = folder / "begun"
     environment = {**os.environ, "WAIT": str(begun)}
     asking = subprocess.Popen(
-        job, env=environment, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        job,
+        env=environment,
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=_hear_interrupts,  # noqa: PLW1509 (no other thread runs)
     )
     while not (begun.exists() and begun.read_text()):
         time.sleep(0.05)
