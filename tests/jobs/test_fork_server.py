@@ -53,9 +53,8 @@ class Own(Codec):
         raise NotImplementedError
 """
 STARTER = """
-import sys
+import os, sys
 from puckbench.jobs.fork_server import VARIABLE, start_fork_server
-import os
 start_fork_server()
 print(os.environ[VARIABLE], flush=True)
 sys.stdin.read()

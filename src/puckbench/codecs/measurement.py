@@ -53,11 +53,10 @@ def measured(
     seconds, peaks = [], []
     for _ in range(repeats):
         gc.collect()
-        before = _reset_peak() - _mib_of_files()
+        before = _reset_peak()
         start = time.perf_counter()
         result = call()
-        elapsed_s = time.perf_counter() - start
-        cost = whole(Cost(elapsed_s, max(0.0, _peak_mib() - _mib_of_files() - before)))
+        cost = whole(Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before)))
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
@@ -76,22 +75,12 @@ def _reset_peak() -> float:
 
 
 def _peak_mib() -> float:
-    peak = _mib("VmHWM")
-    if peak is not None:
-        return peak
-    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB elsewhere
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
-
-
-def _mib_of_files() -> float:
-    return _mib("RssFile") or 0.0
-
-
-def _mib(entry: str) -> float | None:
-    """An entry of what Linux tells of this process's memory; None where it does not."""
+    """The most resident memory so far, less the pages of files that are resident now."""
     try:
-        status = Path("/proc/self/status").read_text()
-    except OSError:
-        return None
-    found = [line.split()[1] for line in status.splitlines() if line.startswith(f"{entry}:")]
-    return int(found[0]) / 1024 if found else None
+        lines = Path("/proc/self/status").read_text().splitlines()
+        entries = dict(line.split(":", 1) for line in lines)
+        peak, files = (int(entries[name].split()[0]) for name in ("VmHWM", "RssFile"))
+        return (peak - files) / 1024
+    except (OSError, KeyError):
+        unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB elsewhere
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

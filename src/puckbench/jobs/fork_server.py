@@ -43,6 +43,7 @@ _BY_ITSELF_S, _GRACE_S = 1.0, 5.0
 """After the asking process is gone or interrupted: seconds for the job to end by itself, as a
 terminal interrupts it too, before it is interrupted; then before it is killed."""
 _ON_INTERRUPT = signal.getsignal(signal.SIGINT)
+"""What the run's processes do at an interrupt: nothing, where a shell runs them in background."""
 _GPU = "/dev/nvidiactl"
 _DIGEST_BYTES = 32
 _STREAMS = 3
@@ -279,15 +280,15 @@ def _run(request: _Request, streams: list[int], told: socket.socket) -> NoReturn
     """Be the process of a job, as if started for it alone, and tell what it had to import."""
     import traceback
 
-    before, status = set(sys.modules), _FAILED
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
     _close(streams)
+    before, status = set(sys.modules), _FAILED
+    from puckbench.jobs.process import leave, main
+
     try:
         signal.signal(signal.SIGINT, _ON_INTERRUPT)
         os.chdir(request.folder)
-        from puckbench.jobs.process import main
-
         status = main(request.words)
     except SystemExit as end:
         if isinstance(end.code, str):
@@ -299,6 +300,4 @@ def _run(request: _Request, streams: list[int], told: socket.socket) -> NoReturn
     modules = [name for name in new if name.partition(".")[0] in _PACKAGES]
     with suppress(OSError):
         told.send(json.dumps([request.words[0], *modules]).encode())
-    from puckbench.jobs.process import leave
-
     leave(status)

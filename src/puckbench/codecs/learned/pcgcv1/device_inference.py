@@ -8,8 +8,9 @@ from torch import Tensor
 from torch.nn.functional import max_pool3d
 
 from puckbench.codecs.learned.device import device_of
-from puckbench.codecs.learned.pcgcv1.inference import Bools, Floats32, Integers, quantised
+from puckbench.codecs.learned.pcgcv1.inference import Floats32, Integers, quantised
 from puckbench.codecs.learned.pcgcv1.model import PCGCv1, coded_blocks
+from puckbench.codecs.learned.pcgcv1.occupied_blocks import Bools
 
 
 class DeviceInference:

@@ -18,7 +18,7 @@ from puckbench.codecs.learned.adaptive_entropy import (
 from puckbench.codecs.learned.entropy_bottleneck import FrequencyTable
 from puckbench.codecs.learned.pcgcv1.cubes import Whole
 from puckbench.codecs.learned.pcgcv1.laplace import OFFSETS, SCALES, Indexes, laplace_table
-from puckbench.codecs.learned.pcgcv1.occupied_blocks import Support
+from puckbench.codecs.learned.pcgcv1.occupied_blocks import Bools, Support
 from puckbench.codecs.learned.range_coding import (
     decode_groups,
     decode_latent,
@@ -29,7 +29,6 @@ from puckbench.codecs.learned.range_coding import (
 from puckbench.codecs.learned.sparse.voxels import AXIS_BITS, NeighbourTable, morton_keys, pyramid
 
 Integers = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 _MAX_POSITIONS = 2**20
 """Positions of the latent in one context model, each of which takes some 500 bytes of memory."""
 

@@ -28,7 +28,7 @@ from puckbench.codecs.learned.pcgcv1.model import (
     VoxceptionResNet,
     coded_blocks,
 )
-from puckbench.codecs.learned.pcgcv1.occupied_blocks import STRIDE
+from puckbench.codecs.learned.pcgcv1.occupied_blocks import STRIDE, Bools
 
 _LANES = 16
 _TILE = 4
@@ -46,7 +46,6 @@ _SIDE_MULTIPLE = 16
 """Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program and
 megabytes of memory for each layer and each shape."""
 Floats32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 Integers = NDArray[np.int32]
 
 
