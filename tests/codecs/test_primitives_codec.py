@@ -24,7 +24,7 @@ from puckbench.codecs.primitives.stream import (
     unpack,
 )
 from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
-from puckbench.codecs.primitives.voxel_mode import encode_to_budget
+from puckbench.codecs.primitives.voxel_mode import VoxelSearch
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.io.meshes import read_mesh
@@ -59,7 +59,7 @@ def _codec() -> Primitives:
 def _small_stream(rate: str) -> bytes:
     """A stream of voxels for r8, else of surfaces."""
     if rate == "r8":
-        return encode_to_budget(_room(3000), 1300, max_voxel_size=4)
+        return VoxelSearch(_room(3000)).to_budget(1300, max_voxel_size=4).stream
     coded = encode_surface(
         prepare(_room(3000), Settings(min_leaf_size=32, column_size=16, lmbda=600)), SurfaceMode()
     )
@@ -134,7 +134,7 @@ def test_the_sides_of_a_box_are_six_segments() -> None:
 def test_voxels_have_no_mesh() -> None:
     codec = _codec()
     with pytest.raises(InputError, match="voxels, not planes"):
-        codec.decode_mesh(encode_to_budget(_room(1000), 400))
+        codec.decode_mesh(VoxelSearch(_room(1000)).to_budget(400).stream)
 
 
 def test_the_highest_rate_reproduces_small_clouds_too() -> None:

@@ -56,7 +56,9 @@ def _surface(noise: float = 0.0) -> hybrid_mode.SurfacePart:
 def _hybrid(noise: float = 0.0) -> bytes:
     points = _floor(noise)
     budget = len(_surface(noise).stream) + 3000
-    found = hybrid_mode.encode(points, _surface(noise), budget, 1023, MOST_POINTS)
+    found = hybrid_mode.encode(
+        voxel_mode.VoxelSearch(points), _surface(noise), budget, 1023, MOST_POINTS
+    )
     assert found is not None
     return found.stream
 
@@ -112,7 +114,7 @@ def test_the_surface_keeps_its_points_in_occupied_voxels() -> None:
 
 def test_noise_is_followed_less_than_by_voxels_of_as_many_bytes() -> None:
     points = _floor(2.5)
-    voxels = voxel_mode.encode_to_budget(points, len(_hybrid(2.5)))
+    voxels = voxel_mode.VoxelSearch(points).to_budget(len(_hybrid(2.5))).stream
     errors = [_mean_square(decode_stream(stream)) for stream in (_hybrid(2.5), voxels)]
     assert errors[0] < 0.95 * errors[1]
 
@@ -129,14 +131,17 @@ def test_a_hybrid_has_the_mesh_of_its_surface() -> None:
 
 def test_a_surface_that_takes_the_whole_budget_leaves_no_voxels() -> None:
     budget = len(_surface().stream)
-    assert hybrid_mode.encode(_floor(), _surface(), budget, 1023, MOST_POINTS) is None
+    assert (
+        hybrid_mode.encode(voxel_mode.VoxelSearch(_floor()), _surface(), budget, 1023, MOST_POINTS)
+        is None
+    )
 
 
 def test_bits_grow_from_the_surface_to_the_highest_rate_in_equal_ratios() -> None:
     points = _floor()
     for size, most in ((8, 3.5 * len(points) / 8), (0.1, 4.5 * len(points) / 8)):
         rates = (Settings(max_voxel_size=size, refinement=k / 3) for k in range(4))
-        budgets = [_refined_budget(points, 1000, rate, [])[0] for rate in rates]
+        budgets = [_refined_budget(voxel_mode.VoxelSearch(points), 1000, rate)[0] for rate in rates]
         assert budgets[0] == 1000
         assert budgets[3] >= int(most)
         steps = np.diff(np.log(budgets))
@@ -207,10 +212,13 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stream = _hybrid()
-    monkeypatch.setattr(voxel_mode, "MAX_HYBRID_VOXELS", 10)
+    for module in (voxel_mode, hybrid_mode):
+        monkeypatch.setattr(module, "MAX_HYBRID_VOXELS", 10)
     with pytest.raises(InputError):
         decode_stream(stream)
-    found = hybrid_mode.encode(_floor(), _surface(), len(stream), 16.0, MOST_POINTS)
+    found = hybrid_mode.encode(
+        voxel_mode.VoxelSearch(_floor()), _surface(), len(stream), 16.0, MOST_POINTS
+    )
     assert found is None
 
 

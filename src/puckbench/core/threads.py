@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -28,3 +28,13 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
         return [function(item) for item in waiting]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(function, waiting))
+
+
+def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """The results in the order of the items, as many at once as there are threads.
+
+    They are computed as they are asked for; the last ones may have been for nothing.
+    """
+    step = allowed_threads()
+    for first in range(0, len(items), step):
+        yield from in_threads(function, items[first : first + step])

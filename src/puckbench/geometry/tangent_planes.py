@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import SIZE, add_point, fit_plane
 
@@ -15,6 +16,8 @@ Ints = NDArray[np.int64]
 _FEWEST = 4
 """Smallest number of voxels that a plane is fitted to."""
 _BITS = 21
+_BLOCKS_PER_TASK = 16384
+"""Blocks that a thread fits planes to at a time."""
 
 
 class Tangents(NamedTuple):
@@ -46,30 +49,45 @@ def tangents(voxels: Ints, block: int = 1) -> Tangents:
     blocks = blocks - blocks.min(axis=0) + 1
     keys = (blocks[:, 0] << 2 * _BITS) | (blocks[:, 1] << _BITS) | blocks[:, 2]
     order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
+    xyz, ordered = voxels[order], keys[order]
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
-    found = np.empty((len(voxels), 6))
-    _fit(voxels[order], ordered[starts[:-1]], starts, found)
-    back = np.empty_like(found)
-    back[order] = found
-    return Tangents(back[:, :3], back[:, 3], back[:, 4], back[:, 5])
+    occupied, of_blocks = ordered[starts[:-1]], _block_moments(xyz, starts)
+    found = Tangents(*(np.empty(shape) for shape in ((len(xyz), 3), *3 * [len(xyz)])))
+
+    def fit(begin: int) -> None:
+        rows = (begin, min(begin + _BLOCKS_PER_TASK, len(occupied)))
+        _fit((xyz, order), (occupied, starts, of_blocks), rows, found)
+
+    in_threads(fit, range(0, len(occupied), _BLOCKS_PER_TASK))
+    return found
 
 
 @compiled
-def _fit(xyz: Ints, keys: Ints, starts: Ints, found: Floats) -> None:
-    """Write normal, distance, thickness and number of each voxel; blocks are sorted by keys.
+def _fit(
+    voxels: tuple[Ints, Ints],
+    blocks: tuple[Ints, Ints, Ints],
+    rows: tuple[int, int],
+    found: Tangents,
+) -> None:
+    """Write the planes of the voxels of blocks from rows[0] to before rows[1].
+
+    voxels: their coordinates (m, 3) by blocks, and their places (m,) in what is written. blocks: in
+    the order of their keys, these, where each begins (and the last ends), its moments.
 
     Moments are whole numbers, about a voxel of the block, and therefore exact in any order.
     """
-    of_blocks = _block_moments(xyz, starts)
+    xyz, order = voxels
+    keys, starts, of_blocks = blocks
     ahead = np.zeros(9, np.int64)
+    for row in range(9):
+        ahead[row] = np.searchsorted(keys, _first_beside(keys[rows[0]], row))
     sums, moments, plane = np.empty(SIZE, np.int64), np.empty(SIZE), np.empty(4)
-    for i in range(len(keys)):
+    for i in range(rows[0], rows[1]):
         begin, end = starts[i], starts[i + 1]
         middle = xyz[begin]
         sums[:] = 0
         for row in range(9):
-            low = keys[i] + ((row // 3 - 1) << 42) + ((row % 3 - 1) << 21) - 1
+            low = _first_beside(keys[i], row)
             j = ahead[row]
             while j < len(keys) and keys[j] < low:
                 j += 1
@@ -83,13 +101,19 @@ def _fit(xyz: Ints, keys: Ints, starts: Ints, found: Floats) -> None:
             moments[:] = sums
             thickness = np.sqrt(fit_plane(moments, plane) / moments[0])
         for k in range(begin, end):
-            off = -plane[3]
+            off, place = -plane[3], order[k]
             for a in range(3):
                 off += plane[a] * (xyz[k, a] - middle[a])
-                found[k, a] = plane[a]
-            found[k, 3] = off
-            found[k, 4] = thickness
-            found[k, 5] = sums[0]
+                found.normals[place, a] = plane[a]
+            found.off[place] = off
+            found.thickness[place] = thickness
+            found.around[place] = sums[0]
+
+
+@compiled_in_place
+def _first_beside(key: int, row: int) -> int:
+    """Key of the first of three blocks, one after the other along z, in one of nine rows around."""
+    return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 
 @compiled

@@ -72,7 +72,7 @@ class Primitives(Codec):
     options: PrimitivesOptions
     magic = b"PBPR"
     surfaces = True
-    version = "7"
+    version = "8"
 
     def load(self) -> None:
         """Compile all that coding needs: code a floor and a column on it, as both kinds."""

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
-from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.tangent_planes import tangents
 
@@ -32,9 +31,10 @@ class LocalPlanes(NamedTuple):
     distances: Floats
     classes: Ints
 
-    def shifts(self, factors: NDArray[np.int8]) -> Floats:
-        """How far voxels move against the normals (m,), by the shares of their classes."""
-        return np.asarray(factors[self.classes] / ONE * self.distances)
+    def moved(self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0) -> Floats:
+        """Points (m, 3) of the voxels, moved by the shares of their classes; side: of a voxel."""
+        shift = factors[self.classes] / ONE * self.distances * side
+        return np.asarray(points - shift[:, None] * self.normals)
 
     def fitted(self, apart: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
         """Shares of least squared error from voxels that lie `apart` (m, 3) from their points.
@@ -54,14 +54,19 @@ class LocalPlanes(NamedTuple):
 
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
     """Displaced centres (m, 3) of voxels (m, 3), in voxels."""
-    planes = _local_planes(voxels, table.block_size)
-    return np.asarray(voxels - planes.shifts(table.factors)[:, None] * planes.normals)
+    return _local_planes(voxels, table.block_size).moved(voxels, table.factors)
 
 
-def fit_displacements(
-    voxels: Ints, means: Floats, weights: Floats
-) -> tuple[DisplacementTable, float]:
-    """Table of least squared error between displaced voxels and the points that they stand for.
+class FittedTable(NamedTuple):
+    """A table, the weighted squared error that it saves, the voxels (m, 3) as it displaces them."""
+
+    table: DisplacementTable
+    gain: float
+    displaced: Floats
+
+
+def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
+    """The table of least squared error between displaced voxels and the points that they stand for.
 
     Parameters
     ----------
@@ -71,19 +76,16 @@ def fit_displacements(
         (m, 3) means of each voxel's points, in voxels.
     weights
         (m,) weights of the squared errors.
-
-    Returns
-    -------
-    table, gain
-        The best table, and the weighted squared error that it saves.
     """
     apart = voxels - means
 
-    def fitted(block_size: int) -> tuple[DisplacementTable, float]:
-        factors, gain = _local_planes(voxels, block_size).fitted(apart, weights)
-        return DisplacementTable(block_size, factors), gain
+    def fitted(block_size: int) -> FittedTable:
+        planes = _local_planes(voxels, block_size)
+        factors, gain = planes.fitted(apart, weights)
+        moved = planes.moved(voxels, factors)
+        return FittedTable(DisplacementTable(block_size, factors), gain, moved)
 
-    return max(in_threads(fitted, BLOCK_SIZES), key=lambda found: found[1])
+    return max(map(fitted, BLOCK_SIZES), key=lambda found: found.gain)
 
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:

@@ -14,7 +14,6 @@ from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.codecs.gpcc.tree import bounds
 from puckbench.codecs.primitives import voxel_mode
@@ -24,10 +23,12 @@ from puckbench.codecs.primitives.distortion import Distortion, Nearest
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.stream import (
     CLASSES,
+    MAX_HYBRID_VOXELS,
     GridPlacement,
     HybridHeader,
     pack_hybrid,
 )
+from puckbench.codecs.primitives.voxel_mode import CodedVoxels, VoxelSearch
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
 from puckbench.geometry.bounded_search import nearest_within
@@ -86,12 +87,12 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
     InputError
         If the stream is damaged.
     """
-    place, voxels, points, _ = voxel_mode.decoded_voxels(header.voxels)
+    place, voxels, points = voxel_mode.decoded_voxels(header.voxels)
     if len(voxels) and len(xyz):
         if not np.isfinite(xyz).all():
             raise InputError("the stream is damaged (points of its surface are not finite)")
         planes = _planes_below(points, xyz, box_tree(xyz), normals, place.cell_size)
-        points = _displaced(points, planes, place.cell_size, header.factors)
+        points = planes.moved(points, header.factors, place.cell_size)
         kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
         points = np.concatenate([points, kept])
     if not len(points) or not np.isfinite(points).all():
@@ -100,27 +101,26 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
 
 
 def encode(
-    points: Floats,
+    search: VoxelSearch,
     surface: SurfacePart,
     max_bytes: int,
     max_voxel_size: float,
     criterion: Criterion,
-    tried: voxel_mode.Trials | None = None,
 ) -> Hybrid | None:
     """Code a cloud as a surface and the finest voxels that fit beside it.
 
     Parameters
     ----------
-    points
-        (n, 3) points.
+    search
+        Of voxels of the cloud.
     surface
         The coded surface.
     max_bytes
         Budget of the whole stream.
+    max_voxel_size
+        As of `VoxelSearch.to_budget`.
     criterion
         By which the kept points of the surface are chosen.
-    max_voxel_size, tried
-        As of `voxel_mode.encode_to_budget`.
 
     Returns
     -------
@@ -129,10 +129,11 @@ def encode(
     """
     if not leaves_voxels(surface.stream, max_bytes):
         return None
-    left = max_bytes - len(surface.stream)
-    stream = voxel_mode.encode_to_budget(points, left, max_voxel_size, tried)
-    with suppress(InputError):  # of more voxels than a hybrid may have
-        return _best_choice(points, surface, stream, criterion)
+    voxels = search.to_budget(max_bytes - len(surface.stream), max_voxel_size)
+    if len(voxels.points) > MAX_HYBRID_VOXELS:
+        return None
+    with suppress(InputError):  # of voxels too far from the surface
+        return _best_choice(len(search.points), surface, voxels, criterion)
     return None
 
 
@@ -142,57 +143,41 @@ def leaves_voxels(surface: bytes, max_bytes: int) -> bool:
 
 
 def _best_choice(
-    points: Floats, surface: SurfacePart, voxel_stream: bytes, criterion: Criterion
+    count: int, surface: SurfacePart, coded: CodedVoxels, criterion: Criterion
 ) -> Hybrid:
     """The hybrid of least cost of a surface and voxels, displaced or not, by reach.
 
     The points that a greater reach adds are looked up alone, and once for both kinds of voxels.
+    count: of the cloud's points.
     """
-    found = voxel_mode.decoded_voxels(voxel_stream)
-    place = found.place
-    tree = box_tree(surface.xyz)
-    means, weights = _targets(points, place, found.voxels)
-    off_centre = 16 * _off_centre(surface.xyz, place, found.voxels)
+    place, groups = coded.place, coded.groups
+    tree, weights = box_tree(surface.xyz), voxel_mode.weights_of(groups)
+    off_centre = 16 * _off_centre(surface.xyz, place, groups.cells)
     added: dict[int, Nearest] = {}
     for less, reach in pairwise(_REACHES):
         shell = surface.xyz[(off_centre >= less) & (off_centre < reach)]
         if len(shell):
             added[reach] = criterion.nearest(shell)
-    streams = [(voxel_stream, found.points), *([found.undisplaced] if found.undisplaced else [])]
 
-    def choices(stream: bytes, placed: Floats) -> Iterator[Hybrid]:
+    def choices(voxels: CodedVoxels) -> Iterator[Hybrid]:
+        placed = voxels.points
         planes = _planes_below(placed, surface.xyz, tree, surface.normals, place.cell_size)
-        factors, _ = planes.fitted((placed - place.origin) / place.cell_size - means, weights)
-        moved = _displaced(placed, planes, place.cell_size, factors)
+        apart = (placed - place.origin) / place.cell_size - groups.means
+        factors, _ = planes.fitted(apart, weights)
+        moved = planes.moved(placed, factors, place.cell_size)
         nearest = criterion.nearest(moved)
         for reach in _REACHES:
             decoded = np.concatenate([moved, surface.xyz[off_centre < reach]])
-            if len(decoded) > _MAX_POINTS * len(points):
+            if len(decoded) > _MAX_POINTS * count:
                 break
             nearest = nearest.or_nearer(added[reach]) if reach in added else nearest
             distortion = criterion.measure(decoded, nearest)
-            header = HybridHeader(reach, factors, surface.stream, stream)
+            header = HybridHeader(reach, factors, surface.stream, voxels.stream)
             yield Hybrid(criterion.cost(distortion), distortion, pack_hybrid(header))
 
-    found_of_kinds = in_threads(lambda kind: list(choices(*kind)), streams)
-    return min(chain.from_iterable(found_of_kinds), key=lambda choice: choice.cost)
-
-
-def _targets(points: Floats, place: GridPlacement, voxels: Ints) -> tuple[Floats, Floats]:
-    """Means (m, 3), in voxels, of the points of voxels (m, 3), and weights (m,) of their errors."""
-    groups = voxel_mode.voxelise(points, place)
-    rows = np.empty(len(voxels), np.int64)
-    rows[np.argsort(cell_keys(voxels - voxels.min(axis=0)))] = np.arange(len(voxels))
-    _, means, weights = voxel_mode.targets(groups)
-    return means[rows], weights[rows]
-
-
-def _displaced(
-    points: Floats, planes: LocalPlanes, cell_size: float, factors: NDArray[np.int8]
-) -> Floats:
-    """Points (m, 3) moved along the normals of a surface, by the shares of their classes."""
-    shift = planes.shifts(factors) * cell_size
-    return np.asarray(points - shift[:, None] * planes.normals)
+    kinds = [coded, coded.undisplaced()] if coded.table else [coded]
+    found = in_threads(lambda voxels: list(choices(voxels)), kinds)
+    return min(chain.from_iterable(found), key=lambda choice: choice.cost)
 
 
 def _planes_below(

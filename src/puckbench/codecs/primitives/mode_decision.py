@@ -9,7 +9,7 @@ G-PCC's voxels are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from hashlib import sha256
 from itertools import chain
@@ -23,7 +23,6 @@ from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import (
     DecodedSurface,
     Patches,
-    decode_stream,
     points_and_normals,
 )
 from puckbench.codecs.primitives.distortion import (
@@ -45,12 +44,12 @@ from puckbench.codecs.primitives.surface_mode import (
     detect_surfaces,
     encode_surface,
 )
-from puckbench.core.environment import allowed_threads
-from puckbench.core.threads import in_threads
+from puckbench.codecs.primitives.voxel_mode import CodedVoxels, VoxelSearch
+from puckbench.core.threads import few_at_once, in_threads
 from puckbench.geometry.cloud import Floats, bounds
 
-_LAMBDA_FACTORS = (1.0, 2.0, 4.0)
-"""Multiples of the rate's lambda at which a surface is compared with voxels.
+_LAMBDA_FACTORS = (2.0, 4.0)
+"""Multiples of the rate's lambda at which a surface is compared with voxels as well.
 
 With many bits voxels come nearer to noise and to scattered points, and surfaces do not; a surface
 of fewer bits may still be better than voxels of as few.
@@ -93,8 +92,8 @@ def encode(points: Floats, settings: Settings, known: CodedOnce | None = None) -
     if (low == high).all():
         return voxel_mode.encode_voxel_size(points, 1.0)
     if settings.min_leaf_size == 0:
-        budget = _max_bytes(points, settings)
-        return voxel_mode.encode_to_budget(points, budget, settings.max_voxel_size)
+        search, budget = VoxelSearch(points), _max_bytes(points, settings)
+        return search.to_budget(budget, settings.max_voxel_size).stream
     found = (known or CodedOnce()).surfaces_of(points, settings)
     return _hybrid_or_voxels(found, settings) if settings.refinement else found.kept.stream
 
@@ -137,9 +136,9 @@ def _find_surfaces(points: Floats, settings: Settings) -> _Surfaces:
     cloud = prepare(points, settings)
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
     best = _best_surface(cloud, estimator)
-    tried: voxel_mode.Trials = []
-    kept = _surface_or_voxels(cloud, estimator, best, _max_bytes(points, settings), tried)
-    return _Surfaces(cloud, estimator, best, kept, tuple(tried))
+    search = VoxelSearch(cloud.source)
+    kept = _surface_or_voxels(cloud, estimator, best, _max_bytes(points, settings), search)
+    return _Surfaces(cloud, estimator, best, kept, tuple(search.tried))
 
 
 class _Candidate(NamedTuple):
@@ -160,14 +159,14 @@ class _Kept(NamedTuple):
 class _Surfaces(NamedTuple):
     """A cloud, the surface of least cost, and what is kept of it without refinement.
 
-    tried: what `voxel_mode.encode_to_budget` has tried.
+    tried: voxels that the comparison with them has tried.
     """
 
     cloud: PreparedCloud
     estimator: DistortionEstimator
     best: _Candidate
     kept: _Kept
-    tried: tuple[tuple[float, int], ...]
+    tried: tuple[voxel_mode.Trial, ...]
 
 
 def _surface_or_voxels(
@@ -175,7 +174,7 @@ def _surface_or_voxels(
     estimator: DistortionEstimator,
     best: _Candidate,
     max_bytes: int,
-    tried: voxel_mode.Trials,
+    search: VoxelSearch,
 ) -> _Kept:
     """The finest surface that is better than voxels of as many bytes in all respects; else voxels.
 
@@ -183,25 +182,23 @@ def _surface_or_voxels(
     the errors decides, and so it does between voxels alone and voxels beside that surface.
     """
     if best.coded is None:
-        return _Kept(voxel_mode.encode_to_budget(cloud.source, max_bytes, tried=tried), None)
-    voxel_streams: list[bytes] = []
+        return _Kept(search.to_budget(max_bytes).stream, None)
+    voxels: list[CodedVoxels] = []
     smallest, comparison = _Kept(b"", None), None
-    for factor in _LAMBDA_FACTORS:
-        weighted = _weighted(cloud, factor)
-        coded = best.coded if factor == 1 else encode_surface(weighted, best.mode)
+    for coded in chain([best.coded], _coded_surfaces(cloud, best.mode, _LAMBDA_FACTORS)):
         fits = coded is not None and len(coded.stream) <= max_bytes
         budget = len(coded.stream) if coded and fits else max_bytes
-        voxel_streams.append(voxel_mode.encode_to_budget(cloud.source, budget, tried=tried))
+        voxels.append(search.to_budget(budget))
         if coded and fits:
             decoded = coded.decoded()
             smallest = _Kept(coded.stream, decoded)
-            comparison = _Comparison.of(cloud, estimator, decoded.xyz, voxel_streams[-1])
+            comparison = _Comparison.of(cloud, estimator, decoded.xyz, voxels[-1])
             if comparison.surface_is_better():
                 return smallest
     if comparison is not None and comparison.surface_is_better_by_product():
         return smallest
-    hybrid = _better_hybrid(cloud, estimator, coded, best.mode, voxel_streams[0], tried)
-    return _Kept(hybrid or voxel_streams[0], None)
+    hybrid = _better_hybrid(cloud, estimator, coded, best.mode, voxels[0], search)
+    return _Kept(hybrid or voxels[0].stream, None)
 
 
 def _better_hybrid(
@@ -209,8 +206,8 @@ def _better_hybrid(
     estimator: DistortionEstimator,
     coded: CodedSurface | None,
     mode: SurfaceMode,
-    voxels: bytes,
-    tried: voxel_mode.Trials,
+    voxels: CodedVoxels,
+    search: VoxelSearch,
 ) -> bytes | None:
     """Voxels beside a surface, where they are better than a stream of as many bytes of voxels.
 
@@ -218,16 +215,16 @@ def _better_hybrid(
     leave more bytes for voxels, while that is better.
     """
     criterion = _criterion(cloud, estimator, 0.0)
-    least = criterion.cost(estimator.measure(cloud.in_units(decode_stream(voxels))))
-    coarser = (encode_surface(_weighted(cloud, factor), mode) for factor in _COARSER_FACTORS)
-    best, found = None, np.inf
+    least = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
+    coarser = _coded_surfaces(cloud, mode, _COARSER_FACTORS)
+    best, found, max_bytes = None, np.inf, len(voxels.stream)
     for surface in chain([coded], coarser):
         if surface is None:
             break
-        if not hybrid_mode.leaves_voxels(surface.stream, len(voxels)):
+        if not hybrid_mode.leaves_voxels(surface.stream, max_bytes):
             continue
         part = hybrid_mode.SurfacePart(surface.stream, *surface.decoded()[:2])
-        hybrid = hybrid_mode.encode(cloud.source, part, len(voxels), UNITS / 4, criterion, tried)
+        hybrid = hybrid_mode.encode(search, part, max_bytes, UNITS / 4, criterion)
         if hybrid is None or hybrid.cost >= found:
             break
         best, found = hybrid.stream, hybrid.cost
@@ -259,22 +256,22 @@ def _hybrid_or_voxels(found: _Surfaces, settings: Settings) -> bytes:
     kept, the product of the errors decides.
     """
     cloud, estimator, best, kept, known = found
-    points, tried = cloud.source, [*known]
-    max_bytes, max_voxel_size = _refined_budget(points, len(kept.stream), settings, tried)
+    search = VoxelSearch(cloud.source, known)
+    max_bytes, max_voxel_size = _refined_budget(search, len(kept.stream), settings)
     surface = kept
     if kept.surface is None and best.coded:
         surface = _Kept(best.coded.stream, best.coded.decoded())
     if surface.surface:
         part = hybrid_mode.SurfacePart(surface.stream, *surface.surface[:2])
         criterion = _criterion(cloud, estimator, settings.refinement)
-        hybrid = hybrid_mode.encode(points, part, max_bytes, max_voxel_size, criterion, tried)
+        hybrid = hybrid_mode.encode(search, part, max_bytes, max_voxel_size, criterion)
         if hybrid:
-            equal = voxel_mode.encode_to_budget(points, len(hybrid.stream), max_voxel_size, tried)
-            voxels = estimator.measure(cloud.in_units(decode_stream(equal)))
+            equal = search.to_budget(len(hybrid.stream), max_voxel_size)
+            voxels = estimator.measure(cloud.in_units(equal.points))
             beside_surface = _lose_the_surface(voxels, hybrid.distortion, settings)
             if beside_surface if kept.surface else hybrid.cost <= criterion.cost(voxels):
                 return hybrid.stream
-    return voxel_mode.encode_to_budget(points, max_bytes, max_voxel_size, tried)
+    return search.to_budget(max_bytes, max_voxel_size).stream
 
 
 def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings) -> bool:
@@ -290,28 +287,32 @@ def _lose_the_surface(voxels: Distortion, hybrid: Distortion, settings: Settings
     return bool(gain * loss ** (6 * (1 - settings.refinement)) >= 1)
 
 
-def _refined_budget(
-    points: Floats, kept_bytes: int, settings: Settings, tried: voxel_mode.Trials
-) -> tuple[int, float]:
+def _refined_budget(search: VoxelSearch, kept_bytes: int, settings: Settings) -> tuple[int, float]:
     """Bytes of the refinement of a stream of `kept_bytes`, and the largest side of its voxels.
 
     Sparse clouds need more bits than `refined_bpp` for voxels of that side, beside the surface; the
     rates below the highest lie between in equal ratios all the same, and may have larger voxels.
     """
-    low, high = bounds(points)
+    low, high = bounds(search.points)
     unit = float((high - low).max()) / UNITS
-    coarsest = voxel_mode.bytes_of_voxel_size(points, settings.max_voxel_size * unit, tried)
-    budget = max(int(settings.refined_bpp * len(points) / 8), kept_bytes)
+    coarsest = search.bytes_of(settings.max_voxel_size * unit)
+    budget = max(int(settings.refined_bpp * len(search.points) / 8), kept_bytes)
     if settings.refinement == 1:
         return max(budget, coarsest), settings.max_voxel_size
     ratio = max(budget, coarsest + kept_bytes) / kept_bytes
     return int(kept_bytes * ratio**settings.refinement), UNITS / 4
 
 
-def _weighted(cloud: PreparedCloud, factor: float) -> PreparedCloud:
-    """The cloud with a multiple of the rate's lambda."""
-    weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
-    return cloud._replace(settings=weighted)
+def _coded_surfaces(
+    cloud: PreparedCloud, mode: SurfaceMode, factors: Sequence[float]
+) -> Iterator[CodedSurface | None]:
+    """The surface with multiples of the rate's lambda."""
+
+    def coded(factor: float) -> CodedSurface | None:
+        weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
+        return encode_surface(cloud._replace(settings=weighted), mode)
+
+    return few_at_once(coded, factors)
 
 
 def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
@@ -324,11 +325,10 @@ def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Cand
     best: _Candidate = grid
     waiting, refused = list(found), 0
     while waiting and refused < _MAX_REFUSED:
-        # Several at once: those after an accepted one are tried again, together with it.
-        several = waiting[: min(allowed_threads(), _MAX_REFUSED - refused)]
-        accepted = best.mode.revolutions
+        # Those after an accepted one are tried again, together with it.
+        accepted, several = best.mode.revolutions, waiting[: _MAX_REFUSED - refused]
         modes = [best.mode._replace(revolutions=(*accepted, surface)) for surface in several]
-        for candidate in in_threads(partial(_evaluate, cloud, estimator), modes):
+        for candidate in few_at_once(partial(_evaluate, cloud, estimator), modes):
             waiting.pop(0)
             if candidate.cost < best.cost:
                 best, refused = candidate, 0
@@ -386,11 +386,14 @@ class _Comparison(NamedTuple):
 
     @classmethod
     def of(
-        cls, cloud: PreparedCloud, estimator: DistortionEstimator, surface: Floats, stream: bytes
+        cls,
+        cloud: PreparedCloud,
+        estimator: DistortionEstimator,
+        surface: Floats,
+        voxels: CodedVoxels,
     ) -> _Comparison:
-        """Measure the points (n, 3) of a surface and those of a stream of voxels."""
-        voxels = voxel_mode.decoded_voxels(stream, most=len(cloud.points))
-        decoded = [surface, voxels.points, *([voxels.undisplaced[1]] if voxels.undisplaced else [])]
+        """Measure the points (n, 3) of a surface and those of voxels."""
+        decoded = [surface, voxels.points, *([voxels.undisplaced().points] if voxels.table else [])]
         found = in_threads(lambda xyz: estimator.measure(cloud.in_units(xyz)), decoded)
         return cls(found[0], found[1], found[-1])
 

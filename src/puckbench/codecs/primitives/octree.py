@@ -42,16 +42,16 @@ def build_octree(
         Level of the cells.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
-    order = np.argsort(codes(cells, np.arange(3)), kind="stable")
-    cells = cells[order]
+    keys = codes(cells, np.arange(3))
+    order = np.argsort(keys, kind="stable")
+    cells, keys = cells[order], keys[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)
     levels: list[Level] = []
     for _ in range(depth + 1):
-        changes = np.any(cells[1:] != cells[:-1], axis=1)
-        starts = np.flatnonzero(np.concatenate([[True], changes]))
+        starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
         bounds = np.concatenate([starts, [len(cells)]])
         moments = np.add.reduceat(moments, starts, axis=0)
-        cells = cells[starts]
+        cells, keys = cells[starts], keys[starts] >> 3
         levels.append(Level(cells, moments, bounds, np.zeros(len(cells), bool)))
         cells = cells >> 1
     return levels[::-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import log
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from puckbench.codecs.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.codecs.primitives.cells import CellGroups, group_by_cell
-from puckbench.codecs.primitives.displacements import displace, fit_displacements
+from puckbench.codecs.primitives.displacements import FittedTable, displace, fit_displacements
 from puckbench.codecs.primitives.octree_arrays import Ints
 from puckbench.codecs.primitives.settings import UNITS
 from puckbench.codecs.primitives.stream import (
@@ -34,24 +35,56 @@ _MIN_ERROR_PER_BYTE = 0.5
 """Share of the squared error that a table must save for each share of the bytes that it takes."""
 _TYPICAL_SLOPE = 2.2
 
-Trials = list[tuple[float, int]]
-"""Sides of voxels that were tried, and the bytes that they took."""
+Trial = tuple[float, int]
+"""A side of voxels, and the bytes that they took."""
 
 
-class _Coded(NamedTuple):
-    """Coded voxels: their grid, the voxels, G-PCC's octree."""
+class CodedVoxels(NamedTuple):
+    """Voxels of a cloud as they are coded.
+
+    place: their grid. groups: the cloud's points by voxels. table: displacements, or None. points:
+    (m, 3) what the stream decodes to, in the order of the groups. bits: G-PCC's octree.
+    """
 
     place: GridPlacement
-    voxels: CellGroups
+    groups: CellGroups
+    table: DisplacementTable | None
+    points: Floats
     bits: bytes
+
+    @property
+    def stream(self) -> bytes:
+        """The stream."""
+        return pack_voxels(self.place, self.table, self.bits)
+
+    def undisplaced(self) -> CodedVoxels:
+        """The same voxels, which stay in their centres."""
+        return self._replace(table=None, points=_in_space(self.groups.cells, self.place))
+
+
+class _Octree(NamedTuple):
+    """Coded voxels before their displacements are known: grid, voxels, G-PCC's octree."""
+
+    place: GridPlacement
+    groups: CellGroups
+    bits: bytes
+
+    @classmethod
+    def of(cls, points: Floats, side: float) -> _Octree:
+        """The voxels of a side that points (n, 3) lie in."""
+        place = GridPlacement(bounds(points)[0], side).rounded()
+        groups = voxelise(points, place)
+        return cls(place, groups, encode_voxels(groups.cells))
 
     def size(self) -> int:
         """Length of the stream, if it has displacements."""
         return VOXEL_HEADER_BYTES + CLASSES + len(self.bits)
 
-    def stream(self) -> bytes:
-        """The stream, with the best displacements where these are worth their bytes."""
-        return pack_voxels(self.place, _displacements(self.voxels, len(self.bits)), self.bits)
+    def displaced(self) -> CodedVoxels:
+        """With the best displacements, where these are worth their bytes."""
+        found = _displacements(self.groups, len(self.bits))
+        table, xyz = (found.table, found.displaced) if found else (None, self.groups.cells)
+        return CodedVoxels(self.place, self.groups, table, _in_space(xyz, self.place), self.bits)
 
 
 def voxelise(points: Floats, place: GridPlacement) -> CellGroups:
@@ -61,65 +94,86 @@ def voxelise(points: Floats, place: GridPlacement) -> CellGroups:
 
 def encode_voxel_size(points: Floats, size: float) -> bytes:
     """A stream of the voxels of side `size` that points (n, 3) lie in."""
-    return _coded(points, size).stream()
+    return _Octree.of(points, size).displaced().stream
 
 
-def bytes_of_voxel_size(points: Floats, size: float, tried: Trials) -> int:
-    """Length of the stream that `encode_voxel_size` makes, at most; it joins what was tried."""
-    found = _coded(points, size).size()
-    tried.append((size, found))
-    return found
+class VoxelSearch:
+    """Finds voxels of a cloud for budgets; what was tried for one helps to find the next ones'.
 
-
-def _coded(points: Floats, size: float) -> _Coded:
-    place = GridPlacement(bounds(points)[0], size).rounded()
-    voxels = voxelise(points, place)
-    return _Coded(place, voxels, encode_voxels(voxels.cells))
-
-
-def encode_to_budget(
-    points: Floats,
-    max_bytes: int,
-    max_voxel_size: float = UNITS / 4,
-    tried: Trials | None = None,
-) -> bytes:
-    """Code the finest voxels that take no more than about `max_bytes` bytes.
-
-    Parameters
+    Attributes
     ----------
     points
         (n, 3) points.
-    max_bytes
-        The budget.
-    max_voxel_size
-        Bound of the voxels' side in units of 1/1023 of the extent, even if they take more bytes.
     tried
-        Sides of voxels of these points that were tried for other budgets; those tried now join
-        them.
+        Sides of voxels that were tried, and the bytes that they took.
     """
-    low, high = bounds(points)
-    extent = float((high - low).max())
-    if extent == 0:
-        return encode_voxel_size(points, 1.0)
-    max_bytes, tried = max(max_bytes, 1), [] if tried is None else tried
-    finest, coarsest = extent / UNITS * _FINEST, extent / UNITS * max_voxel_size
-    best: _Coded | None = None
-    sizes: set[float] = set()
-    size = _next_size(tried, max_bytes) if tried else _initial_size(points, extent, max_bytes)
-    while len(sizes) < _MAX_TRIALS and (size := min(max(size, finest), coarsest)) not in sizes:
-        coded = _coded(points, size)
-        found = coded.size()
-        if found <= max_bytes and (best is None or found > best.size()):
-            best = coded
-        sizes.add(size)
-        tried.append((size, found))
-        if max_bytes * (1 - _BUDGET_SLACK) <= found <= max_bytes:
-            break
-        size = _next_size(tried, max_bytes)
-    return (best or coded).stream()
+
+    def __init__(self, points: Floats, tried: Iterable[Trial] = ()) -> None:
+        self.points, self.tried = points, list(tried)
+        self._coded: dict[float, CodedVoxels] = {}
+
+    def bytes_of(self, size: float) -> int:
+        """Length of the stream of voxels of a side, at most."""
+        found = _Octree.of(self.points, size).size()
+        self.tried.append((size, found))
+        return found
+
+    def to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
+        """Code the finest voxels that take no more than about `max_bytes` bytes.
+
+        Parameters
+        ----------
+        max_bytes
+            The budget.
+        max_voxel_size
+            Bound of the voxels' side in units of 1/1023 of the extent, even if they take more
+            bytes.
+        """
+        low, high = bounds(self.points)
+        extent = float((high - low).max())
+        if extent == 0:
+            return _Octree.of(self.points, 1.0).displaced()
+        max_bytes = max(max_bytes, 1)
+        finest, coarsest = extent / UNITS * _FINEST, extent / UNITS * max_voxel_size
+        size = _within(self._first_size(max_bytes, extent), finest, coarsest)
+        if size in self._coded:
+            return self._coded[size]
+        best: _Octree | None = None
+        sizes: set[float] = set()
+        while len(sizes) < _MAX_TRIALS and size not in sizes:
+            octree = _Octree.of(self.points, size)
+            found = octree.size()
+            if found <= max_bytes and (best is None or found > best.size()):
+                best = octree
+            sizes.add(size)
+            self.tried.append((size, found))
+            if _fills(found, max_bytes):
+                break
+            size = _within(_next_size(self.tried, max_bytes), finest, coarsest)
+        chosen = (best or octree).displaced()
+        self._coded[chosen.place.cell_size] = chosen
+        return chosen
+
+    def _first_size(self, max_bytes: int, extent: float) -> float:
+        """A side that was found to fill a budget, or one that is expected to."""
+        filling = [trial for trial in self.tried if _fills(trial[1], max_bytes)]
+        if filling:
+            return max(filling, key=lambda trial: trial[1])[0]
+        if self.tried:
+            return _next_size(self.tried, max_bytes)
+        return _initial_size(self.points, extent, max_bytes)
 
 
-def _next_size(tried: Trials, max_bytes: int) -> float:
+def _within(size: float, finest: float, coarsest: float) -> float:
+    """The side within bounds, in single precision, as a stream holds it."""
+    return float(np.float32(min(max(size, finest), coarsest)))
+
+
+def _fills(found: int, max_bytes: int) -> bool:
+    return max_bytes * (1 - _BUDGET_SLACK) <= found <= max_bytes
+
+
+def _next_size(tried: list[Trial], max_bytes: int) -> float:
     """The side that is expected to take almost all of a budget.
 
     It lies between the trials next above and below the budget, or beyond the two nearest ones.
@@ -140,61 +194,51 @@ def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -
 
 
 class DecodedVoxels(NamedTuple):
-    """Grid and voxels (m, 3) of a stream, and the points (m, 3) that they are displaced to.
-
-    undisplaced: the same as a stream of voxels that stay in their centres; None where they do.
-    """
+    """Grid and voxels (m, 3) of a stream, and the points (m, 3) that they are displaced to."""
 
     place: GridPlacement
     voxels: Ints
     points: Floats
-    undisplaced: tuple[bytes, Floats] | None
 
 
-def decoded_voxels(stream: bytes, most: int | None = None) -> DecodedVoxels:
-    """Voxels of a stream, `MAX_HYBRID_VOXELS` unless more are allowed.
+def decoded_voxels(stream: bytes) -> DecodedVoxels:
+    """Voxels of a stream.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or of another kind, or has more voxels.
+        If the stream is damaged, or of another kind, or has more than `MAX_HYBRID_VOXELS`.
     """
-    place, table, bits = _unpacked(stream)
-    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS if most is None else most)
-    points = _placed(place, table, voxels)
-    if table is None:
-        return DecodedVoxels(place, voxels, points, None)
-    undisplaced = pack_voxels(place, None, bits), _placed(place, None, voxels)
-    return DecodedVoxels(place, voxels, points, undisplaced)
-
-
-def _unpacked(stream: bytes) -> tuple[GridPlacement, DisplacementTable | None, bytes]:
     header, bits = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
-    return header.place, header.table, bits
+    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS)
+    return DecodedVoxels(header.place, voxels, _placed(header.place, header.table, voxels))
 
 
 def _placed(place: GridPlacement, table: DisplacementTable | None, voxels: Ints) -> Floats:
     """Points (m, 3) of decoded voxels (m, 3), displaced by the table."""
-    xyz = displace(voxels, table) if table is not None and len(voxels) else voxels
+    return _in_space(displace(voxels, table) if table and len(voxels) else voxels, place)
+
+
+def _in_space(xyz: Floats | Ints, place: GridPlacement) -> Floats:
+    """Points (m, 3), in voxels of a grid, in the cloud's coordinates."""
     return np.asarray(xyz * place.cell_size + place.origin)
 
 
-def targets(voxels: CellGroups) -> tuple[Ints, Floats, Floats]:
-    """Voxels (m, 3), the means (m, 3) of their points, and the weights (m,) of their errors."""
-    weights = voxels.counts / voxels.counts.sum() + 1 / len(voxels.counts)
-    return voxels.cells, voxels.means, weights
+def weights_of(groups: CellGroups) -> Floats:
+    """Weights (m,) of the errors of voxels."""
+    return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 
-def _displacements(voxels: CellGroups, voxel_bytes: int) -> DisplacementTable | None:
+def _displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
     """The best table; None where it saves less of the squared error than it adds to the bytes."""
-    if len(voxels.cells) > MAX_DISPLACED:
+    if len(groups.cells) > MAX_DISPLACED:
         return None
-    cells, means, weights = targets(voxels)
-    error = (weights[:, None] * (cells - means) ** 2).sum()
-    table, gain = fit_displacements(cells, means, weights)
-    return table if gain > _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error else None
+    weights = weights_of(groups)
+    error = (weights[:, None] * (groups.cells - groups.means) ** 2).sum()
+    found = fit_displacements(groups.cells, groups.means, weights)
+    return found if found.gain > _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error else None
 
 
 def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
@@ -205,7 +249,7 @@ def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
     return float(size * max(count / wanted, 1e-6) ** 0.5)
 
 
-def _slope(a: tuple[float, int], b: tuple[float, int]) -> float:
+def _slope(a: Trial, b: Trial) -> float:
     """Exponent with which bytes fall as voxels grow, from two trials (side, bytes)."""
     if a[0] == b[0] or a[1] == b[1]:
         return _TYPICAL_SLOPE
