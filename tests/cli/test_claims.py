@@ -62,6 +62,8 @@ def test_one_claim_as_json(results: Path, capsys: pytest.CaptureFixture[str]) ->
     (row,) = json.loads(capsys.readouterr().out)["claims"]
     assert row["number"] == "12"
     assert row["verdict"] == "not tested: needs an object set and scans"
+    assert main(["claims", path, "--claim", "99"]) == 2
+    assert capsys.readouterr().err.endswith("claims.csv has no claim 99\n")
 
 
 def test_what_is_no_table_of_claims_ends_in_one_line(

@@ -96,8 +96,7 @@ def test_an_unknown_name_is_answered_with_a_near_one(
 def test_an_unknown_command_is_answered_with_a_near_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["prepar", "x"])
+    assert main(["prepar", "x"]) == 2
     assert "did you mean 'prepare'?" in capsys.readouterr().err
 
 
@@ -194,3 +193,38 @@ def test_what_prepare_prints_has_no_nested_records(
     told = capsys.readouterr().out
     assert "points" in told
     assert "{" not in told
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--metres-per-unit", "0"), "must be greater than 0"),
+        (("--errors", "vlp16"), "--errors: of scans alone (--scan)"),
+    ],
+)
+def test_no_option_of_a_run_is_left_aside_in_silence(
+    words: tuple[str, ...], told: str, cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert told in _refused(capsys, "run", cloud, "--out", cloud.parent / "out", *words)
+    assert not (cloud.parent / "out" / "config.yaml").exists()
+
+
+def test_a_ply_is_not_written_under_the_name_of_another_format(
+    cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = cloud.with_suffix(".xyz")
+    assert "a PLY file is written" in _refused(capsys, "prepare", cloud, other)
+    assert not other.exists()
+
+
+def test_what_is_missing_and_what_is_no_cloud_is_named_once(
+    cloud: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script, mesh = cloud.with_suffix(".py"), cloud.with_suffix(".obj")
+    script.write_text("import this")
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    out, missing = cloud.with_name("out.ply"), cloud.with_name("missing")
+    assert _refused(capsys, "prepare", script, out).count(str(script)) == 1
+    assert "not a point cloud by its name" in _refused(capsys, "prepare", mesh, out)
+    assert "no such file" in _refused(capsys, "compare", missing, "--with", "default")
+    assert "no such file" in _refused(capsys, "compress", missing, out)

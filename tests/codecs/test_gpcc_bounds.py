@@ -85,3 +85,24 @@ def test_no_more_voxels_are_decoded_than_a_codec_takes() -> None:
     assert len(decode_voxels(packed, 10)) == 10
     with pytest.raises(InputError, match="header is damaged"):
         decode_voxels(packed, 9)
+
+
+@pytest.mark.parametrize(
+    ("points", "fault"),
+    [
+        (np.zeros((0, 3), int), r"shape \(n, 3\), n > 0"),
+        (np.zeros((4, 2), int), r"shape \(n, 3\), n > 0"),
+        (np.full((4, 3), 0.5), "no whole numbers"),
+        (np.full((4, 3), np.nan), "no whole numbers"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_what_are_no_grid_points_is_refused(points: np.ndarray, fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        encode_geometry(points, PROFILES["ctc"])
+
+
+def test_points_on_both_sides_of_the_origin_come_back() -> None:
+    points = np.random.default_rng(0).integers(-50, 500, (200, 3))
+    found = decode_geometry(encode_geometry(points, PROFILES["ctc"])).positions()
+    assert sorted(found.tolist()) == sorted(points.astype(float).tolist())

@@ -4,6 +4,9 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +207,33 @@ def outer():
 
 print(outer())
 """
+
+
+def test_threads_that_compile_do_not_change_each_others_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba reads the setting twice: in between another thread may not set it back."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(compiling._config, "CACHE_DIR", "")
+    begun = threading.Event()
+    places: list[str] = []
+
+    def slow_njit(**_: object) -> Callable[[object], object]:
+        begun.set()
+        time.sleep(0.05)  # the others are waiting at the door meanwhile
+        places.append(compiling._config.CACHE_DIR)
+        return lambda function: function
+
+    monkeypatch.setattr(compiling.numba, "njit", slow_njit)
+    threads = [threading.Thread(target=compiling.compiled, args=(_run,)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert begun.is_set()
+    assert len(set(places)) == 1
+    assert Path(places[0]).is_absolute()
+    assert compiling._config.CACHE_DIR == ""
 
 
 def test_compiling_is_told_on_standard_error_and_loading_is_not(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import platform
 import struct
 import sys
@@ -110,6 +111,7 @@ def test_text_of_numpy_is_read_to_the_last_bit(tmp_path: Path) -> None:
         ("1,2,3,10,20,30\n4,5,6,255,0,0\n", [[10, 20, 30], [255, 0, 0]], {}),
         ("2\n1 2 3 -7 1 2 9\n4 5 6 8 0 0 9\n", [[1, 2, 9], [0, 0, 9]], {"intensity": [-7, 8]}),
         ("//X Y Z R G B T\n1 2 3 1 2 3 9\n4 5 6 0 0 1 8", [[1, 2, 3], [0, 0, 1]], {"T": [9, 8]}),
+        ("//X Y Z R G B\n2\n1 2 3 1 2 3\n4 5 6 0 0 1", [[1, 2, 3], [0, 0, 1]], {}),
         ("# made by hand\ny;x;z;who\n2;1;3;Ann\n5;4;6;Bob\n", None, {}),
         ("\ufeffx, y, z\n1, 2, 3\n4, 5, 6", None, {}),
         ("1 2 3 \r\n4 5 6 \r\n", None, {}),
@@ -182,6 +184,12 @@ def test_without_pye57_one_line_says_how_to_get_it(
         read_cloud(tmp_path / "a.e57")
 
 
+def _npy(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
 BAD = {
     "a.xyz": b"",
     "b.xyz": b"1 2 3\n4 5 six\n",
@@ -198,6 +206,8 @@ BAD = {
     "m.xyz": b"x y z\n",
     "n.ply": b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n",
     "o.jpg": b"\xff\xd8",
+    "p.pts": b"3\n1 2 3\n4 5 6\n",
+    "q.npy": _npy(np.zeros((3, 4000))),
 }
 
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Container, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import NoReturn
 
 from puckbench import __version__
 from puckbench.cli.answers import text_of
@@ -93,9 +94,18 @@ def _parser(given: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     return parser, name
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, like any other of bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        """InputError with the command's name."""
+        command = self.prog.removeprefix("puckbench").strip()
+        raise InputError(f"{command}: {message}" if command else message)
+
+
 def parser_of(whole: Container[str]) -> argparse.ArgumentParser:
     """The parser of all commands, of which those in `whole` have their arguments too."""
-    parser = argparse.ArgumentParser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
+    parser = _Parser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="with --version: also what puckbench runs with"

@@ -31,6 +31,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         for row in table.astype(str).to_dict("records")
         if not options.claim or int(row["number"]) in options.claim
     ]
+    if unknown := sorted({*(options.claim or ())} - {int(row["number"]) for row in rows}):
+        raise InputError(f"--claim: {path} has no claim {unknown[0]}")
     if options.json:
         return {"claims": rows}
     return {row["number"]: "\n".join(_lines(row)) for row in rows}

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.cli.types import chosen, tell, whole
+from puckbench.cli.types import chosen, positive, tell, whole
 from puckbench.jobs.evaluate import Evaluate
+
+_UNLIKE_DB = 10.0
+"""CD-PSNR of a decoded cloud below which it is hardly the reference's: no codec is that far off."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--peak",
-        type=float,
+        type=positive,
         help="of the PSNRs (default: the reference's own, 1023 if scaled, 30 if in metres)",
     )
     parser.add_argument(
@@ -46,4 +50,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     row = job.run(options.reference, options.decoded, **files)
     if row["d1_mse"] > 0 and "d1_psnr" not in row:
         tell(f"{options.reference}: no size in a description beside it: no d1_psnr without --peak")
+    if row.get("cd_psnr_point", math.inf) < _UNLIKE_DB:
+        tell(f"{options.reference}, {options.decoded}: far apart: are both in one frame?")
     return row

@@ -26,4 +26,4 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:
         return row
-    return {**row, "kinds": "none: this stream holds points and no surface (take a lower rate)"}
+    return {**row, "kinds": "none: this stream holds points and no surface (take another rate)"}

@@ -64,7 +64,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--frame",
         choices=("scaled", "metric"),
         help="scaled to a cube of 1024, rates r1, r2, ...; or in metres, rates 100mm, 10mm, ... "
-        "(default: metric for LAS, LAZ, E57, .bin and recordings, else scaled)",
+        "(default: metric for clouds that are all LAS, LAZ, E57 or .bin, and recordings)",
     )
     add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
     add(
@@ -151,9 +151,18 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
 
 def _refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
     """InputError where one of some options is given."""
-    for name in names:
-        if getattr(options, name):
-            raise InputError(f"--{name.replace('_', '-')}: {why}")
+    for name in _given(options, *names):
+        raise InputError(f"--{name.replace('_', '-')}: {why}")
+
+
+def _given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Those of some options that were given, if only a 0."""
+    values = chosen(options, *names)
+    return {
+        name: value
+        for name, value in values.items()
+        if value not in (None, (), []) and value is not False
+    }
 
 
 def _of_study(options: argparse.Namespace) -> Path:
@@ -177,21 +186,16 @@ def _of_files(options: argparse.Namespace) -> Path:
     """The configuration of a user's own files."""
     out = options.out or Path(_OUT)
     wanted = chosen(options, "frame", "limit", "scan", "strict")
-    for name in ("errors", "points"):
-        if getattr(options, name):
-            wanted[name] = getattr(options, name)
-    loading = {
-        name: value
-        for name in ("metres_per_unit", "up", "drop_invalid")
-        if (value := getattr(options, name))
-    }
+    if options.errors and not options.scan:
+        raise InputError("--errors: of scans alone (--scan)")
+    wanted |= _given(options, "errors", "points")
     asked = OwnRun(
         paths=tuple(options.files),
         codecs=tuple(options.codecs or ()),
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=loading,
+        options=_given(options, "metres_per_unit", "up", "drop_invalid"),
         **wanted,
     )
     config = asked.configuration()

@@ -14,6 +14,7 @@ import hashlib
 import importlib
 import re
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -46,6 +47,8 @@ _SECONDS_UNTIL_NOTICE = 3.0
 _COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
 _PACKAGE = Path(__file__).parents[1]
 _config: Any = numba.config  # its entries come from the environment
+_PLACING = threading.Lock()
+"""Held while numba looks for a function's cache, whose place is a setting for all threads."""
 
 
 def _start_without_blas() -> None:
@@ -107,13 +110,14 @@ def compiled(function: Function, **options: Any) -> Function:
     threads run meanwhile.
     """
     file = Path(function.__code__.co_filename)
-    chosen = _config.CACHE_DIR
     place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
-    _config.CACHE_DIR = str((Path(chosen) if chosen else loops_folder(file.parent)) / place)
-    try:
-        return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
-    finally:
-        _config.CACHE_DIR = chosen
+    with _PLACING:
+        chosen = _config.CACHE_DIR
+        _config.CACHE_DIR = str((Path(chosen) if chosen else loops_folder(file.parent)) / place)
+        try:
+            return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+        finally:
+            _config.CACHE_DIR = chosen
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -131,6 +132,8 @@ def read_bytes(path: Path) -> bytes:
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
     """The error of a path that cannot be read, with the system's reason where it gives one."""
+    if error.strerror is None and not path.exists():
+        otherwise = os.strerror(errno.ENOENT)
     return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
 
 

@@ -22,6 +22,8 @@ _PARTS = {
     "colors": ("red", "green", "blue"),
     "rgb": ("red", "green", "blue"),
 }
+_MOST_COLUMNS = 256
+"""Columns of an array: no points have as many values, but an array on its side does."""
 _FARTHEST_M = 1e5
 """No sensor of such frames sees farther: other numbers are those of another kind of file."""
 
@@ -74,6 +76,8 @@ def _columns(array: NDArray[Any], path: Path) -> Columns:
         raise InputError(
             f"{path}: expected numbers of shape (n, 3), got {array.dtype} {array.shape}"
         )
+    if array.shape[1] > _MOST_COLUMNS:
+        raise InputError(f"{path}: {array.shape[1]} columns: points stand in rows, (n, 3 or more)")
     return named_columns(array)
 
 

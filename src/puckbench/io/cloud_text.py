@@ -22,18 +22,20 @@ def read_text(path: Path) -> Columns:
     """Read the columns of a file, by the names in its first line where that has any.
 
     Numbers are separated by commas, semicolons or blanks, and read to the nearest double. Lines of
-    comments, and a first line with the number of points (PTS), are left out.
+    comments, and a line before the points with their number (PTS), are left out.
 
     Raises
     ------
     InputError
-        The file is missing, empty, or has lines that are no numbers.
+        The file is missing, empty, has lines that are no numbers, or not as many as it says.
     """
     data = read_bytes(path).removeprefix("\ufeff".encode())
-    skipped, names, first = _head(data[:_LOOKED_AT].decode("utf-8", "replace").splitlines())
+    skipped, names, count, first = _head(data[:_LOOKED_AT].decode("utf-8", "replace").splitlines())
     if not first:
         raise InputError(f"{path}: the cloud is empty")
     parts = _parsed(re.sub(rb"\A(?:[^\n]*\n){%d}" % skipped, b"", data), first, path)
+    if count is not None and count != len(parts[0]):
+        raise InputError(f"{path}: {len(parts[0])} points where its head says {count}")
     if names and len(names) < len(parts):
         raise InputError(f"{path}: its first line has {len(names)} names for {len(parts)} columns")
     are_numbers = [part.dtype.kind in "fiu" for part in parts]
@@ -65,15 +67,19 @@ def _parsed(data: bytes, first: str, path: Path) -> list[NDArray[Any]]:
     return [column.to_numpy() for column in table.columns if not pa.types.is_null(column.type)]
 
 
-def _head(lines: list[str]) -> tuple[int, list[str], str]:
-    """Lines before the points, the names of the columns, and the first line of a point."""
+def _head(lines: list[str]) -> tuple[int, list[str], int | None, str]:
+    """Lines before the points, names of the columns, the number of points if it is said, and the
+    first line of a point."""
     names: list[str] = []
+    count: int | None = None
     for place, line in enumerate(lines):
         words = [word.strip("\"' ") for word in re.split(r"[,;\s]+", line.strip(" ,;\t"))]
         commented = line.lstrip().startswith(_COMMENT)
         bare = [word for word in (word.lstrip("/#") for word in words) if word]
         if {"x", "y", "z"} <= {word.lower() for word in bare}:
             names = bare
-        elif bare and not commented and not (place == 0 and len(bare) == 1):
-            return place, names, line
-    return len(lines), names, ""
+        elif bare and not commented:
+            if count is not None or len(bare) > 1 or not bare[0].isdecimal():
+                return place, names, count, line
+            count = int(bare[0])
+    return len(lines), names, count, ""

@@ -40,7 +40,10 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
     """Write a binary little-endian PLY (double coordinates, float normals, fields) and its JSON.
 
     Both appear when both are written, the JSON first, so that a PLY that exists is complete.
+    InputError for a name that another format is known by.
     """
+    if path.suffix.lower() in _FOREIGN:
+        raise InputError(f"{path}: a PLY file is written: name it so (export writes others)")
     columns = {
         axis: column.astype(kind)
         for name, (axes, kind) in _COLUMNS.items()

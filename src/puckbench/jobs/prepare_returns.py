@@ -10,6 +10,7 @@ from pydantic import Field
 
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import PointCloud
+from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
 from puckbench.io.columns import metadata_of
 from puckbench.jobs.prepare import kept_descriptions
@@ -119,8 +120,8 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path is read as a recording: its ending is no table's and no cloud's."""
-    return path.suffix.lower() not in (".parquet", *SUFFIXES)
+    """Whether a path is read as a recording: its ending is no table's, no cloud's and no mesh's."""
+    return path.suffix.lower() not in (".parquet", *SUFFIXES, *meshes.SUFFIXES)
 
 
 def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:

@@ -37,7 +37,7 @@ def measures(
 
     reference = Reference.of(reference)
     cloud, found = reference.cloud, distortion(reference, decoded)
-    peak = peak or cloud.peak
+    peak = cloud.peak if peak is None else peak
     decibels = {**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, reference.diameter)}
     lengths = in_metres(found, cloud.about.get("scale", 1.0))
     squares = in_square_millimetres(found) if cloud.frame == "metric" else {}

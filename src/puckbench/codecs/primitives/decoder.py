@@ -103,7 +103,7 @@ def surface_part(stream: bytes) -> tuple[SurfaceHeader, bytes]:
     if isinstance(header, HybridHeader):
         header, bits = unpack(header.surface)
     if not isinstance(header, SurfaceHeader):
-        raise InputError("the stream holds voxels, not planes: take a lower rate")
+        raise InputError("the stream holds voxels, not planes: take another rate")
     return header, bits
 
 

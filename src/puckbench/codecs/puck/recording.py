@@ -143,7 +143,7 @@ def _opened(path: Path) -> Bytes:
     except (OSError, ValueError) as error:
         if path.is_dir():
             raise InputError(f"{path}: a folder; compress the files in it") from error
-        raise unreadable(path, OSError(str(error))) from error
+        raise unreadable(path, error if isinstance(error, OSError) else OSError()) from error
     return data
 
 
