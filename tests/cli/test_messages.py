@@ -228,3 +228,15 @@ def test_what_is_missing_and_what_is_no_cloud_is_named_once(
     assert "not a point cloud by its name" in _refused(capsys, "prepare", mesh, out)
     assert "no such file" in _refused(capsys, "compare", missing, "--with", "default")
     assert "no such file" in _refused(capsys, "compress", missing, out)
+
+
+def test_points_that_are_not_finite_are_left_out_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = np.random.default_rng(0).random((500, 3))
+    points[3], points[7, 1] = np.nan, np.inf
+    np.save(tmp_path / "a.npy", points)
+    words = ["prepare", tmp_path / "a.npy", tmp_path / "cloud.ply"]
+    assert "2 of 500 points are not finite" in _refused(capsys, *words)
+    assert main([*map(str, words), "--drop-invalid"]) == 0
+    assert len(read_cloud(tmp_path / "cloud.ply")) == 498

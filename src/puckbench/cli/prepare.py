@@ -61,6 +61,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="size of the cube; 0: metres; grid: voxels as they came (default: 1024)",
     )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
+    parser.add_argument(
+        "--drop-invalid", action="store_true", help="leave out points that are not finite"
+    )
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
     parser.add_argument(
         "--turns",
@@ -86,6 +89,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         size=options.scale,
         neighbours=options.neighbours,
         clean=options.clean,
+        drop_invalid=options.drop_invalid,
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)

@@ -16,8 +16,10 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Let the message of an `InputError` from the block begin with what it is about."""
+    """Let the message of an `InputError` from the block begin with what it is about, once."""
     try:
         yield
     except InputError as error:
+        if str(error).startswith(f"{what}: "):
+            raise
         raise InputError(f"{what}: {error}") from error

@@ -39,9 +39,9 @@ class PointClouds(FileSet):
         cloud = read_points(path)
         about = self._about(path)
         if self.drop_invalid:
-            finite = np.flatnonzero(np.isfinite(cloud.xyz).all(axis=1))
+            finite = cloud.finite()
             about["dropped_points"] = len(cloud) - len(finite)
-            cloud = cloud.select(finite)
+            cloud = finite
         _check(cloud, path)
         if self.metres_per_unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)

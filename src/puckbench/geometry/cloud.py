@@ -72,6 +72,10 @@ class PointCloud:
         peak = self.about.get("peak")
         return None if peak is None else float(peak)
 
+    def finite(self) -> PointCloud:
+        """The cloud without points that are not finite."""
+        return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
+
     def select(self, rows: NDArray[Any]) -> PointCloud:
         """The cloud of some rows (a mask or indices), with their attributes, without returns."""
         return replace(

@@ -11,8 +11,8 @@ from pydantic import Field
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.io.clouds import read_cloud, write_cloud
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.io.clouds import read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ class Prepare(Job):
 
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
-    coordinates. peak: of PSNRs of a cloud in metres, in m.
+    coordinates. peak: of PSNRs of a cloud in metres, in m. drop_invalid: leave out points of a
+    cloud that are not finite; else it is refused.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -36,6 +37,7 @@ class Prepare(Job):
     neighbours: int = Field(30, ge=3)
     clean: bool = False
     peak: float | None = Field(None, gt=0)
+    drop_invalid: bool = False
 
     def run(
         self,
@@ -58,7 +60,7 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        returns = _returns(source, self.clean)
+        returns = _returns(source, self.clean, self.drop_invalid)
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)
@@ -84,11 +86,13 @@ class Prepare(Job):
         return np.asarray(box, dtype=np.float64)
 
 
-def _returns(path: Path, clean: bool) -> Returns:
+def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
     from puckbench.jobs.preparation import Returns
 
     if path.suffix != ".parquet":
-        cloud = read_cloud(path)
+        cloud = read_points(path)
+        cloud = cloud.finite() if drop_invalid else cloud
+        check_points(cloud.xyz, str(path))
         # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))

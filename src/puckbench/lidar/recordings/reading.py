@@ -103,8 +103,8 @@ def read_turns(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int
     InputError
         One line that names the file, when it holds no turns of one known sensor and return mode.
     """
-    log = read_packets(path).between(start_s, math.inf)
     with naming(path):
+        log = read_packets(path).between(start_s, math.inf)
         whole = is_whole(log.payloads)
         if len(log) and not whole.any():
             raise InputError(f"none of its {len(log)} data packets has the flags of a Velodyne's")
