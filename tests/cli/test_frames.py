@@ -102,8 +102,12 @@ def test_the_peak_of_a_psnr_is_not_assumed(
     assert "no d1_psnr without --peak" in told.err
     row = _json(capsys, "evaluate", sphere, out, "--peak", 2)
     assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 4 / row["d1_mse"]))
-    for wrong in ("0", "-1", "nan"):
-        assert "not a number above 0" in _refused(capsys, "evaluate", sphere, out, "--peak", wrong)
+    for wrong, fault in (
+        ("0", "must be greater than 0"),
+        ("-1", "must be greater than 0"),
+        ("nan", "must be a finite number"),
+    ):
+        assert fault in _refused(capsys, "evaluate", sphere, out, "--peak", wrong)
 
 
 def test_clouds_of_unlike_frames_are_told(

@@ -114,7 +114,7 @@ def test_adaptive_contexts_save_bits() -> None:
 @pytest.mark.parametrize(
     ("points", "fault"),
     [
-        (np.empty((0, 3)), "n > 0"),
+        (np.empty((0, 3)), "no points"),
         (np.array([[0, 0, 0], [1 << 21, 0, 0]]), "more than 21 bits apart"),
     ],
     ids=["empty", "wide"],

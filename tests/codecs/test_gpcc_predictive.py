@@ -208,7 +208,7 @@ def test_spherical_coordinates_lead_back_to_the_point() -> None:
 @pytest.mark.parametrize(
     ("points", "sensor", "said"),
     [
-        (np.empty((0, 3), int), None, "n > 0"),
+        (np.empty((0, 3), int), None, "no points"),
         (np.array([[0, 0, 0], [1 << 21, 0, 0]]), None, "21 bits apart"),
         (CUBE, SensorDescription((0.0,), (0.0,), 9, (1 << 23, 0, 0)), "bits away"),
     ],

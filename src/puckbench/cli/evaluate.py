@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.cli.types import chosen, positive, tell, whole
+from puckbench.cli.types import chosen, tell, whole
 from puckbench.jobs.evaluate import Evaluate
 
 _UNLIKE_DB = 10.0
@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--peak",
-        type=positive,
+        type=float,
         help="of the PSNRs (default: the reference's own, 1023 if scaled, 30 if in metres)",
     )
     parser.add_argument(

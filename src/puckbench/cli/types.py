@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
-from contextlib import suppress
 from typing import Any
 
 
@@ -30,14 +28,6 @@ def whole(low: int) -> Any:
         return int(text)
 
     return convert
-
-
-def positive(text: str) -> float:
-    """A number above 0."""
-    with suppress(ValueError):
-        if 0 < float(text) < math.inf:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
 
 
 def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -52,7 +52,8 @@ def tangents(voxels: Ints, block: int = 1) -> Tangents:
     xyz, ordered = voxels[order], keys[order]
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
     occupied, of_blocks = ordered[starts[:-1]], _block_moments(xyz, starts)
-    found = Tangents(*(np.empty(shape) for shape in ((len(xyz), 3), *3 * [len(xyz)])))
+    count = len(xyz)
+    found = Tangents(np.empty((count, 3)), np.empty(count), np.empty(count), np.empty(count))
 
     def fit(begin: int) -> None:
         rows = (begin, min(begin + _BLOCKS_PER_TASK, len(occupied)))

@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import Field
+
 from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
@@ -77,7 +79,7 @@ class Evaluating(Decoding):
     """
 
     dataset: str | None = None
-    peak: float | None = None
+    peak: float | None = Field(None, gt=0)
     views: int = 0
     metrics: tuple[str, ...] = ()
 

@@ -132,8 +132,10 @@ def encode_geometry(
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
     """Points (n, 3) as int64, and their least coordinates; InputError where they can't be coded."""
     points = np.asarray(points)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError(f"G-PCC: expected points of shape (n, 3), n > 0, got {points.shape}")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
+    if not len(points):
+        raise InputError("G-PCC: no points to code")
     whole = np.ascontiguousarray(points, dtype=np.int64)
     if points.dtype.kind not in "iu" and not (whole == points).all():
         raise InputError("G-PCC: coordinates are no whole numbers: scale and round them first")

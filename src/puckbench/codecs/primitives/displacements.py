@@ -79,13 +79,13 @@ def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTab
     """
     apart = voxels - means
 
-    def fitted(block_size: int) -> FittedTable:
+    def fitted(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:
         planes = _local_planes(voxels, block_size)
         factors, gain = planes.fitted(apart, weights)
-        moved = planes.moved(voxels, factors)
-        return FittedTable(DisplacementTable(block_size, factors), gain, moved)
+        return gain, DisplacementTable(block_size, factors), planes
 
-    return max(map(fitted, BLOCK_SIZES), key=lambda found: found.gain)
+    gain, table, planes = max(map(fitted, BLOCK_SIZES), key=lambda found: found[0])
+    return FittedTable(table, gain, planes.moved(voxels, table.factors))
 
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:
