@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import logging
 import os
 import sys
 from collections.abc import Container, Sequence
@@ -56,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Interrupted by the user it ends with 130, as a shell's own commands do.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    _show_remarks()
     try:
         parser, name = _parser(given)
         options = parser.parse_args(given)
@@ -69,6 +71,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _fail("interrupted", status=130)
     return int(isinstance(answer, dict) and bool(answer.get("failed")))
+
+
+class _Remarks(logging.Handler):
+    """Prints each line of the log once on standard error."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._lines: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = " ".join(record.getMessage().split())
+        if line not in self._lines:
+            self._lines.add(line)
+            print(f"puckbench: {line}", file=sys.stderr)  # noqa: T201
+
+
+def _show_remarks() -> None:
+    """Let this command print what readers remark on their input, by the log ``puckbench``."""
+    log = logging.getLogger("puckbench")
+    log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
+    log.addHandler(_Remarks())
 
 
 def _show(text: str) -> None:

@@ -1,0 +1,70 @@
+"""Every file of the corpus gives the right points or the right line."""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from puckbench.core.errors import InputError
+from tests.corpus.case import Case, cases
+
+CASES = list(cases())
+
+
+def _read(case: Case, path: Path) -> tuple[Any, Any]:
+    """Points of a file, and what holds its further columns."""
+    if case.reader == "cloud":
+        from puckbench.io.clouds import read_cloud
+
+        cloud = read_cloud(path, **case.options)
+        return cloud.xyz, cloud.fields
+    if case.reader == "mesh":
+        from puckbench.io.meshes import read_mesh
+
+        mesh = read_mesh(path, **case.options)
+        return mesh.vertices, {}
+    if case.reader == "returns":
+        from puckbench.lidar.recordings import read_recording
+
+        table = read_recording(path, **case.options)
+        return table.xyz, table.columns
+    from puckbench.lidar.recordings.reading import read_turns
+
+    returns, counts = read_turns(path, **case.options)
+    return returns.points(), counts
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.file)
+def test_file_gives_its_points_or_its_line(
+    case: Case, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / case.file
+    case.write(path)
+    with caplog.at_level(logging.WARNING, "puckbench"):
+        if case.line is not None:
+            with pytest.raises(InputError) as refusal:
+                _read(case, path)
+            line = str(refusal.value)
+            assert re.search(case.line, line), line
+            assert "\n" not in line
+            return
+        points, columns = _read(case, path)
+    assert case.points is not None
+    np.testing.assert_allclose(points, np.asarray(case.points, dtype=float), rtol=0, atol=1e-9)
+    for name, values in case.fields.items():
+        np.testing.assert_array_equal(columns[name], values)
+    lines = [record.getMessage() for record in caplog.records]
+    if case.remark is None:
+        assert not lines
+    else:
+        assert any(re.search(case.remark, line) for line in lines), lines
+
+
+def test_names_of_the_corpus_differ() -> None:
+    names = [case.file for case in CASES]
+    assert len(set(names)) == len(names)
