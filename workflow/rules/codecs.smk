@@ -1,60 +1,98 @@
-# Codecs: self-contained streams, one for each cloud, codec and rate; decoded clouds when asked for.
-# A job makes the streams of a whole rate-distortion curve, or of a part where that takes long, and
-# beside each a record of what it cost. What follows them follows the first: they are made together.
-for curve in coding.curves:
-
-    rule:
-        name:
-            curve.name("encode")
-        input:
-            cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        output:
-            streams=curve.files(f"{RESULTS}/coded", ".bin"),
-        log:
-            f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{curve.log}.log",
-        wildcard_constraints:
-            dataset=one_of(coding.datasets(curve)),
-        priority: priority_of(curve)
-        conda:
-            "../../envs/puckbench.yaml"
-        threads: coding.cores(CORES)
-        resources:
-            mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-            runtime=lambda w, attempt, minutes=coding.minutes(curve): attempt * minutes,
-        params:
-            record=coding.encode(curve).record,
-            code=coding.encode(curve).code,
-            timed=TIMED,
-        shell:
-            "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
-            " streams={output.streams:q} > {log:q} 2>&1"
+# Codecs: a rate-distortion curve is one file, an archive of a self-contained stream for each rate and
+# what it cost. A curve that takes long is coded in parts, each some of its rates.
+rule encode:
+    input:
+        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
+    output:
+        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    log:
+        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.whole),
+    priority: priority_of
+    conda:
+        "../../envs/puckbench.yaml"
+    threads: coding.cores(CORES)
+    resources:
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
+        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+    params:
+        record=lambda w: coding.encode(*curve_of(w)).record,
+        code=lambda w: coding.encode(*curve_of(w)).code,
+        timed=TIMED,
+    shell:
+        "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
+        " curve={output:q} > {log:q} 2>&1"
 
 
-# Each rate alone; those that the report shows are written where they are measured.
-for curve in coding.curves:
-    for rate in curve.alone():
+use rule encode as encode_part with:
+    output:
+        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.zip",
+    log:
+        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.cut),
 
-        rule:
-            name:
-                rate.name("decode")
-            input:
-                curve.first(f"{RESULTS}/coded", ".bin"),
-            output:
-                cloud=rate.first(f"{RESULTS}/decoded", ".ply"),
-                about=rate.first(f"{RESULTS}/decoded", ".json"),
-            log:
-                f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{rate.log}.log",
-            wildcard_constraints:
-                dataset=one_of(coding.datasets(curve)),
-            conda:
-                "../../envs/puckbench.yaml"
-            resources:
-                mem_mb=lambda w, attempt, mb=coding.memory_mb(curve.codec): attempt * mb,
-                runtime=lambda w, attempt, minutes=coding.minutes(rate): attempt * minutes,
-            params:
-                record=coding.decode(rate).record,
-                code=coding.decode(rate).code,
-                stream=rate.files(f"{RESULTS}/coded", ".bin"),
-            shell:
-                "python -m puckbench.jobs decode {params.record:q} stream={params.stream:q}"
-                " cloud={output.cloud:q} > {log:q} 2>&1"
+
+rule join_streams:
+    input:
+        lambda w: [
+            f"{RESULTS}/coded/{w.dataset}/{w.cloud}/{w.codec}/{part}.zip"
+            for part in coding.parts(w.dataset, w.codec)
+        ],
+    output:
+        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    log:
+        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.cut),
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=coding.join_streams.code,
+    shell:
+        "python -m puckbench.jobs join_streams {{}} parts={input:q} curve={output:q} > {log:q} 2>&1"
+
+
+# The cloud of one rate.
+rule decode:
+    input:
+        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    output:
+        cloud=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.ply",
+        about=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.json",
+    log:
+        f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
+        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+    params:
+        record=lambda w: coding.decode(w.dataset, w.codec, w.rate).record,
+        code=lambda w: coding.decode(w.dataset, w.codec, w.rate).code,
+    shell:
+        "python -m puckbench.jobs decode {params.record:q} stream={input:q} cloud={output.cloud:q} > {log:q} 2>&1"
+
+
+# The clouds of the rates that the report shows.
+rule decode_shown:
+    input:
+        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    output:
+        f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    log:
+        f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{{codec}}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
+        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+    params:
+        record=lambda w: coding.decode_shown(w.dataset, w.codec).record,
+        code=lambda w: coding.decode_shown(w.dataset, w.codec).code,
+    shell:
+        "python -m puckbench.jobs decode_shown {params.record:q} curve={input:q} clouds={output:q} > {log:q} 2>&1"

@@ -73,9 +73,14 @@ def files_of(*named):
     )
 
 
-def priority_of(curve):
+def priority_of(wildcards):
     """Clouds come before curves, and curves of the first codec before others: see `first_look`."""
-    return 1 if curve.codec == outputs.first_codec else 0
+    return 1 if wildcards.codec == outputs.first_codec else 0
+
+
+def curve_of(wildcards):
+    """Data set, codec and part of a curve's job; the part is empty where the job has all rates."""
+    return wildcards.dataset, wildcards.codec, wildcards.get("part", "")
 
 
 bench = or_stop(Workflow, config, True)
@@ -136,3 +141,5 @@ wildcard_constraints:
     cloud=r"[A-Za-z0-9_.-]+",
     scene=r"[A-Za-z0-9_.-]+",
     figure=r"[a-z0-9_]+",
+    part=r"[A-Za-z0-9_.-]+",
+    rate=r"[A-Za-z0-9_.-]+",

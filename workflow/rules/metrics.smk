@@ -1,47 +1,94 @@
-# Metrics: a result row for each cloud, codec and rate, from the streams' bytes alone; a job makes
-# those of a whole curve. Where scenes are labelled, a codec of surfaces has its primitives compared
-# with those that the scene is made of. A cloud that the report shows has its own rules, without
-# wildcards, which Snakemake prefers: their jobs write some decoded clouds as well.
-for measuring in coding.measuring:
+# Metrics: a table with a result row for each rate of a curve, from the streams' bytes alone.
+rule evaluate:
+    input:
+        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
+        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
+        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    output:
+        f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
+    log:
+        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.whole),
+    priority: priority_of
+    conda:
+        "../../envs/puckbench.yaml"
+    threads: coding.cores(CORES)
+    resources:
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
+        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+    params:
+        record=lambda w: coding.evaluate(*curve_of(w)).record,
+        code=lambda w: coding.evaluate(*curve_of(w)).code,
+        truth=lambda w: files_of(coding.truth(w.dataset, w.cloud)),
+        timed=TIMED,
+    shell:
+        "{params.timed} python -m puckbench.jobs evaluate_curve {params.record:q} cloud={input.cloud:q}"
+        " curve={input.curve:q} rows={output:q} {params.truth} > {log:q} 2>&1"
 
-    rule:
-        name:
-            measuring.name
-        input:
-            *measuring.of(measuring.curve.first(f"{RESULTS}/coded", ".bin")),
-            unpack(lambda w, one=measuring: coding.truth(*one.place(w))),
-            unpack(lambda w, one=measuring: coding.labels(*one.place(w)) if one.surfaces else {}),
-            cloud=measuring.of(f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply"),
-        output:
-            *measuring.beside(RESULTS),
-            **measuring.outputs(RESULTS),
-        log:
-            measuring.of(f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{measuring.curve.log}.log"),
-        wildcard_constraints:
-            dataset=one_of(measuring.datasets),
-        priority: priority_of(measuring.curve)
-        conda:
-            "../../envs/puckbench.yaml"
-        threads: coding.cores(CORES)
-        resources:
-            mem_mb=lambda w, attempt, mb=coding.memory_mb(measuring.curve.codec): attempt * mb,
-            runtime=lambda w, attempt, minutes=coding.minutes(measuring.curve): attempt * minutes,
-        params:
-            job="evaluate_surfaces" if measuring.surfaces else "evaluate_curve",
-            record=lambda w, one=measuring: coding.evaluate(*one.job(w)).record,
-            code=lambda w, one=measuring: coding.evaluate(*one.job(w)).code,
-            files=lambda w, input, output: files_of(input, output),
-            streams=measuring.of(*measuring.curve.files(f"{RESULTS}/coded", ".bin")),
-            timed=TIMED,
-        shell:
-            "{params.timed} python -m puckbench.jobs {params.job} {params.record:q} {params.files}"
-            " streams={params.streams:q} > {log:q} 2>&1"
+
+use rule evaluate as evaluate_part with:
+    input:
+        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
+        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
+        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.zip",
+    output:
+        f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.parquet",
+    log:
+        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.cut),
+
+
+rule join_rows:
+    input:
+        lambda w: [
+            f"{RESULTS}/metrics/{w.dataset}/{w.cloud}/{w.codec}/{part}.parquet"
+            for part in coding.parts(w.dataset, w.codec)
+        ],
+    output:
+        f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
+    log:
+        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}.log",
+    wildcard_constraints:
+        codec=one_of(coding.cut),
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=coding.join_rows.code,
+    shell:
+        "python -m puckbench.jobs join_rows {{}} parts={input:q} rows={output:q} > {log:q} 2>&1"
+
+
+# Where scenes are labelled, the primitives of a codec of surfaces are compared with the scene's.
+rule recovery:
+    input:
+        unpack(lambda w: coding.described(coding.labels(w.dataset, w.cloud))),
+        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+    output:
+        f"{RESULTS}/recovery/{{dataset}}/{{cloud}}/{{codec}}.parquet",
+    log:
+        f"{RESULTS}/logs/recovery/{{dataset}}/{{cloud}}/{{codec}}.log",
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
+        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+    params:
+        record=lambda w: coding.recovery(w.dataset, w.codec).record,
+        code=lambda w: coding.recovery(w.dataset, w.codec).code,
+    shell:
+        "python -m puckbench.jobs recovery_curve {params.record:q} curve={input.curve:q} points={input.points:q}"
+        " scene={input.scene:q} rows={output:q} > {log:q} 2>&1"
 
 
 # A scan measured as if it had been decoded: what of the truth it lacks before any codec.
 rule scan_error:
     input:
-        unpack(lambda w: coding.truth(w.dataset, w.cloud)),
+        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
     output:

@@ -40,12 +40,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--dataset", help="name of the data set, for the result row")
     parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
+    parser.add_argument("--rate", help="of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Measure; the answer is the result row."""
-    job = Evaluate.given(**chosen(options, "dataset", "peak", "views"), **timed_options(options))
+    settings = chosen(options, "dataset", "peak", "views", "rate")
+    job = Evaluate.given(**settings, **timed_options(options))
     files = chosen(options, "row", "truth", "visible", "clean")
     row = job.run(options.reference, options.decoded, **files)
     if row["d1_mse"] > 0 and "d1_psnr" not in row:

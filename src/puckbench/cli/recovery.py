@@ -17,12 +17,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, help="labelled mesh (.ply) that they lie on, in metres")
     parser.add_argument("--dataset", help="name of the data set, for the result row")
     parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
+    parser.add_argument("--rate", help="of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Compare; the answer is the result row, its ``kinds`` empty for a stream without surface."""
-    job = Recovery.given(dataset=options.dataset, **codec_options(options))
+    job = Recovery.given(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:
         return row

@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_json, write_json, written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.io.archives import read_archive
 from puckbench.io.cloud_arrays import read_frame, read_npy
 from puckbench.io.cloud_text import read_text
 from puckbench.io.e57 import read_e57
@@ -34,6 +36,25 @@ _COLUMNS = {
     "colours": (("red", "green", "blue"), "u1"),
     "labels": (("label",), "<i4"),
 }
+
+
+def cloud_bytes(cloud: PointCloud) -> bytes:
+    """The bytes of a cloud's PLY file, without its description."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.ply")
+        write_cloud(path, cloud, describe=False)
+        return path.read_bytes()
+
+
+def read_archived_cloud(archive: Path, name: str) -> PointCloud:
+    """Read a cloud that is a member of an archive; InputError as of `read_cloud`."""
+    members = read_archive(archive)
+    if name not in members:
+        raise InputError(f"{archive}: has no member {name}")
+    with TemporaryDirectory() as folder, naming(archive):
+        path = Path(folder, name)
+        path.write_bytes(members[name])
+        return read_cloud(path)
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:

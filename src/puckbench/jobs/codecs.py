@@ -10,8 +10,8 @@ from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, read_json
+from puckbench.core.errors import InputError, naming
+from puckbench.jobs.curve import Coded, read_coded
 from puckbench.jobs.registry import Job
 
 
@@ -37,21 +37,25 @@ class CodecJob(Job):
             self._loaded[name] = ready(open_codec(name, self.changes))
         return self._loaded[name]
 
-    def read_stream(self, path: Path) -> tuple[str, bytes]:
-        """The name of the codec that decodes a stream file, and the stream.
+    def codec_of(self, coded: Coded) -> str:
+        """The name of the codec that decodes a stream: the job's, else the stream's own.
 
-        The stream names the codec, or else its record does, as for a class of one's own file.
+        The stream names the codec, or else its record does, as for a class of a user's file.
         """
-        stream = read_bytes(path)
         if self.codec:
-            return self.codec, stream
+            return self.codec
         try:
-            return codec_of(stream), stream
-        except InputError as error:
-            beside = record_file(path)
-            if beside.exists() and (recorded := read_json(beside).get("codec")):
-                return str(recorded), stream
-            raise InputError(f"{path}: {error}") from error
+            return codec_of(coded.stream)
+        except InputError:
+            if recorded := coded.record.get("codec"):
+                return str(recorded)
+            raise
+
+    def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
+        """The name of the codec of a stream file, or of a rate of a curve, and the stream."""
+        coded = read_coded(path, rate)
+        with naming(path):
+            return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):
@@ -83,8 +87,3 @@ def ready(codec: Codec) -> Codec:
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     """The changes to a codec's entry with further options."""
     return {**changes, "options": {**changes.get("options", {}), **more}}
-
-
-def record_file(stream: Path) -> Path:
-    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
-    return stream.with_name(f"{stream.name}.json")

@@ -10,9 +10,11 @@ from puckbench.codecs.measurement import measured
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import naming
 from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
+from puckbench.io.archives import write_archive
+from puckbench.io.clouds import cloud_bytes, write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codecs import TimedJob
+from puckbench.jobs.curve import Coded, read_coded, read_curve
 from puckbench.jobs.registry import JOBS
 
 
@@ -26,50 +28,66 @@ class Decoded(NamedTuple):
 class Decoding(TimedJob):
     """A job that decodes streams; the codec is found from the stream where none is named."""
 
-    def decoded(self, path: Path) -> Decoded:
-        """Decode a stream file, timed; InputError names the file when it is damaged or foreign."""
-        name, stream = self.read_stream(path)
-        with naming(path):
-            codec = self.loaded(name)
-            timed = measured(lambda: codec.decode_cloud(stream), self.repeats, codec.cost)
+    def decoded(self, coded: Coded) -> Decoded:
+        """Decode a stream, timed; InputError when it is damaged or foreign."""
+        name = self.codec_of(coded)
+        codec = self.loaded(name)
+        timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
         record = {
+            **coded.record,
             "codec": name,
-            "bytes": len(stream),
+            "bytes": len(coded.stream),
             "points_out": len(timed.result),
             **timed.costs("decode"),
             **run_environment(self.alone),
         }
         return Decoded(timed.result, record)
 
-    def write_decoded(self, found: Decoded, stream: Path, cloud: Path) -> None:
-        """Write the decoded cloud of a stream file as PLY."""
-        about = {"source": stream.name, "codec": found.record["codec"]}
-        write_cloud(cloud, replace(found.cloud, about=about))
-
 
 @JOBS.register("decode")
 class Decode(Decoding):
-    """Decode a stream to a cloud, or to the mesh of its surface."""
+    """Decode a stream to a cloud, or to the mesh of its surface; rate: of a curve."""
 
     as_mesh: bool = False
+    rate: str | None = None
 
     def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
         """Write the decoded cloud or mesh as PLY."""
         if self.as_mesh:
             return self._mesh(stream, cloud)
-        found = self.decoded(stream)
-        self.write_decoded(found, stream, cloud)
+        with naming(stream):
+            found = self.decoded(read_coded(stream, self.rate))
+        about = {"source": stream.name, "codec": found.record["codec"]}
+        write_cloud(cloud, replace(found.cloud, about=about))
         return found.record
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
-        name, stream = self.read_stream(path)
+        name, coded = self.read_stream(path, self.rate)
         with naming(path):
-            mesh = self.loaded(name).decode_mesh(stream)
+            mesh = self.loaded(name).decode_mesh(coded.stream)
         write_mesh(out, mesh, {"source": path.name, "codec": name})
         return {
             "codec": name,
-            "bytes": len(stream),
+            "bytes": len(coded.stream),
             "vertices": len(mesh.vertices),
             "triangles": len(mesh.triangles),
             "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
         }
+
+
+@JOBS.register("decode_shown")
+class DecodeShown(Decoding):
+    """Decode some rates of a curve, for the report; rates: their names."""
+
+    rates: tuple[str, ...]
+
+    def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
+        """Write the decoded clouds, PLY files named after their rates, as one archive."""
+        coded = read_curve(curve)
+        members = {}
+        with naming(curve):
+            for rate in self.rates:
+                cloud = self.decoded(coded[rate]).cloud
+                members[f"{rate}.ply"] = cloud_bytes(cloud)
+        write_archive(clouds, members)
+        return {"clouds": len(members)}

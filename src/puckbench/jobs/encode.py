@@ -15,7 +15,8 @@ from puckbench.core.files import write_json, written_whole
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import Frame, PointCloud
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import TimedJob, ready, record_file
+from puckbench.jobs.codecs import TimedJob, ready
+from puckbench.jobs.curve import Coded, record_file, write_curve
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import with_returns
@@ -49,12 +50,12 @@ def to_code(
 
 
 class Encoding(TimedJob):
-    """A job that codes a cloud; the record of it goes beside each stream."""
+    """A job that codes a cloud."""
 
     codec: str
 
-    def coded(self, codec: Codec, cloud: PointCloud, rate: str, stream: Path) -> dict[str, Any]:
-        """Code a cloud with a loaded codec, timed; write the stream and its record."""
+    def coded(self, codec: Codec, cloud: PointCloud, rate: str) -> Coded:
+        """Code a cloud with a loaded codec, timed."""
         found = measured(lambda: codec.encode_cloud(cloud, rate), self.repeats, codec.cost)
         weights = codec.weights_of(rate)
         record = {
@@ -70,10 +71,7 @@ class Encoding(TimedJob):
             **run_environment(self.alone),
             "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
         }
-        with written_whole(stream) as temporary:
-            temporary.write_bytes(found.result)
-            write_json(record_file(stream), record)
-        return record
+        return Coded(found.result, record)
 
 
 @JOBS.register("encode")
@@ -102,7 +100,11 @@ class Encode(Encoding):
         if codec.takes == "either" and original.returns is None:
             why = f"no returns, so codec {self.codec} does without its sensor"
             sys.stderr.write(f"puckbench: {prepared or cloud}: {why}\n")
-        return self.coded(ready(codec), original, self.rate, stream)
+        coded = self.coded(ready(codec), original, self.rate)
+        with written_whole(stream) as temporary:
+            temporary.write_bytes(coded.stream)
+            write_json(record_file(stream), coded.record)
+        return coded.record
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
         """The cloud to code; InputError where the codec's rates are not in its frame."""
@@ -113,15 +115,18 @@ class Encode(Encoding):
 
 @JOBS.register("encode_curve")
 class EncodeCurve(Encoding):
-    """Code a cloud at the rates of a rate-distortion curve, in one process."""
+    """Code a cloud at all rates of a codec's entry, in one process."""
 
-    def run(self, cloud: Path, streams: tuple[Path, ...]) -> dict[str, Any]:
-        """Write the streams, each named after its rate, and their records."""
+    def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
+        """Write the streams and their records as one file."""
         codec = open_codec(self.codec, self.changes)
         original = to_code(codec, cloud)
+        rates = tuple(codec.rates_of(original.frame or "scaled"))
         ready(codec)
-        progress, seconds = Progress("rate"), 0.0
-        for done, stream in enumerate(streams, start=1):
-            seconds += self.coded(codec, original, stream.stem, stream)["encode_s"]
-            progress(done, len(streams))
-        return self.work(len(original), len(streams), seconds)
+        progress, coded = Progress("rate"), {}
+        for done, rate in enumerate(rates, start=1):
+            coded[rate] = self.coded(codec, original, rate)
+            progress(done, len(rates))
+        write_curve(curve, coded)
+        seconds = sum(one.record["encode_s"] for one in coded.values())
+        return self.work(len(original), len(rates), seconds)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from puckbench import __version__
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, write_json
+from puckbench.core.errors import naming
+from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
 from puckbench.io.clouds import SUFFIXES, read_cloud
-from puckbench.jobs.codecs import record_file
+from puckbench.jobs.curve import read_coded, read_curve, write_rows
 from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
@@ -83,11 +82,8 @@ class Evaluating(Decoding):
     views: int = 0
     metrics: tuple[str, ...] = ()
 
-    def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
-        """The result row of a decoded cloud, or of a stream (.bin)."""
-        return self._row_of(originals, self._found(decoded))
-
-    def _row_of(self, originals: Originals, found: Decoded) -> dict[str, Any]:
+    def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
+        """The result row of a decoded cloud."""
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
@@ -117,48 +113,12 @@ class Evaluating(Decoding):
         result["cloud"] = result.pop("name", originals.name)
         return result
 
-    def write_rows(
-        self,
-        originals: Originals,
-        streams: Sequence[Path],
-        rows: Sequence[Path],
-        clouds: Sequence[Path] = (),
-    ) -> dict[str, Any]:
-        """Write the result row of each stream, and the decoded cloud of those that `clouds` name.
-
-        Returns
-        -------
-        dict
-            What was done, as `work` says it.
-        """
-        progress, seconds = Progress("rate"), 0.0
-        written = {cloud.stem: cloud for cloud in clouds}
-        for record in map(record_file, streams):
-            if not record.exists():
-                raise InputError(f"{record}: no such file: delete the streams beside it")
-        for done, (stream, row) in enumerate(zip(streams, rows, strict=True), start=1):
-            found = self._found(stream)
-            if stream.stem in written:
-                self.write_decoded(found, stream, written[stream.stem])
-            write_json(row, self._row_of(originals, found))
-            seconds += found.record["decode_s"]
-            progress(done, len(rows))
-        points = len(originals.reference.cloud)
-        return {**self.work(points, len(rows), seconds), "truth": originals.truth is not None}
-
-    def _found(self, path: Path) -> Decoded:
-        """A decoded cloud as it is, or that of a stream with what it cost."""
-        if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
-            return Decoded(read_cloud(path), {})
-        found = self.decoded(path)
-        beside = record_file(path)
-        coding = read_json(beside) if beside.exists() else {}
-        return Decoded(found.cloud, {**coding, **found.record})
-
 
 @JOBS.register("evaluate")
 class Evaluate(Evaluating):
-    """Measure a decoded cloud or a stream."""
+    """Measure a decoded cloud or a stream; rate: of a curve."""
+
+    rate: str | None = None
 
     def run(
         self,
@@ -174,14 +134,21 @@ class Evaluate(Evaluating):
         Parameters
         ----------
         decoded
-            A decoded cloud, or a stream (.bin, or of a suffix that no cloud has).
+            A decoded cloud, or a stream (.bin, or of a suffix that no cloud has), or a curve.
         cloud, truth, visible, clean
             As `Originals` takes them.
         """
-        result = self.row(Originals(cloud, truth, visible, clean), decoded)
+        result = self.row(Originals(cloud, truth, visible, clean), self._decoded(decoded))
         if row:
             write_json(row, result)
         return result
+
+    def _decoded(self, path: Path) -> Decoded:
+        """A decoded cloud as it is, or that of a stream with what it cost."""
+        if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
+            return Decoded(read_cloud(path), {})
+        with naming(path):
+            return self.decoded(read_coded(path, self.rate))
 
 
 @JOBS.register("evaluate_curve")
@@ -191,20 +158,27 @@ class EvaluateCurve(Evaluating):
     def run(
         self,
         cloud: Path,
-        streams: tuple[Path, ...],
-        rows: tuple[Path, ...],
-        clouds: tuple[Path, ...] = (),
+        curve: Path,
+        rows: Path,
         truth: Path | None = None,
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the result rows, one for each stream, and decoded clouds of some.
+        """Write a table with the result row of each rate.
 
         Parameters
         ----------
-        clouds
-            Decoded clouds to write, each of the stream that has its name.
         cloud, truth, visible, clean
             As `Originals` takes them.
         """
-        return self.write_rows(Originals(cloud, truth, visible, clean), streams, rows, clouds)
+        originals = Originals(cloud, truth, visible, clean)
+        coded, progress = read_curve(curve), Progress("rate")
+        results = []
+        with naming(curve):
+            for done, one in enumerate(coded.values(), start=1):
+                results.append(self.row(originals, self.decoded(one)))
+                progress(done, len(coded))
+        write_rows(rows, results)
+        seconds = sum(row["decode_s"] for row in results)
+        work = self.work(len(originals.reference.cloud), len(coded), seconds)
+        return {**work, "truth": originals.truth is not None}

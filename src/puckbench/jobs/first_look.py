@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.jobs.joined import OfRows
-from puckbench.jobs.registry import JOBS
+from puckbench.jobs.registry import JOBS, Job
 
 
 @JOBS.register("first_look")
-class FirstLook(OfRows):
+class FirstLook(Job):
     """Draw figures from some result rows; style: its layers, for all of them."""
 
     style: tuple[dict[str, Any], ...] = ()
@@ -22,9 +21,7 @@ class FirstLook(OfRows):
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        table = result_tables.table_of(
-            result_tables.metric_rows(self.every(rows)), result_tables.METRIC_KEYS
-        )
+        table = result_tables.table_of(result_tables.metric_rows(rows), result_tables.METRIC_KEYS)
         write_table(table, parquet)
         style = FigureStyle.from_config(*self.style)
         for path in out:

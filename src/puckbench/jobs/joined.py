@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
-
-from pydantic import Field
 
 from puckbench.jobs.registry import JOBS, Job
 
 
-class OfRows(Job):
-    """A job on result rows; rates: of a curve, by its codec and first rate ("draco/r1").
-
-    Of each curve it is given the row of the first rate, and reads the others beside it.
-    """
-
-    rates: dict[str, tuple[str, ...]] = Field({})
-
-    def every(self, rows: Iterable[Path]) -> list[Path]:
-        """The rows of all rates."""
-        return [path for row in rows for path in self._of_curve(row)]
-
-    def _of_curve(self, row: Path) -> list[Path]:
-        rates = self.rates.get(f"{row.parent.name}/{row.stem}")
-        return [row] if rates is None else [row.with_name(f"{rate}.json") for rate in rates]
-
-
 @JOBS.register("metrics_table")
-class MetricsTable(OfRows):
+class MetricsTable(Job):
     """All result rows, and the medians per data set, codec and rate."""
 
     def run(
@@ -39,7 +19,7 @@ class MetricsTable(OfRows):
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        found = result_tables.metric_rows(self.every(rows))
+        found = result_tables.metric_rows(rows)
         table = result_tables.table_of(found, result_tables.METRIC_KEYS)
         write_table(table, csv, parquet)
         write_table(result_tables.summary(table), summary)
@@ -81,7 +61,7 @@ class LeftOut(Job):
 
 
 @JOBS.register("rows_table")
-class RowsTable(OfRows):
+class RowsTable(Job):
     """Scans' own errors, or recovered primitives: all result rows of that kind."""
 
     kind: Literal["scan_errors", "recovery"]
@@ -92,7 +72,7 @@ class RowsTable(OfRows):
         from puckbench.jobs import result_tables
 
         make, keys = result_tables.ROWS[self.kind]
-        table = result_tables.table_of(make(self.every(rows)), keys)
+        table = result_tables.table_of(make(rows), keys)
         write_table(table, csv, parquet)
         return {"rows": len(table)}
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from puckbench import __version__
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import read_json, write_json
+from puckbench.core.files import write_json
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Labels, Mesh
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes import read_mesh
-from puckbench.jobs.codecs import CodecJob, record_file
+from puckbench.jobs.codecs import CodecJob
+from puckbench.jobs.curve import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
@@ -47,14 +48,13 @@ class Recovering(CodecJob):
 
     dataset: str | None = None
 
-    def recovered(self, originals: LabelledPoints, name: str, stream: Path) -> dict[str, Any]:
+    def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
         """The result row of a stream; ``kinds`` is empty for one without surface.
 
         name: of the cloud.
         """
-        codec, surface = self._decoded_surface(stream)
-        beside = record_file(stream)
-        record = read_json(beside) if beside.exists() else {}
+        codec, surface = self._decoded_surface(coded)
+        record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
         return {
             **({"dataset": self.dataset} if self.dataset else {}),
@@ -65,26 +65,27 @@ class Recovering(CodecJob):
             "kinds": kinds,
         }
 
-    def _decoded_surface(self, path: Path) -> tuple[str, Mesh | None]:
+    def _decoded_surface(self, coded: Coded) -> tuple[str, Mesh | None]:
         """The codec's name and the labelled surface; None where the stream holds points alone."""
-        name, stream = self.read_stream(path)
-        with naming(path):
-            codec = self.loaded(name)
-            if not codec.has_surfaces:
-                raise InputError(f"codec {name} codes points, and no surfaces with primitives")
-            try:
-                surface = codec.decode_mesh(stream)
-            except InputError:
-                codec.decode(stream)  # a damaged stream ends here, in the decoder's words
-                return name, None
+        name = self.codec_of(coded)
+        codec = self.loaded(name)
+        if not codec.has_surfaces:
+            raise InputError(f"codec {name} codes points, and no surfaces with primitives")
+        try:
+            surface = codec.decode_mesh(coded.stream)
+        except InputError:
+            codec.decode(coded.stream)  # a damaged stream ends here, in the decoder's words
+            return name, None
         if surface.labels is None:
-            raise InputError(f"{path}: codec {name} gives its surface no labels")
+            raise InputError(f"codec {name} gives its surface no labels")
         return name, surface
 
 
 @JOBS.register("recovery")
 class Recovery(Recovering):
-    """Compare the primitives of a decoded surface with those that the scene is made of."""
+    """Compare the primitives of a stream with those that the scene is made of; rate: of a curve."""
+
+    rate: str | None = None
 
     def run(
         self, stream: Path, points: Path, scene: Path, row: Path | None = None
@@ -96,10 +97,38 @@ class Recovery(Recovering):
         points, scene
             As `LabelledPoints` takes them.
         """
-        result = self.recovered(LabelledPoints(points, scene), points.stem, stream)
+        labelled = LabelledPoints(points, scene)
+        with naming(stream):
+            result = self.recovered(labelled, points.stem, read_coded(stream, self.rate))
         if row:
             write_json(row, result)
         return result
+
+
+@JOBS.register("recovery_curve")
+class RecoveryCurve(Recovering):
+    """Compare the primitives of a curve's streams with those that the scene is made of."""
+
+    def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
+        """Write a table with a result row for each rate and kind of primitive.
+
+        Parameters
+        ----------
+        points, scene
+            As `LabelledPoints` takes them.
+        """
+        labelled, coded = LabelledPoints(points, scene), read_curve(curve)
+        with naming(curve):
+            streams = [self.recovered(labelled, points.stem, one) for one in coded.values()]
+        results = [row for stream in streams for row in _row_of_each_kind(stream)]
+        write_rows(rows, results)
+        return {"rows": len(results)}
+
+
+def _row_of_each_kind(row: dict[str, Any]) -> list[dict[str, Any]]:
+    """A row for each kind of primitive; one of the kind "all" for a stream without surface."""
+    kinds = row.pop("kinds") or [{"kind": "all"}]
+    return [{**row, **kind} for kind in kinds]
 
 
 def _kinds(cloud: PointCloud, labels: Labels, surface: Mesh) -> list[dict[str, Any]]:

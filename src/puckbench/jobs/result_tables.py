@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from puckbench.jobs.curve import read_rows
 from puckbench.metrics.frames import FRAME
 from puckbench.metrics.registry import TABLES
 
@@ -90,7 +91,7 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
     clean scan of the same rays; both are empty where there is none.
     """
-    return [read_json(file) for file in files]
+    return read_rows(files)
 
 
 @TABLES.register("clouds", title="The clouds", rule="clouds_table")
@@ -135,7 +136,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     kept = (*CLOUD_KEYS, "group", "scale", FRAME)
     return [
         {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
-        for row in metric_rows(files)
+        for row in map(read_json, files)
     ]
 
 
@@ -147,11 +148,7 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     medians over the matched of the residual and of the differences of the parameters. A stream
     without primitives has a row of the kind "all" in which nothing is measured.
     """
-    rows = []
-    for row in metric_rows(files):
-        kinds = row.pop("kinds") or [{"kind": "all"}]
-        rows += [{**row, **kind} for kind in kinds]
-    return rows
+    return read_rows(files)
 
 
 ROWS = {

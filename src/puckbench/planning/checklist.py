@@ -207,7 +207,7 @@ class Reproduction:
     def stages(self) -> dict[str, Stage]:
         """The files of every stage of the benchmark."""
         plan, root = self.bench.plan, self.results
-        cells = frozenset(map("/".join, plan.cells))
+        curves = frozenset(map("/".join, plan.curves))
         clouds = frozenset(map("/".join, plan.clouds))
         used = {data.scenes: data.clouds for data in plan.datasets.values()}
         scenes = frozenset(f"{name}/{scene}" for name, found in used.items() for scene in found)
@@ -217,8 +217,8 @@ class Reproduction:
             "scans": Stage(root / "scans", ".parquet", self._made("scan")),
             "clouds": Stage(root / "clouds", ".ply", clouds),
             "about": Stage(root / "clouds", ".json", clouds),
-            "coded": Stage(root / "coded", ".bin", cells),
-            "metrics": Stage(root / "metrics", ".json", cells),
+            "coded": Stage(root / "coded", ".zip", curves),
+            "metrics": Stage(root / "metrics", ".parquet", curves),
             "figures": Stage(root / "figures", ".pdf", frozenset(self.bench.outputs.figures)),
             "tables": Stage(root / "tables", ".csv", frozenset(self.bench.outputs.tables)),
         }
@@ -254,11 +254,13 @@ class Reproduction:
         if data.is_scanned_from_truth:
             kinds.append(JobKind("evaluate", count, points, truth=True))
         coding = self.bench.coding
-        for curve in coding.curves:
-            if data.name not in coding.datasets(curve):
-                continue
-            cells = (count, points, curve.codec, len(curve.rates), repeats)
-            surfaces = data.name in coding.measured(curve, surfaces=True)
-            measuring = "evaluate_surfaces" if surfaces else "evaluate_curve"
-            kinds += [JobKind("encode_curve", *cells), JobKind(measuring, *cells, data.has_truth)]
+        plan = self.bench.plan
+        for codec in (codec for codec in plan.codecs if plan.codes(codec, data.name)):
+            for curve in coding.parts(data.name, codec).values():
+                alike = (count, points, codec, len(curve.rates), repeats)
+                kinds.append(JobKind("encode_curve", *alike))
+                kinds.append(JobKind("evaluate_curve", *alike, data.has_truth))
+            if (data.name in plan.labelled) and codec in plan.of_surfaces:
+                rates = len(plan.rates(codec, data.frame))
+                kinds.append(JobKind("recovery_curve", count, points, codec, rates))
         return kinds

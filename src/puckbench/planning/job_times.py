@@ -19,7 +19,7 @@ from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
 from puckbench.jobs.cost import read_cost
 
-_OF_CURVES = ("encode_curve", "evaluate_curve", "evaluate_surfaces")
+_OF_CURVES = ("encode_curve", "evaluate_curve", "recovery_curve")
 _OF_CLOUDS = ("sample", "scan", "prepare", "evaluate", *_OF_CURVES)
 """Jobs whose work grows with the points of a cloud."""
 _ONE_SIZE = 0.1

@@ -75,9 +75,8 @@ class OutputJobs:
         plan, found = self.plan, {}
         if plan.datasets:
             summary = {"summary": self._file("summary", "csv")}
-            every = MetricsTable(rates=self.coding.rates())
-            rows = self.coding.first_rows("metrics")
-            found["metrics"] = self._joined("metrics", every, rows, summary)
+            rows = self.coding.files("metrics")
+            found["metrics"] = self._joined("metrics", MetricsTable(), rows, summary)
             rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
             job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
             found["clouds"] = self._joined("clouds", job, rows)
@@ -242,9 +241,9 @@ class OutputJobs:
         folder = f"{self.plan.results}/first_look"
         images = [f"{folder}/{name}.png" for name in drawn]
         outputs = {"parquet": f"{folder}/metrics.parquet", "out": images}
-        rows = self.coding.first_rows("metrics", self.first_codec)
+        rows = self.coding.files("metrics", self.first_codec)
         style = self._style(self.config.figures.style)
-        record = FirstLook(rates=self.coding.rates(self.first_codec), style=style)
+        record = FirstLook(style=style)
         modules = [FIGURES.module_of(name) for name in drawn]
         return JoinedTable(planned(record, *modules, also=self._codec_styles), rows, outputs)
 

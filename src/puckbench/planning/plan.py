@@ -222,21 +222,22 @@ class Plan:
         )
 
     @cached_property
-    def recovered(self) -> tuple[tuple[str, str, str, str], ...]:
-        """Those cells whose primitives are compared with the labels of their scenes."""
+    def recovered(self) -> tuple[tuple[str, str, str], ...]:
+        """Those curves whose primitives are compared with the labels of their scenes."""
         return tuple(
-            cell for cell in self.cells if cell[0] in self.labelled and cell[2] in self.of_surfaces
+            curve
+            for curve in self.curves
+            if curve[0] in self.labelled and curve[2] in self.of_surfaces
         )
 
     @cached_property
-    def cells(self) -> tuple[tuple[str, str, str, str], ...]:
-        """Every (data set, cloud, codec, rate), in the order of the table."""
+    def curves(self) -> tuple[tuple[str, str, str], ...]:
+        """Every (data set, cloud, codec), in the order of the table."""
         return tuple(
-            (dataset, cloud, codec, rate)
+            (dataset, cloud, codec)
             for dataset, cloud in self.clouds
             for codec in self.codecs
             if self.codes(codec, dataset)
-            for rate in self.rates(codec, self.datasets[dataset].frame)
         )
 
     def codes(self, codec: str, dataset: str) -> bool:

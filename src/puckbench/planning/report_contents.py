@@ -49,10 +49,7 @@ def _examples(plan: Plan) -> Iterable[Example]:
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud
         decoded = {
-            codec: {
-                rate: str(folder / codec / f"{rate}.ply")
-                for rate in shown_rates(plan, codec, frame)
-            }
+            codec: {rate: str(folder / f"{codec}.zip") for rate in shown_rates(plan, codec, frame)}
             for codec in plan.codecs
             if plan.codes(codec, dataset)
         }

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from puckbench.core.loop_cache import loops_folder
-from puckbench.planning.coding import Curve
 from puckbench.planning.workflow import Workflow
 
 SAMPLE_S = 0.05
@@ -39,24 +38,24 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
-    """Seconds of jobs that code, decode and measure curves."""
-    coding, points = bench.coding, int(millions * 1e6)
-    truth = any(data.has_truth for data in bench.plan.datasets.values())
-    found = {}
-
-    def calls(curve: Curve, repeats: int) -> tuple[float, float]:
-        """Seconds of encoding and of decoding."""
-        pace = coding.pace(curve.codec)
-        both = len(curve.rates) * repeats * pace.of(points)
-        return both * pace.encoding, both * (1 - pace.encoding)
-
-    for curve in coding.curves:
-        found[curve.name("encode")] = calls(curve, coding.timing.repeats)[0]
-        found |= {one.name("decode"): calls(one, 1)[1] for one in curve.alone()}
-    for rule in coding.measuring:
-        decoded = calls(rule.curve, coding.timing.repeats)[1]
-        found[rule.name] = decoded + len(rule.curve.rates) * _METRICS[truth] * millions
-    return found
+    """Seconds of jobs that code, decode and measure curves: means over the curves."""
+    plan, coding, points = bench.plan, bench.coding, int(millions * 1e6)
+    truth = any(data.has_truth for data in plan.datasets.values())
+    encoding, decoding, rates = [], [], []
+    for dataset, _, codec in plan.curves:
+        pace = coding.pace(codec)
+        rates.append(len(plan.rates(codec, plan.datasets[dataset].frame)))
+        encoding.append(rates[-1] * pace.of(points) * pace.encoding)
+        decoding.append(rates[-1] * pace.of(points) * (1 - pace.encoding))
+    count, repeats = max(1, len(rates)), coding.timing.repeats
+    encoded, decoded, number = sum(encoding) / count, sum(decoding) / count, sum(rates) / count
+    shown = min(1.0, plan.config.report.rates / max(1.0, number))
+    return {
+        "encode": repeats * encoded,
+        "evaluate": repeats * decoded + number * _METRICS[truth] * millions,
+        "decode_shown": shown * decoded,
+        "recovery": decoded,
+    }
 
 
 def machine_sample() -> float:

@@ -13,12 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from puckbench.io.archives import SUFFIX as ARCHIVE
+from puckbench.io.archives import read_archive
 from puckbench.report.quantities import is_time
 
 _MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
 """Words of the one claim of `claims.csv` that is about them."""
-_TABLE_FOLDERS = {"tables", "first_look"}
+_TABLE_FOLDERS = {"tables", "first_look", "metrics", "recovery"}
 _LEFT_OUT = re.compile(
     r"^(logs/.*|report\.html|\.lock|reference\.parquet|(figures|first_look)/fig_6_[589]\.\w+)$"
 )
@@ -67,9 +69,13 @@ def same(first: Path, second: Path) -> bool:
 def _content(path: Path) -> Any:
     if path.suffix in {".csv", ".parquet"} and _TABLE_FOLDERS.intersection(path.parts):
         return _without_times(_table(path))
-    if path.suffix == ".json":
-        return _timeless(json.loads(path.read_text(encoding="utf-8")))
-    return path.read_bytes()
+    if path.suffix == ARCHIVE:
+        return {name: _member(name, data) for name, data in read_archive(path).items()}
+    return _member(path.name, path.read_bytes())
+
+
+def _member(name: str, data: bytes) -> Any:
+    return _timeless(json.loads(data)) if name.endswith(".json") else data
 
 
 def _table(path: Path) -> list[list[str]]:

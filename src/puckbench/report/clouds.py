@@ -14,7 +14,8 @@ import numpy as np
 from puckbench.core.seeding import generator
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.io.clouds import read_cloud
+from puckbench.io.archives import SUFFIX as ARCHIVE
+from puckbench.io.clouds import read_archived_cloud, read_cloud
 from puckbench.report.contents import Contents, Example
 from puckbench.report.curves import codec_payload, rounded
 
@@ -106,7 +107,7 @@ def _example(
 ) -> dict[str, Any]:
     original = read_cloud(Path(example.original))
     coded = (
-        (codec, rate, read_cloud(Path(file)).xyz)
+        (codec, rate, _decoded(Path(file), rate).xyz)
         for codec, files in example.decoded.items()
         for rate, file in files.items()
     )
@@ -119,6 +120,11 @@ def _example(
         "opened": example.kind != "object",
         **payload,
     }
+
+
+def _decoded(file: Path, rate: str) -> PointCloud:
+    """The decoded cloud of a rate, in a file or in an archive of several."""
+    return read_archived_cloud(file, f"{rate}.ply") if file.suffix == ARCHIVE else read_cloud(file)
 
 
 def _bpp(metrics: pd.DataFrame | None, example: Example, codec: str, rate: str) -> float | None:

@@ -26,7 +26,8 @@ class Example(Model):
     original
         File of the prepared cloud.
     decoded
-        Files of the decoded clouds by codec, then by rate.
+        Files of the decoded clouds by codec, then by rate; or archives (.zip) that have the cloud
+        of the rate r1 as ``r1.ply``.
     """
 
     kind: str
@@ -91,7 +92,8 @@ class Contents(Model):
         originals = [example.original for example in self.examples]
         decoded = [files for example in self.examples for files in example.decoded.values()]
         coded = [file for files in decoded for file in files.values()]
-        return [*metrics, *self.tables.values(), *self.figures.values(), *originals, *coded]
+        tables, figures = self.tables.values(), self.figures.values()
+        return list(dict.fromkeys([*metrics, *tables, *figures, *originals, *coded]))
 
 
 def add_own(figures: Iterable[str], tables: Iterable[str]) -> None:

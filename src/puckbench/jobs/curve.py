@@ -1,0 +1,102 @@
+"""Files of a rate-distortion curve: coded streams with their costs, decoded clouds, result rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, read_json, written_whole
+from puckbench.io.archives import SUFFIX, read_archive, write_archive
+
+STREAM, RECORD = ".bin", ".json"
+
+
+class Coded(NamedTuple):
+    """A coded stream, and what is recorded of its coding."""
+
+    stream: bytes
+    record: dict[str, Any]
+
+
+def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
+    """Write the streams of a curve by rate, and the record of each, as one stored zip archive.
+
+    The members of the rate r1 are ``r1.bin`` and ``r1.json``.
+    """
+    members = {}
+    for rate, one in coded.items():
+        members[rate + STREAM] = one.stream
+        text = json.dumps(one.record, indent=1, sort_keys=True, allow_nan=False)
+        members[rate + RECORD] = f"{text}\n".encode()
+    write_archive(path, members)
+
+
+def read_curve(path: Path) -> dict[str, Coded]:
+    """Read the streams of a curve by rate; InputError for another kind of file."""
+    members = read_archive(path)
+    rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
+    if not rates:
+        raise InputError(f"{path}: an archive without streams (r1{STREAM}, ...)")
+    return {rate: _coded(path, members, rate) for rate in rates}
+
+
+def _coded(path: Path, members: Mapping[str, bytes], rate: str) -> Coded:
+    try:
+        record = json.loads(members.get(rate + RECORD, b"{}"))
+    except ValueError as error:
+        raise InputError(f"{path}: {rate}{RECORD}: not valid JSON ({error})") from error
+    return Coded(members[rate + STREAM], record if isinstance(record, dict) else {})
+
+
+def read_coded(path: Path, rate: str | None = None) -> Coded:
+    """Read one stream: a file with its record beside it, or a rate of a curve.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is a curve that does not have the rate.
+    """
+    if path.suffix.lower() != SUFFIX:
+        beside = record_file(path)
+        return Coded(read_bytes(path), read_json(beside) if beside.exists() else {})
+    curve = read_curve(path)
+    if rate is None and len(curve) == 1:
+        (rate,) = curve
+    if rate not in curve:
+        fault = "name one of its rates" if rate is None else f"no rate '{rate}'"
+        raise InputError(f"{path}: {fault} (--rate: {', '.join(curve)})")
+    return curve[rate]
+
+
+def record_file(stream: Path) -> Path:
+    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
+    return stream.with_name(f"{stream.name}.json")
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a Parquet file, a column for every key; the same rows give the same bytes."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    names = dict.fromkeys(name for row in rows for name in row)
+    table = pa.table({name: [row.get(name) for row in rows] for name in names})
+    with written_whole(path) as temporary:
+        parquet.write_table(table, temporary, compression="zstd")
+
+
+def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """The rows of some files, each without the keys that it has no value for."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    rows: list[dict[str, Any]] = []
+    for path in paths:
+        try:
+            rows += parquet.ParquetFile(path).read().to_pylist()
+        except (pa.ArrowException, OSError) as error:
+            fault = " ".join(str(error).split())
+            raise InputError(f"{path}: not a readable table of results ({fault})") from error
+    return [{key: value for key, value in row.items() if value is not None} for row in rows]

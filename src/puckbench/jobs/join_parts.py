@@ -1,0 +1,31 @@
+"""A curve of parts that were coded and measured by themselves, each part some of its rates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from puckbench.jobs.curve import read_curve, read_rows, write_curve, write_rows
+from puckbench.jobs.registry import JOBS, Job
+
+
+@JOBS.register("join_streams")
+class JoinStreams(Job):
+    """Join the streams of a curve's parts."""
+
+    def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
+        """Write the streams and their records as one file, in the order of the parts."""
+        coded = {rate: one for part in parts for rate, one in read_curve(part).items()}
+        write_curve(curve, coded)
+        return {"streams": len(coded)}
+
+
+@JOBS.register("join_rows")
+class JoinRows(Job):
+    """Join the result rows of a curve's parts."""
+
+    def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
+        """Write the rows as one table, in the order of the parts."""
+        results = read_rows(parts)
+        write_rows(rows, results)
+        return {"rows": len(results)}
