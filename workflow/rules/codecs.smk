@@ -3,6 +3,7 @@
 rule encode:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
+        record=record_of(lambda w: coding.encode(*curve_of(w))),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -17,11 +18,10 @@ rule encode:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
-        record=lambda w: coding.encode(*curve_of(w)).record,
-        code=lambda w: coding.encode(*curve_of(w)).code,
+        code=code_of(lambda w: coding.encode(*curve_of(w))),
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs encode_curve {params.record:q} cloud={input.cloud:q}"
+        "{params.timed} python -m puckbench.jobs encode_curve {input.record} cloud={input.cloud:q}"
         " curve={output:q} > {log:q} 2>&1"
 
 
@@ -36,10 +36,11 @@ use rule encode as encode_part with:
 
 rule join_streams:
     input:
-        lambda w: [
+        parts=lambda w: [
             f"{RESULTS}/coded/{w.dataset}/{w.cloud}/{w.codec}/{part}.zip"
             for part in coding.parts(w.dataset, w.codec)
         ],
+        record=record_of(lambda w: coding.join_streams),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -54,13 +55,14 @@ rule join_streams:
     params:
         code=coding.join_streams.code,
     shell:
-        "python -m puckbench.jobs join_streams {{}} parts={input:q} curve={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs join_streams {input.record} parts={input.parts:q} curve={output:q} > {log:q} 2>&1"
 
 
 # The cloud of one rate.
 rule decode:
     input:
-        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        record=record_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
     output:
         cloud=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.ply",
         about=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.json",
@@ -72,16 +74,17 @@ rule decode:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
-        record=lambda w: coding.decode(w.dataset, w.codec, w.rate).record,
-        code=lambda w: coding.decode(w.dataset, w.codec, w.rate).code,
+        code=code_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
     shell:
-        "python -m puckbench.jobs decode {params.record:q} stream={input:q} cloud={output.cloud:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs decode {input.record} stream={input.curve:q} cloud={output.cloud:q}"
+        " > {log:q} 2>&1"
 
 
 # The clouds of the rates that the report shows.
 rule decode_shown:
     input:
-        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        record=record_of(lambda w: coding.decode_shown(w.dataset, w.codec)),
     output:
         f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -92,7 +95,7 @@ rule decode_shown:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
-        record=lambda w: coding.decode_shown(w.dataset, w.codec).record,
-        code=lambda w: coding.decode_shown(w.dataset, w.codec).code,
+        code=code_of(lambda w: coding.decode_shown(w.dataset, w.codec)),
     shell:
-        "python -m puckbench.jobs decode_shown {params.record:q} curve={input:q} clouds={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs decode_shown {input.record} curve={input.curve:q} clouds={output:q}"
+        " > {log:q} 2>&1"

@@ -17,6 +17,7 @@ from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
+from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import compiling_seconds, job_seconds
 from puckbench.planning.running import (
@@ -64,13 +65,24 @@ def one_of(names):
     return "|".join(names) or "(?!)"
 
 
-def files_of(*named):
-    """Words `key=FILE ...` of a job's inputs and outputs by name."""
-    files = {key: file for each in named for key, file in each.items()}
-    lists = {key: [file] if isinstance(file, str) else [*file] for key, file in files.items()}
-    return shlex.join(
-        word for key, (first, *more) in lists.items() for word in (f"{key}={first}", *more)
-    )
+def files_of(files, names):
+    """Words `key=FILE ...` of those inputs of a job that have these names."""
+    return shlex.join(f"{name}={files[name]}" for name in names)
+
+
+def folder_of(files, gathering):
+    """The results folder in which a job finds the files that it gathers."""
+    return results_folder(files, gathering.names, plan.results)
+
+
+def record_of(job):
+    """The file of a job's settings, for an input: its name changes with them, its time never counts."""
+    return local(ancient(lambda wildcards: job(wildcards).file()))
+
+
+def code_of(job):
+    """The fingerprint of a job's code, for a parameter."""
+    return lambda wildcards: job(wildcards).code
 
 
 def priority_of(wildcards):

@@ -1,40 +1,43 @@
-# Figures: each a rule of its own, so that a change of one figure's style or code draws that one.
-for figure, inputs in outputs.figures.items():
-    category, title = outputs.figure_labels(figure)
-
-    rule:
-        name:
-            figure
-        input:
-            **inputs,
-        output:
-            pdf=f"{RESULTS}/figures/{figure}.pdf",
-            png=report(
-                f"{RESULTS}/figures/{figure}.png", category=category, labels={"figure": title}
-            ),
-        log:
-            f"{RESULTS}/logs/figures/{figure}.log",
-        conda:
-            "../../envs/puckbench.yaml"
-        resources:
-            mem_mb=1500,
-            runtime=10,
-        params:
-            record=outputs.figure(figure).record,
-            code=outputs.figure(figure).code,
-        shell:
-            "python -m puckbench.jobs figure {params.record:q} out={output.pdf:q} {output.png:q} > {log:q} 2>&1"
+# Figures.
+rule figure:
+    input:
+        unpack(lambda w: coding.described(outputs.figures[w.figure])),
+        record=record_of(lambda w: outputs.figure(w.figure)),
+    output:
+        pdf=f"{RESULTS}/figures/{{figure}}.pdf",
+        png=report(
+            f"{RESULTS}/figures/{{figure}}.png",
+            category=lambda w: outputs.figure_labels(w.figure)[0],
+            labels=lambda w: {"figure": outputs.figure_labels(w.figure)[1]},
+        ),
+    log:
+        f"{RESULTS}/logs/figures/{{figure}}.log",
+    wildcard_constraints:
+        figure=one_of(outputs.figures),
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=code_of(lambda w: outputs.figure(w.figure)),
+        inputs=lambda w, input: files_of(input, outputs.figures[w.figure]),
+    shell:
+        "python -m puckbench.jobs figure {input.record} {params.inputs} out={output.pdf:q} {output.png:q}"
+        " > {log:q} 2>&1"
 
 
 # The first codec's results, drawn as soon as they are there: the jobs that lead to them come first.
-FIRST_LOOK = outputs.first_look()
-if FIRST_LOOK:
+FIRST_FIGURES = [f"{RESULTS}/first_look/{name}.png" for name in outputs.first_figures]
+if FIRST_FIGURES:
 
     rule first_look:
         input:
-            rows=FIRST_LOOK.files,
+            rows=outputs.first_look.files(plan.results),
+            record=record_of(lambda w: outputs.first_look.job),
         output:
-            **FIRST_LOOK.outputs,
+            parquet=f"{RESULTS}/first_look/metrics.parquet",
+            images=FIRST_FIGURES,
         log:
             f"{RESULTS}/logs/first_look.log",
         priority: 2
@@ -44,11 +47,11 @@ if FIRST_LOOK:
             mem_mb=1500,
             runtime=10,
         params:
-            job=FIRST_LOOK.job.name,
-            record=FIRST_LOOK.job.record,
-            code=FIRST_LOOK.job.code,
-        script:
-            "../scripts/job.py"
+            code=outputs.first_look.job.code,
+            results=lambda w, input: folder_of(input.rows, outputs.first_look),
+        shell:
+            "python -m puckbench.jobs first_look {input.record} results={params.results:q}"
+            " parquet={output.parquet:q} out={output.images:q} > {log:q} 2>&1"
 
 
 FIGURES = [

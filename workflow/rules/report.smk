@@ -1,7 +1,8 @@
 # The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
 rule report_page:
     input:
-        outputs.report_contents.files(),
+        *outputs.report_contents.files(),
+        record=record_of(lambda w: outputs.report),
     output:
         f"{RESULTS}/report.html",
     log:
@@ -13,10 +14,9 @@ rule report_page:
         mem_mb=2000,
         runtime=20,
     params:
-        record=outputs.report.record,
         code=outputs.report.code,
     shell:
-        "python -m puckbench.jobs report {params.record:q} page={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs report {input.record} page={output:q} > {log:q} 2>&1"
 
 
 # Reference results: the run's tables in one file, for others to compare with (`make reference`).
@@ -25,12 +25,12 @@ if plan.datasets:
     rule reference:
         input:
             **outputs.reference_inputs,
+            record=record_of(lambda w: outputs.reference),
         output:
             f"{RESULTS}/reference.parquet",
         params:
-            record=outputs.reference.record,
             code=outputs.reference.code,
-            files=lambda w, input: files_of(input),
+            files=lambda w, input: files_of(input, outputs.reference_inputs),
         resources:
             mem_mb=1500,
             runtime=10,
@@ -39,4 +39,4 @@ if plan.datasets:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs reference {params.record:q} {params.files} out={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs reference {input.record} {params.files} out={output:q} > {log:q} 2>&1"

@@ -2,6 +2,7 @@
 rule scene:
     input:
         lambda w: plan.scenes[w.scenes].files(w.scene),
+        record=record_of(lambda w: clouds.scene(w.scenes, w.scene)),
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
         about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
@@ -16,10 +17,9 @@ rule scene:
         mem_mb=2000,
         runtime=10,
     params:
-        record=lambda w: clouds.scene(w.scenes, w.scene).record,
-        code=lambda w: clouds.scene(w.scenes, w.scene).code,
+        code=code_of(lambda w: clouds.scene(w.scenes, w.scene)),
     shell:
-        "python -m puckbench.jobs scene {params.record:q} scene={output.scene:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs scene {input.record} scene={output.scene:q} > {log:q} 2>&1"
 
 
 # Returns of real sensors, in their own frame and numbers.

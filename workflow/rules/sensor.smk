@@ -2,6 +2,8 @@
 if plan.study is not None:
 
     rule residuals:
+        input:
+            record=record_of(lambda w: study.residuals(w.model)),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
@@ -12,14 +14,14 @@ if plan.study is not None:
             mem_mb=1500,
             runtime=20,
         params:
-            record=lambda w: study.residuals(w.model).record,
-            code=lambda w: study.residuals(w.model).code,
+            code=code_of(lambda w: study.residuals(w.model)),
         shell:
-            "python -m puckbench.jobs residuals {params.record:q} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs residuals {input.record} table={output:q} > {log:q} 2>&1"
 
     rule capture_residuals:
         input:
-            lambda w: plan.study.captures[w.capture][0],
+            capture=lambda w: plan.study.captures[w.capture][0],
+            record=record_of(lambda w: study.capture_residuals(w.capture)),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:
@@ -30,12 +32,14 @@ if plan.study is not None:
             mem_mb=2000,
             runtime=20,
         params:
-            record=lambda w: study.capture_residuals(w.capture).record,
-            code=lambda w: study.capture_residuals(w.capture).code,
+            code=code_of(lambda w: study.capture_residuals(w.capture)),
         shell:
-            "python -m puckbench.jobs capture_residuals {params.record:q} capture={input:q} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs capture_residuals {input.record} capture={input.capture:q} table={output:q}"
+            " > {log:q} 2>&1"
 
     rule wall_points:
+        input:
+            record=record_of(lambda w: study.wall_points(w.model)),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:
@@ -46,15 +50,15 @@ if plan.study is not None:
             mem_mb=1500,
             runtime=10,
         params:
-            record=lambda w: study.wall_points(w.model).record,
-            code=lambda w: study.wall_points(w.model).code,
+            code=code_of(lambda w: study.wall_points(w.model)),
         shell:
-            "python -m puckbench.jobs wall_points {params.record:q} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs wall_points {input.record} table={output:q} > {log:q} 2>&1"
 
     # Made when it is asked for: not every set of captures tells all of its parameters.
     rule calibration:
         input:
-            study.capture_files(),
+            residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
+            record=record_of(lambda w: study.calibrate()),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
         log:
@@ -67,28 +71,28 @@ if plan.study is not None:
         params:
             code=study.calibrate().code,
         shell:
-            "python -m puckbench.jobs calibrate {{}} residuals={input:q} model={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs calibrate {input.record} residuals={input.residuals:q} model={output:q} > {log:q} 2>&1"
 
     # Tables of several models or recordings as one.
-    for table, joined in study.joined_tables().items():
-
-        rule:
-            name:
-                f"{table}_table"
-            input:
-                rows=joined.files,
-            output:
-                **joined.outputs,
-            log:
-                f"{RESULTS}/logs/tables/{table}.log",
-            conda:
-                "../../envs/puckbench.yaml"
-            resources:
-                mem_mb=3000,
-                runtime=20,
-            params:
-                job=joined.job.name,
-                record=joined.job.record,
-                code=joined.job.code,
-            script:
-                "../scripts/job.py"
+    rule study_table:
+        input:
+            rows=lambda w: study.gathered[w.table].files(plan.results),
+            record=record_of(lambda w: study.gathered[w.table].job),
+        output:
+            f"{RESULTS}/tables/{{table}}.parquet",
+        log:
+            f"{RESULTS}/logs/tables/{{table}}.log",
+        wildcard_constraints:
+            table=one_of(study.gathered),
+        conda:
+            "../../envs/puckbench.yaml"
+        resources:
+            mem_mb=3000,
+            runtime=20,
+        params:
+            job=lambda w: study.gathered[w.table].job.name,
+            code=code_of(lambda w: study.gathered[w.table].job),
+            results=lambda w, input: folder_of(input.rows, study.gathered[w.table]),
+        shell:
+            "python -m puckbench.jobs {params.job} {input.record} results={params.results:q} parquet={output:q}"
+            " > {log:q} 2>&1"

@@ -1,51 +1,55 @@
 # Tables: all results in one tidy table, what the clouds are, and what is made of these.
-for table, joined in outputs.joined_tables().items():
+rule results_table:
+    input:
+        rows=lambda w: outputs.gathered[w.table].files(plan.results),
+        record=record_of(lambda w: outputs.gathered[w.table].job),
+    output:
+        csv=f"{RESULTS}/tables/{{table}}.csv",
+        parquet=f"{RESULTS}/tables/{{table}}.parquet",
+    log:
+        f"{RESULTS}/logs/tables/{{table}}.log",
+    wildcard_constraints:
+        table=one_of(outputs.gathered),
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        job=lambda w: outputs.gathered[w.table].job.name,
+        code=code_of(lambda w: outputs.gathered[w.table].job),
+        results=lambda w, input: folder_of(input.rows, outputs.gathered[w.table]),
+    shell:
+        "python -m puckbench.jobs {params.job} {input.record} results={params.results:q} csv={output.csv:q}"
+        " parquet={output.parquet:q} > {log:q} 2>&1"
 
-    rule:
-        name:
-            f"{table}_table"
-        input:
-            rows=joined.files,
-        output:
-            **joined.outputs,
-        log:
-            f"{RESULTS}/logs/tables/{table}.log",
-        conda:
-            "../../envs/puckbench.yaml"
-        resources:
-            mem_mb=1000,
-            runtime=10,
-        params:
-            job=joined.job.name,
-            record=joined.job.record,
-            code=joined.job.code,
-        script:
-            "../scripts/job.py"
 
-
-# Each a rule of its own, so that a change of one table's code makes that one.
-for table, inputs in outputs.tables.items():
-
-    rule:
-        name:
-            table
-        input:
-            **inputs,
-        output:
-            csv=report(f"{RESULTS}/tables/{table}.csv", category=outputs.table_category(table)),
-            parquet=f"{RESULTS}/tables/{table}.parquet",
-        log:
-            f"{RESULTS}/logs/tables/{table}.log",
-        conda:
-            "../../envs/puckbench.yaml"
-        resources:
-            mem_mb=1500,
-            runtime=10,
-        params:
-            record=outputs.table(table).record,
-            code=outputs.table(table).code,
-        shell:
-            "python -m puckbench.jobs table {params.record:q} out={output.csv:q} {output.parquet:q} > {log:q} 2>&1"
+rule table:
+    input:
+        unpack(lambda w: outputs.tables[w.table]),
+        record=record_of(lambda w: outputs.table(w.table)),
+    output:
+        csv=report(
+            f"{RESULTS}/tables/{{table}}.csv",
+            category=lambda w: outputs.table_category(w.table),
+            labels={"table": "{table}"},
+        ),
+        parquet=f"{RESULTS}/tables/{{table}}.parquet",
+    log:
+        f"{RESULTS}/logs/tables/{{table}}.log",
+    wildcard_constraints:
+        table=one_of(outputs.tables),
+    conda:
+        "../../envs/puckbench.yaml"
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        code=code_of(lambda w: outputs.table(w.table)),
+        tables=lambda w, input: files_of(input, outputs.tables[w.table]),
+    shell:
+        "python -m puckbench.jobs table {input.record} {params.tables} out={output.csv:q} {output.parquet:q}"
+        " > {log:q} 2>&1"
 
 
 STUDY_TABLES = [
@@ -53,9 +57,8 @@ STUDY_TABLES = [
     for table in outputs.study_tables
     for suffix in ("csv", "parquet")
 ]
-TABLES = [file for joined in outputs.joined_tables().values() for file in joined.outputs.values()]
-TABLES += [
+TABLES = [
     f"{RESULTS}/tables/{table}.{suffix}"
-    for table in outputs.tables
+    for table in (*outputs.gathered, *outputs.tables)
     for suffix in ("csv", "parquet")
 ]

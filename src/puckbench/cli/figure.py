@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object
+from puckbench.cli.types import files_by_name, json_object
 from puckbench.figures.registry import FIGURES
 from puckbench.jobs.figure import Figure
 
@@ -28,5 +28,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Draw and write the figure."""
     layers = options.style if isinstance(options.style, list) else [options.style]
-    job = Figure.given(figure=options.figure, inputs=options.inputs, style=tuple(layers))
-    return job.run(tuple(options.out))
+    job = Figure.given(figure=options.figure, style=tuple(layers))
+    return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, json_object
+from puckbench.cli.types import chosen, files_by_name, json_object
 from puckbench.jobs.table import Table
 from puckbench.metrics.registry import TABLES
 
@@ -26,5 +26,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Read the inputs, make the table and write it."""
-    job = Table.given(**chosen(options, "table", "inputs", "options"))
-    return job.run(tuple(options.out))
+    job = Table.given(**chosen(options, "table", "options"))
+    return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))

@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import Any
+
+from puckbench.core.errors import InputError
 
 
 def json_object(text: str) -> dict[str, Any]:
@@ -17,6 +20,14 @@ def json_object(text: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise argparse.ArgumentTypeError(f"not a JSON object: {text}")
     return value
+
+
+def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
+    """Files by name, of a JSON object given as an option."""
+    for name, value in values.items():
+        if not isinstance(value, str):
+            raise InputError(f"{option}: {name}: '{value}' is not the name of a file")
+    return {name: Path(value) for name, value in values.items()}
 
 
 def whole(low: int) -> Any:

@@ -5,24 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from puckbench.jobs.registry import JOBS, Job
 
 
 @JOBS.register("figure")
 class Figure(Job):
-    """Draw a figure: its name, the files of its inputs, and the layers of its style."""
+    """Draw a figure: its name, and the layers of its style."""
 
     figure: str
-    inputs: dict[str, str] = Field({})
     style: tuple[dict[str, Any], ...] = ()
 
-    def run(self, out: tuple[Path, ...]) -> dict[str, Any]:
-        """Draw and write the figure (PDF, PNG)."""
+    def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
+        """Draw and write the figure (PDF, PNG); inputs: the file of each by its name."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
 
-        inputs = {name: Path(file) for name, file in self.inputs.items()}
         draw_files(self.figure, inputs, list(out), FigureStyle.from_config(*self.style))
         return {"figure": self.figure, "files": [str(path) for path in out]}

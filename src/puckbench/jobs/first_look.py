@@ -5,23 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.joined import OfNames
+from puckbench.jobs.registry import JOBS
 
 
 @JOBS.register("first_look")
-class FirstLook(Job):
+class FirstLook(OfNames):
     """Draw figures from some result rows; style: its layers, for all of them."""
 
     style: tuple[dict[str, Any], ...] = ()
 
-    def run(self, rows: tuple[Path, ...], parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
+    def run(self, results: Path, parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
         """Write the table of the rows, and the figures, each in a file of its name."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        table = result_tables.table_of(result_tables.metric_rows(rows), result_tables.METRIC_KEYS)
+        rows = result_tables.metric_rows(self.files(results))
+        table = result_tables.table_of(rows, result_tables.METRIC_KEYS)
         write_table(table, parquet)
         style = FigureStyle.from_config(*self.style)
         for path in out:

@@ -8,38 +8,44 @@ from typing import Any, Literal
 from puckbench.jobs.registry import JOBS, Job
 
 
-@JOBS.register("metrics_table")
-class MetricsTable(Job):
-    """All result rows, and the medians per data set, codec and rate."""
+class OfNames(Job):
+    """A job on files of many others; names: of these files, below the results folder."""
 
-    def run(
-        self, rows: tuple[Path, ...], csv: Path, parquet: Path, summary: Path
-    ) -> dict[str, Any]:
-        """Write the table and its summary."""
-        from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
+    names: tuple[str, ...] = ()
 
-        found = result_tables.metric_rows(rows)
-        table = result_tables.table_of(found, result_tables.METRIC_KEYS)
-        write_table(table, csv, parquet)
-        write_table(result_tables.summary(table), summary)
-        return {"rows": len(table)}
+    def files(self, results: Path) -> list[Path]:
+        """The files, in a results folder."""
+        return [results / name for name in self.names]
 
 
-@JOBS.register("clouds_table")
-class CloudsTable(Job):
-    """What the prepared clouds are, one row each; datasets: of each cloud."""
+@JOBS.register("rows_table")
+class RowsTable(OfNames):
+    """All result rows of a kind."""
 
-    datasets: tuple[str, ...]
+    kind: Literal["metrics", "scan_errors", "recovery"]
 
-    def run(self, rows: tuple[Path, ...], csv: Path, parquet: Path) -> dict[str, Any]:
+    def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
         """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        pairs = zip(self.datasets, rows, strict=True)
-        found = [result_tables.cloud_row(*pair) for pair in pairs]
-        table = result_tables.table_of(found, result_tables.CLOUD_KEYS)
+        make, keys = result_tables.ROWS[self.kind]
+        table = result_tables.table_of(make(self.files(results)), keys)
+        write_table(table, csv, parquet)
+        return {"rows": len(table)}
+
+
+@JOBS.register("clouds_table")
+class CloudsTable(OfNames):
+    """What the prepared clouds are, one row each; names: of their descriptions."""
+
+    def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
+        """Write the table."""
+        from puckbench.io.tables import write_table
+        from puckbench.jobs import result_tables
+
+        rows = [result_tables.cloud_row(file.parent.name, file) for file in self.files(results)]
+        table = result_tables.table_of(rows, result_tables.CLOUD_KEYS)
         write_table(table, csv, parquet)
         return {"rows": len(table)}
 
@@ -50,8 +56,8 @@ class LeftOut(Job):
 
     faults: dict[str, dict[str, str]]
 
-    def run(self, csv: Path, parquet: Path) -> dict[str, Any]:
-        """Write the table."""
+    def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
+        """Write the table; results: not used."""
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
@@ -60,39 +66,22 @@ class LeftOut(Job):
         return {"rows": len(table)}
 
 
-@JOBS.register("rows_table")
-class RowsTable(Job):
-    """Scans' own errors, or recovered primitives: all result rows of that kind."""
-
-    kind: Literal["scan_errors", "recovery"]
-
-    def run(self, rows: tuple[Path, ...], csv: Path, parquet: Path) -> dict[str, Any]:
-        """Write the table."""
-        from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
-
-        make, keys = result_tables.ROWS[self.kind]
-        table = result_tables.table_of(make(rows), keys)
-        write_table(table, csv, parquet)
-        return {"rows": len(table)}
-
-
 @JOBS.register("joined_table")
-class AllModels(Job):
+class AllModels(OfNames):
     """Tables of several error models and recordings as one.
 
-    names: what stands in the column ``model``, one for each table.
+    models: what stands in the column ``model``, one for each table.
     """
 
     kind: Literal["residuals", "scans"]
-    names: tuple[str, ...]
+    models: tuple[str, ...]
 
-    def run(self, rows: tuple[Path, ...], parquet: Path) -> dict[str, Any]:
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.thesis.residuals.joining import joined_files
 
-        table = joined_files(list(zip(self.names, rows, strict=True)), self.kind)
+        table = joined_files(list(zip(self.models, self.files(results), strict=True)), self.kind)
         write_table(table, parquet)
         return {"rows": len(table)}
 
@@ -103,10 +92,10 @@ _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "resi
 
 
 @JOBS.register("compared_residuals")
-class ComparedResiduals(Job):
+class ComparedResiduals(OfNames):
     """Walls of recordings, and what error models make of the same rays."""
 
-    def run(self, rows: tuple[Path, ...], parquet: Path) -> dict[str, Any]:
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.lidar.residual_table import read_residuals
@@ -117,7 +106,8 @@ class ComparedResiduals(Job):
             real_walls,
         )
 
-        tables = [subsampled(read_residuals(path), _MOST_ROWS, str(path)) for path in rows]
+        files = self.files(results)
+        tables = [subsampled(read_residuals(path), _MOST_ROWS, str(path)) for path in files]
         compared = compared_residuals(real_walls(tables), default_models())
         write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
         return {"rows": len(compared)}

@@ -6,7 +6,6 @@ The last line of standard output is what the job cost: see `puckbench.jobs.cost`
 from __future__ import annotations
 
 import gc
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
 from puckbench.core.models import parsed
 from puckbench.jobs.cost import cost_line
 from puckbench.jobs.registry import JOBS
@@ -26,12 +26,12 @@ _OBJECTS_PER_SEARCH = 10_000
 def main(words: Sequence[str]) -> int:
     """Run a job; 0, or 2 after one line on standard error when its input cannot be used.
 
-    words: its name, its record, and ``key=FILE ...``.
+    words: its name, the file of its record, and ``key=FILE ...``.
     """
     gc.set_threshold(_OBJECTS_PER_SEARCH)
     name, record, *files = words
     try:
-        run_job(name, json.loads(record), _files(name, files))
+        run_job(name, read_json(Path(record)), _files(name, files))
     except InputError as error:
         print(f"puckbench: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
         return 2
@@ -45,9 +45,10 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
     """Run a job with its record and its files by key, and print what it cost."""
     job = parsed(JOBS.get(name), record, f"job {name}")
     known = signature(job.run).parameters
+    several = {key for key, about in known.items() if "tuple" in str(about.annotation)}
     done = job.run(
         **{
-            key: tuple(paths) if "tuple" in str(known[key].annotation) else paths[0]
+            key: tuple(paths) if key in several else paths[0]
             for key, paths in files.items()
             if paths
         }
@@ -58,10 +59,11 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
     """Files by key: a word ``key=FILE`` begins a key, further files follow it as they are."""
     known = signature(JOBS.get(name).run).parameters
+    takes_any = any(about.kind is about.VAR_KEYWORD for about in known.values())
     found: dict[str, list[Path]] = {}
     for word in words:
         key, _, path = word.partition("=")
-        if key in known:
+        if key in known or (takes_any and key.isidentifier()):
             found[key] = [Path(path)] if path else []
         else:
             found[next(reversed(found))].append(Path(word))

@@ -1,7 +1,7 @@
 """The jobs that rules and the command line run, each a record of settings with one method.
 
 A job is what Snakemake runs as one process: its settings come from the plan as one record, its
-files from the rule. ``python -m puckbench.jobs NAME RECORD key=FILE ...`` runs one.
+files from the rule. ``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs one.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
     return table[first + sorted(str(name) for name in table if name not in first)]
 
 
-@TABLES.register("metrics", title="All results", rule="metrics_table")
+@TABLES.register("metrics", title="All results", gathered=True)
 def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
@@ -94,7 +94,7 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     return read_rows(files)
 
 
-@TABLES.register("clouds", title="The clouds", rule="clouds_table")
+@TABLES.register("clouds", title="The clouds", gathered=True)
 def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     """The clouds, one row each, from the descriptions beside the prepared clouds.
 
@@ -117,7 +117,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 
-@TABLES.register("left_out", title="Scenes left out", rule="left_out_table")
+@TABLES.register("left_out", title="Scenes left out", gathered=True)
 def left_out(faults: Mapping[str, Mapping[str, str]]) -> pd.DataFrame:
     """The scenes that could not be used, and why: no result counts them."""
     import pandas as pd
@@ -126,7 +126,7 @@ def left_out(faults: Mapping[str, Mapping[str, str]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["dataset", "scene", "reason"])
 
 
-@TABLES.register("scan_errors", title="Errors of the scans themselves", rule="scan_errors_table")
+@TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Each scan measured as if it had been decoded: its distance to the true surface.
 
@@ -140,7 +140,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     ]
 
 
-@TABLES.register("recovery", title="Recovery of geometric primitives", rule="recovery_table")
+@TABLES.register("recovery", title="Recovery of geometric primitives", gathered=True)
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Geometric primitives of each stream against the labels of the scene, over all kinds and each.
 
@@ -152,13 +152,14 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 ROWS = {
+    "metrics": (metric_rows, METRIC_KEYS),
     "scan_errors": (scan_error_rows, CLOUD_KEYS),
     "recovery": (recovery_rows, RECOVERY_KEYS),
 }
 """Tables made of result rows of their own: from files to rows, and the rows' keys."""
 
 
-@TABLES.register("summary", title="Medians per data set, codec and rate", rule="metrics_table")
+@TABLES.register("summary", title="Medians per data set, codec and rate")
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 

@@ -27,25 +27,29 @@ class Table(Job):
     ----------
     table
         Its name, or ``path/to/file.py:function``.
-    inputs
-        File (CSV or Parquet) of each input by its name; others are ignored.
     options
         Further arguments of the table's function.
     """
 
     table: str
-    inputs: dict[str, str] = Field({})
     options: dict[str, Any] = Field({})
 
-    def run(self, out: tuple[Path, ...]) -> dict[str, Any]:
-        """Read the inputs, make the table and write it (.csv, .parquet)."""
+    def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
+        """Read the inputs, make the table and write it (.csv, .parquet).
+
+        Parameters
+        ----------
+        inputs
+            File (CSV or Parquet) of each input by its name; those that the table does not use are
+            ignored.
+        """
         from puckbench.io.tables import read_table, write_table
 
         entry = table_entry(self.table)
-        if missing := [needed for needed in entry.inputs if needed not in self.inputs]:
+        if missing := [needed for needed in entry.inputs if needed not in inputs]:
             raise InputError(f"table {self.table}: needs the input {missing[0]!r}")
-        given = [known for known in (*entry.inputs, *entry.optional) if known in self.inputs]
-        table = self._made(entry, {name: read_table(Path(self.inputs[name])) for name in given})
+        used = [name for name in (*entry.inputs, *entry.optional) if name in inputs]
+        table = self._made(entry, {name: read_table(inputs[name]) for name in used})
         for column in table.select_dtypes("floating"):
             table[column] = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
         write_table(table, *out)

@@ -55,8 +55,8 @@ class TableEntry:
         What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
         `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_OTHERS`, or the table's own name where
         only a plan can tell.
-    rule
-        The rule of the workflow that makes the table, where it has one of its own.
+    gathered
+        Whether the workflow gathers it from files of many jobs, not from other tables.
     """
 
     name: str
@@ -65,7 +65,7 @@ class TableEntry:
     category: str = "Tables"
     thesis: str = ""
     needs: tuple[str, ...] = ()
-    rule: str = ""
+    gathered: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -238,11 +238,11 @@ class Reproduction:
         for data in self.bench.plan.datasets.values():
             kinds += self._kinds_of(data)
         outputs, study = self.bench.outputs, self.bench.plan.study
-        joined = dict(outputs.joined_tables())
+        gathered = dict(outputs.gathered)
         if study is not None:
             kinds += [JobKind(job, len(study.models)) for job in ("residuals", "wall_points")]
-            joined |= self.bench.study.joined_tables()
-        kinds += [JobKind(table.job.name, 1) for table in joined.values()]
+            gathered |= self.bench.study.gathered
+        kinds += [JobKind(table.job.name, 1) for table in gathered.values()]
         kinds += [JobKind("table", len(outputs.tables)), JobKind("figure", len(outputs.figures))]
         return [kind for kind in kinds if kind.jobs]
 

@@ -88,17 +88,15 @@ class CodingJobs:
         chosen = [curve for curve in self.curves if (curve.codec, curve.frame) == (codec, frame)]
         return {curve.part: curve for curve in chosen}
 
-    def files(self, kind: str, codec: str | None = None) -> list[str]:
-        """The rows of each curve, of all clouds in the order of the table.
+    def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
+        """The file of each curve's rows below the results folder, in the order of the table.
 
         kind: ``metrics`` or ``recovery``. codec: whose, if not of all.
         """
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
-        return [
-            f"{self.plan.results}/{kind}/{'/'.join(curve)}.parquet"
-            for curve in curves
-            if codec in (None, curve[2])
-        ]
+        return tuple(
+            f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
+        )
 
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
@@ -179,11 +177,25 @@ class CodingJobs:
 
     def cloud(self, dataset: str, cloud: str) -> dict[str, str]:
         """Files of a prepared cloud: its points, their description and, of a sensor's, returns."""
-        file = f"{self.plan.results}/clouds/{dataset}/{cloud}"
-        files = {"cloud": f"{file}.ply", "about": f"{file}.json"}
-        if self.clouds.dataset(dataset).has_returns:
-            files["returns"] = f"{file}.parquet"
-        return files
+        return self.described({"cloud": f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"})
+
+    def described(self, files: Mapping[str, str]) -> dict[str, str]:
+        """Files by name, each cloud and mesh with what a reader looks for beside it.
+
+        That is its description and, of prepared clouds of a sensor's returns, these.
+        """
+        beside = {}
+        for name, path in ((name, Path(file)) for name, file in files.items()):
+            if path.suffix == ".ply":
+                beside[f"{name}_about"] = str(path.with_suffix(".json"))
+            if path.parent in self._clouds_with_returns:
+                beside[f"{name}_returns"] = str(path.with_suffix(".parquet"))
+        return {**files, **beside}
+
+    @cached_property
+    def _clouds_with_returns(self) -> frozenset[Path]:
+        folder = self.plan.results / "clouds"
+        return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs of a measurement: the true surface and what the sensor saw of it."""
@@ -196,12 +208,6 @@ class CodingJobs:
             return points
         return {"truth": self.clouds.scene_file(dataset, cloud), **points}
 
-    @staticmethod
-    def described(files: Mapping[str, str]) -> dict[str, str]:
-        """Files by name, each with the description beside it."""
-        places = {f"{name}_about": Path(file).with_suffix(".json") for name, file in files.items()}
-        return {**files, **{name: str(place) for name, place in places.items()}}
-
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
         """Further inputs where primitives are compared: labelled points and their scene."""
         return {
@@ -209,14 +215,17 @@ class CodingJobs:
             "scene": self.clouds.scene_file(dataset, cloud),
         }
 
-    def tables(self) -> Iterator[tuple[RowsTable, list[str]]]:
-        """The tables that are made of result rows of their own, and the files of these rows."""
+    def tables(self) -> Iterator[RowsTable]:
+        """The tables of all result rows of a kind."""
+        if self.plan.datasets:
+            yield RowsTable(kind="metrics", names=self.rows("metrics"))
         if self.plan.scanned:
             names = map("/".join, self.plan.scanned)
-            rows = [f"{self.plan.results}/scan_errors/{name}.json" for name in names]
-            yield RowsTable(kind="scan_errors"), rows
+            yield RowsTable(
+                kind="scan_errors", names=tuple(f"scan_errors/{name}.json" for name in names)
+            )
         if self.plan.recovered:
-            yield RowsTable(kind="recovery"), self.files("recovery")
+            yield RowsTable(kind="recovery", names=self.rows("recovery"))
 
     @property
     def threads_environment(self) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cache, cached_property
 from typing import Any, get_args
 
@@ -23,7 +23,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Frame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.joined import CloudsTable, LeftOut, MetricsTable
+from puckbench.jobs.joined import CloudsTable, LeftOut
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
@@ -42,7 +42,7 @@ from puckbench.metrics.registry import (
 )
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.plan import Plan
-from puckbench.planning.planned_job import JoinedTable, PlannedJob, planned
+from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.roles import codec_roles, verdict_options
 from puckbench.report.contents import Contents, add_own
@@ -70,27 +70,18 @@ class OutputJobs:
 
     # ---- tables
 
-    def joined_tables(self) -> dict[str, JoinedTable]:
+    @cached_property
+    def gathered(self) -> dict[str, Gathering]:
         """The tables of all result rows, of all clouds, and of rows of other kinds."""
-        plan, found = self.plan, {}
+        plan, tables = self.plan, {}
         if plan.datasets:
-            summary = {"summary": self._file("summary", "csv")}
-            rows = self.coding.files("metrics")
-            found["metrics"] = self._joined("metrics", MetricsTable(), rows, summary)
-            rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
-            job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
-            found["clouds"] = self._joined("clouds", job, rows)
+            names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
+            tables["clouds"] = Gathering(planned(CloudsTable(names=names)), names)
         if plan.left_out:
-            found["left_out"] = self._joined("left_out", LeftOut(faults=plan.left_out), [])
-        for record, rows in self.coding.tables():
-            found[record.kind] = self._joined(record.kind, record, rows)
-        return found
-
-    def _joined(
-        self, name: str, job: Any, rows: list[str], more: Mapping[str, str] | None = None
-    ) -> JoinedTable:
-        outputs = {"csv": self._file(name, "csv"), "parquet": self._file(name), **(more or {})}
-        return JoinedTable(planned(job), rows, outputs)
+            tables["left_out"] = Gathering(planned(LeftOut(faults=plan.left_out)), ())
+        for record in self.coding.tables():
+            tables[record.kind] = Gathering(planned(record), record.names)
+        return tables
 
     @cached_property
     def study_tables(self) -> dict[str, Inputs]:
@@ -125,9 +116,7 @@ class OutputJobs:
     @cache  # noqa: B019 (one plan lives as long as the process)
     def table(self, name: str) -> PlannedJob:
         """Make a table of others."""
-        record = Table(
-            table=TABLES.place_of(name), inputs=self.tables[name], options=self.table_options(name)
-        )
+        record = Table(table=TABLES.place_of(name), options=self.table_options(name))
         return planned(record, TABLES.module_of(name))
 
     def table_category(self, name: str) -> str:
@@ -180,9 +169,7 @@ class OutputJobs:
     @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:
         """Draw a figure."""
-        record = Figure(
-            figure=FIGURES.place_of(name), inputs=self.figures[name], style=self.figure_style(name)
-        )
+        record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         return planned(record, FIGURES.module_of(name), also=self._codec_styles)
 
     @cached_property
@@ -233,19 +220,18 @@ class OutputJobs:
         """The codec whose results are made first, to be looked at while the others run."""
         return next(iter(self.plan.codecs), "")
 
-    def first_look(self) -> JoinedTable | None:
-        """Figures of the first codec's results; None where the configuration has none."""
-        drawn = [name for name in FIRST_FIGURES if name in self.figures]
-        if not drawn:
-            return None
-        folder = f"{self.plan.results}/first_look"
-        images = [f"{folder}/{name}.png" for name in drawn]
-        outputs = {"parquet": f"{folder}/metrics.parquet", "out": images}
-        rows = self.coding.files("metrics", self.first_codec)
-        style = self._style(self.config.figures.style)
-        record = FirstLook(style=style)
-        modules = [FIGURES.module_of(name) for name in drawn]
-        return JoinedTable(planned(record, *modules, also=self._codec_styles), rows, outputs)
+    @cached_property
+    def first_figures(self) -> list[str]:
+        """Figures that are drawn of the first codec's results alone."""
+        return [name for name in FIRST_FIGURES if name in self.figures]
+
+    @cached_property
+    def first_look(self) -> Gathering:
+        """Draw figures of the first codec's results."""
+        names = self.coding.rows("metrics", self.first_codec)
+        record = FirstLook(names=names, style=self._style(self.config.figures.style))
+        modules = map(FIGURES.module_of, self.first_figures)
+        return Gathering(planned(record, *modules, also=self._codec_styles), names)
 
     # ---- report
 
@@ -293,7 +279,9 @@ class OutputJobs:
         return {
             name: entry
             for name, entry in table_entries().items()
-            if not entry.rule and inputs >= set(entry.inputs) and self._there >= set(entry.needs)
+            if not entry.gathered
+            and inputs >= set(entry.inputs)
+            and self._there >= set(entry.needs)
         }
 
     def _cloud_inputs(self) -> Inputs:

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
+from puckbench.core.files import write_bytes
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.planning.fingerprints import code_version
 
+RECORDS = Path(".snakemake", "records")
+"""Folder of the records of planned jobs."""
+
 
 class PlannedJob(NamedTuple):
-    """The parameters of a rule.
+    """What a rule hands to a job.
 
-    name: of the job. record: its settings as JSON, for
-    ``python -m puckbench.jobs``. code: fingerprint of the
-    code that does the work.
+    name: of the job. record: its settings as JSON, for ``python -m puckbench.jobs``. code:
+    fingerprint of the code that does the work.
     """
 
     name: str
     record: str
     code: str
+
+    def file(self) -> str:
+        """Write the record, if it is not there, and return its file, named after its content."""
+        digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
+        path = RECORDS / f"{self.name}-{digest}.json"
+        if not path.exists():
+            write_bytes(path, self.record.encode())
+        return str(path)
 
 
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
@@ -40,9 +54,20 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
     )
 
 
-class JoinedTable(NamedTuple):
-    """What is made of many jobs' files; outputs: key of the job -> file, or several."""
+class Gathering(NamedTuple):
+    """A job that gathers files of many others, named below the results folder."""
 
     job: PlannedJob
-    files: list[str]
-    outputs: dict[str, Any]
+    names: Sequence[str]
+
+    def files(self, results: Path) -> list[str]:
+        """The files."""
+        return [f"{results}/{name}" for name in self.names]
+
+
+def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
+    """The folder below which files have these names: the results folder, or a copy of it.
+
+    Snakemake copies files of a store before it runs a job.
+    """
+    return str(files[0]).removesuffix(f"/{names[0]}") if names else str(results)

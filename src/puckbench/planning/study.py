@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
-from puckbench.jobs.joined import AllModels, ComparedResiduals
-from puckbench.jobs.registry import Job
+from puckbench.jobs.joined import AllModels, ComparedResiduals, OfNames
 from puckbench.jobs.residuals import Residuals
 from puckbench.jobs.wall_points import WallPoints
 from puckbench.lidar import load_sensor, open_error_model
 from puckbench.lidar.errors import module_of_model
 from puckbench.lidar.residual_table import REAL
 from puckbench.planning.plan import Plan, StudyPlan
-from puckbench.planning.planned_job import JoinedTable, PlannedJob, planned
+from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 
 WALL_POINTS = 40_000
 """Points of a surface at a distance that the study's figures of scans are drawn from."""
@@ -57,38 +56,28 @@ class StudyJobs:
         """Measure plane residuals of a recording."""
         return planned(CaptureResiduals(options=self.study.captures[capture][1]))
 
-    def residual_files(self) -> list[tuple[str, str]]:
-        """Name and residual table of every model and recording; all recordings have one name."""
-        folder = f"{self.plan.results}/residuals/models"
-        models = [(name, f"{folder}/{name}.parquet") for name in self.study.models]
-        return models + [(REAL, file) for file in self.capture_files()]
-
-    def capture_files(self) -> list[str]:
-        """Residual tables of the study's recordings."""
-        folder = f"{self.plan.results}/residuals/captures"
-        return [f"{folder}/{name}.parquet" for name in self.study.captures]
+    def capture_files(self) -> tuple[str, ...]:
+        """Residual tables of the study's recordings, below the results folder."""
+        return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
         """Estimate an error model from the recordings."""
         return planned(Calibrate())
 
-    def joined_tables(self) -> dict[str, JoinedTable]:
-        """The tables of all models and recordings in one."""
-        names, files = zip(*self.residual_files(), strict=True)
-        points = [f"{self.plan.results}/wall_points/{model}.parquet" for model in self.study.models]
-        jobs: dict[str, tuple[Job, list[str]]] = {
-            "residuals": (AllModels(kind="residuals", names=names), list(files)),
-            "scans": (AllModels(kind="scans", names=tuple(self.study.models)), points),
+    @cached_property
+    def gathered(self) -> dict[str, Gathering]:
+        """The tables of all models and recordings in one; all recordings are one model."""
+        models, captures = tuple(self.study.models), self.capture_files()
+        files = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
+        points = tuple(f"wall_points/{model}.parquet" for model in models)
+        names = (*models, *[REAL] * len(captures))
+        jobs: dict[str, OfNames] = {
+            "residuals": AllModels(kind="residuals", models=names, names=files),
+            "scans": AllModels(kind="scans", models=models, names=points),
         }
-        if self.study.captures:
-            jobs["compared_residuals"] = (ComparedResiduals(), self.capture_files())
-        return {
-            name: JoinedTable(planned(job), rows, {"parquet": self._table(name)})
-            for name, (job, rows) in jobs.items()
-        }
-
-    def _table(self, name: str) -> str:
-        return f"{self.plan.results}/tables/{name}.parquet"
+        if captures:
+            jobs["compared_residuals"] = ComparedResiduals(names=captures)
+        return {name: Gathering(planned(job), job.names) for name, job in jobs.items()}
 
     def _model(self, model: str) -> dict[str, Any]:
         errors, options = self.study.models[model]
