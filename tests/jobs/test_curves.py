@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from puckbench.cli import main
 from puckbench.codecs.base import Pace
+from puckbench.codecs.registry import codec_class
+from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.spatial_order import Rows, distinct_points
-from puckbench.io.clouds import write_cloud
+from puckbench.io.archives import read_archive
+from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.decode import Decode
+from puckbench.jobs.curve import Coded, read_curve, read_rows, write_curve, write_rows
+from puckbench.jobs.decode import Decode, Decoded, DecodeShown
 from puckbench.jobs.encode import Encode, EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
+from puckbench.jobs.join_parts import JoinRows, JoinStreams
 from puckbench.metrics import geometry
-from puckbench.planning.coding import Curve
-from puckbench.planning.same_results import compared, differences
+from puckbench.planning.coding import CodingJobs
 from puckbench.planning.workflow import Workflow
+from puckbench.report.quantities import is_time
 
 RATES = ("r1", "r4", "r8")
 COUNTING = """
@@ -65,8 +70,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def files(folder: str, suffix: str) -> tuple[Path, ...]:
-    return tuple(Path(folder) / f"{rate}{suffix}" for rate in RATES)
+def entry(codec: str) -> dict[str, Any]:
+    return {"rates": {rate: codec_class(codec).rates[rate] for rate in RATES}}
 
 
 @pytest.mark.parametrize("codec", ["draco", "gpcc", "primitives"])
@@ -74,26 +79,65 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
     folder: Path, codec: str
 ) -> None:
     cloud, truth = Path("cloud.ply"), {"truth": Path("floor.ply"), "visible": Path("seen.ply")}
-    EncodeCurve(codec=codec).run(cloud, files("curve", ".bin"))
-    done = EvaluateCurve(codec=codec, dataset="d").run(
-        cloud,
-        files("curve", ".bin"),
-        files("curve", ".json"),
-        files("curve/decoded", ".ply")[1:],
-        **truth,
-    )
-    for rate in RATES:
-        stream, row = (Path("alone") / f"{rate}{suffix}" for suffix in (".bin", ".json"))
+    curve, rows, clouds = Path("curve.zip"), Path("rows.parquet"), Path("clouds.zip")
+    EncodeCurve(codec=codec, changes=entry(codec)).run(cloud, curve)
+    done = EvaluateCurve(codec=codec, dataset="d").run(cloud, curve, rows, **truth)
+    DecodeShown(codec=codec, rates=RATES[1:]).run(curve, clouds)
+    results, shown = read_rows([rows]), read_archive(clouds)
+    assert [row["rate"] for row in results] == [*RATES]
+    for coded, row in zip(read_curve(curve).values(), results, strict=True):
+        rate = row["rate"]
+        stream, alone = (Path(f"{rate}{suffix}") for suffix in (".bin", ".json"))
         Encode(codec=codec, rate=rate).run(cloud, stream)
-        Evaluate(codec=codec, dataset="d").run(cloud, stream, row, **truth)
-        if rate != RATES[0]:
-            Decode(codec=codec).run(stream, Path("alone/decoded") / f"{rate}.ply")
-    assert differences(Path("curve"), Path("alone")) == []
-    assert len(list(compared(Path("curve")))) == 5 * len(RATES) - 2
-    rows = [json.loads(path.read_text()) for path in files("curve", ".json")]
-    assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in rows))
+        Evaluate(codec=codec, dataset="d").run(cloud, stream, alone, **truth)
+        assert stream.read_bytes() == coded.stream
+        assert timeless(read_json(alone)) == timeless(row)
+        if rate in shown:
+            Decode(codec=codec).run(stream, Path("alone.ply"))
+            assert Path("alone.ply").read_bytes() == shown[f"{rate}.ply"]
+    assert list(shown) == [f"{rate}.ply" for rate in RATES[1:]]
+    assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in results))
     assert (done["codec"], done["points"], done["rates"]) == (codec, 3000, 3)
     assert done["truth"]
+
+
+def timeless(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if not is_time(key) and "peak_mib" not in key}
+
+
+def test_commands_read_a_rate_of_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    EncodeCurve(codec="draco", changes=entry("draco")).run(Path("cloud.ply"), Path("c.zip"))
+    assert main(["decode", "c.zip", "out.ply", "--rate", "r4"]) == 0
+    assert main(["evaluate", "cloud.ply", "c.zip", "--rate", "r4", "--json"]) == 0
+    assert '"rate": "r4"' in capsys.readouterr().out
+    assert main(["decode", "c.zip", "out.ply"]) == 2
+    assert "c.zip: name one of its rates (--rate: r1, r4, r8)" in capsys.readouterr().err
+    assert main(["decode", "c.zip", "out.ply", "--rate", "r2"]) == 2
+    assert "c.zip: no rate 'r2'" in capsys.readouterr().err
+
+
+def test_a_curve_has_the_same_bytes_whenever_it_is_written(folder: Path) -> None:
+    coded = {"r1": Coded(b"one", {"bytes": 3}), "r2": Coded(b"two", {"bytes": 3})}
+    for name in ("a.zip", "b.zip"):
+        write_curve(Path(name), coded)
+        write_rows(Path(name).with_suffix(".parquet"), [{"a": 1, "b": 0.1}, {"a": 2, "c": "x"}])
+    assert Path("a.zip").read_bytes() == Path("b.zip").read_bytes()
+    assert Path("a.parquet").read_bytes() == Path("b.parquet").read_bytes()
+    assert read_curve(Path("a.zip")) == coded
+    assert read_rows([Path("a.parquet")]) == [{"a": 1, "b": 0.1}, {"a": 2, "c": "x"}]
+
+
+def test_parts_of_a_curve_are_joined_to_the_whole(folder: Path) -> None:
+    coded = {rate: Coded(rate.encode(), {"rate": rate}) for rate in RATES}
+    write_curve(Path("whole.zip"), coded)
+    write_rows(Path("whole.parquet"), [one.record for one in coded.values()])
+    for name, rates in (("first", RATES[:2]), ("last", RATES[2:])):
+        write_curve(Path(f"{name}.zip"), {rate: coded[rate] for rate in rates})
+        write_rows(Path(f"{name}.parquet"), [coded[rate].record for rate in rates])
+    JoinStreams().run((Path("first.zip"), Path("last.zip")), Path("joined.zip"))
+    JoinRows().run((Path("first.parquet"), Path("last.parquet")), Path("joined.parquet"))
+    assert Path("joined.zip").read_bytes() == Path("whole.zip").read_bytes()
+    assert Path("joined.parquet").read_bytes() == Path("whole.parquet").read_bytes()
 
 
 def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
@@ -107,7 +151,7 @@ def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
         return distinct_points(points)
 
     monkeypatch.setattr(geometry, "distinct_points", counted)
-    row = Evaluate(dataset="d").row(originals, Path("cloud.ply"))
+    row = Evaluate(dataset="d").row(originals, Decoded(read_cloud(Path("cloud.ply")), {}))
     assert row["cd_point"] == 0 < row["truth_cd_point"]
     assert made == [3000]
 
@@ -115,31 +159,33 @@ def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
 def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     Path("counting.py").write_text(COUNTING)
     changes: dict[str, Any] = {"class": "counting.py:Counting"}
-    streams, rows = files("c", ".bin"), files("c", ".json")
+    curve, rows = Path("c.zip"), Path("c.parquet")
     changes["rates"] = {rate: {} for rate in RATES}
-    EncodeCurve(codec="mine", changes=changes).run(Path("cloud.ply"), streams)
+    EncodeCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
     assert Path("loads").read_text() == "x"
-    EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), streams, rows)
+    EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"
 
 
-def parts(points: int, repeats: int = 1) -> list[Curve]:
+def parts(points: int, repeats: int = 1) -> CodingJobs:
     plan = {
         "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
         "datasets": {"d": {"scenes": "a", "make": "sample", "points": points}},
         "codecs": {"mine": {"class": "counting.py:Counting"}},
         "timing": {"repeats": repeats},
     }
-    return list(Workflow(plan).coding.curves)
+    return Workflow(plan).coding
 
 
 def test_a_curve_of_more_than_ten_minutes_is_cut_by_rates(folder: Path) -> None:
     Path("counting.py").write_text(COUNTING)
     assert Pace(0.0, 2000.0).of(50_000) == 100
-    (whole,) = parts(50_000)  # five rates of 100 s
-    assert whole.name("encode") == "encode_mine"
-    first, second = parts(50_000, repeats=2)
-    assert first.rates + second.rates == ("r1", "r2", "r3", "r4", "r5")
-    assert first.name("encode") == "encode_mine_r1_to_r3"
-    assert first.files("coded", ".bin")[2] == "coded/{dataset}/{cloud}/mine/r3.bin"
-    assert [part.rates for part in parts(10_000_000)] == [(f"r{n}",) for n in range(1, 6)]
+    whole = parts(50_000)  # five rates of 100 s
+    assert (whole.whole, whole.cut) == (["mine"], [])
+    cut = parts(50_000, repeats=2)
+    assert (cut.whole, cut.cut) == ([], ["mine"])
+    rates = {name: part.rates for name, part in cut.parts("d", "mine").items()}
+    assert rates == {"r1_to_r3": ("r1", "r2", "r3"), "r4_to_r5": ("r4", "r5")}
+    record = EncodeCurve.model_validate_json(cut.encode("d", "mine", "r4_to_r5").record)
+    assert list(record.changes["rates"]) == ["r4", "r5"]
+    assert list(parts(10_000_000).parts("d", "mine")) == ["r1", "r2", "r3", "r4", "r5"]

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from puckbench.jobs.first_look import FirstLook
-from puckbench.planning.planned_job import PlannedJob
+from puckbench.planning.planned_job import Gathering
 from puckbench.planning.workflow import Workflow
 
 
-def first_look(**codecs: Any) -> PlannedJob:
+def first_look(**codecs: Any) -> Gathering:
     config = {
         "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
         "datasets": {"d": {"scenes": "a", "make": "sample"}},
         "codecs": codecs,
     }
-    found = Workflow(config).outputs.first_look()
-    assert found is not None
-    return found.job
+    return Workflow(config).outputs.first_look
 
 
-def test_its_job_records_the_rates_of_the_first_codec_alone() -> None:
-    job = first_look(draco={"rates": ["r2", "r5"]}, gpcc={})
-    assert FirstLook.model_validate_json(job.record).rates == {"draco/r2": ("r2", "r5")}
+def test_its_rows_are_those_of_the_first_codec_alone() -> None:
+    look = first_look(draco={"rates": ["r2", "r5"]}, gpcc={})
+    assert look.names == ("metrics/d/airplane_01/draco.parquet",)
 
 
 def test_other_codecs_rates_do_not_change_its_job() -> None:

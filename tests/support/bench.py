@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import csv
 import os
-import re
 import subprocess
 import sys
 from collections import Counter
@@ -197,17 +197,25 @@ class Bench:
         assert done.returncode == 0, done.stderr[-4000:]
 
     def planned(self, *arguments: str) -> dict[str, int]:
-        """Jobs that a run would do now, by rule; clouds that the report shows with the others.
-
-        Their rules have the kind of the example at the end of the name.
-        """
-        done = self.snakemake("--dry-run", *arguments)
+        """Jobs that a run would do now: how many, by the names that `_name` gives them."""
+        done = self.snakemake("--summary", *arguments)
         assert done.returncode == 0, done.stderr[-4000:]
-        # Snakemake prints the counts twice.
-        counts = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.MULTILINE))
-        jobs: Counter[str] = Counter()
-        for rule, count in counts.items():
-            if rule not in ("all", "total"):
-                shown = re.fullmatch(r"(evaluate_\w+)_(object|raw|clean|noisy|spin)", rule)
-                jobs[shown[1] if shown else rule] += int(count)
-        return dict(jobs)
+        rows = csv.DictReader(done.stdout.splitlines(), delimiter="\t")
+        jobs = {
+            (row["log-file(s)"], row["rule"], _name(row["rule"], row["output_file"]))
+            for row in rows
+            if row["plan"] != "no update"
+        }
+        return dict(Counter(name for _, _, name in jobs))
+
+
+def _name(rule: str, output: str) -> str:
+    """A job by its rule, with its table, its figure or its codec (and rate) where it has one."""
+    path = Path(output)
+    if rule in ("figure", "table"):
+        return path.stem
+    if rule in ("results_table", "study_table"):
+        return f"{path.stem}_table"
+    if rule in ("encode", "evaluate", "recovery", "decode_shown"):
+        return f"{rule}_{path.stem}"
+    return f"{rule}_{path.parent.name}_{path.stem}" if rule == "decode" else rule

@@ -20,9 +20,11 @@ def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
     rows: list[Path] = []
     for dataset, cloud in bench.plan.clouds:
         _prepare(bench, dataset, cloud)
-        for curve in bench.coding.curves:
-            if dataset in bench.coding.datasets(curve):
-                rows += _coded(bench, dataset, cloud, curve)
+        rows += [
+            _coded(bench, dataset, cloud, codec)
+            for codec in bench.plan.codecs
+            if bench.plan.codes(codec, dataset)
+        ]
     about = [
         cloud_row(dataset, bench.plan.results / "clouds" / dataset / f"{cloud}.json")
         for dataset, cloud in bench.plan.clouds
@@ -49,20 +51,15 @@ def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
     _do(jobs.prepare(dataset), source=source, cloud=target, truth=truth, about=(about,), **more)
 
 
-def _coded(bench: Workflow, dataset: str, cloud: str, curve: Any) -> list[Path]:
+def _coded(bench: Workflow, dataset: str, cloud: str, codec: str) -> Path:
     coding, results = bench.coding, bench.plan.results
-    given = {"cloud": results / "clouds" / dataset / f"{cloud}.ply"}
-    streams, rows = (
-        tuple(
-            Path(file.format(dataset=dataset, cloud=cloud))
-            for file in curve.files(f"{results}/{folder}", suffix)
-        )
-        for folder, suffix in (("coded", ".bin"), ("metrics", ".json"))
-    )
-    _do(coding.encode(curve), **given, streams=streams)
+    original = results / "clouds" / dataset / f"{cloud}.ply"
+    curve = results / "coded" / dataset / cloud / f"{codec}.zip"
+    rows = results / "metrics" / dataset / cloud / f"{codec}.parquet"
+    _do(coding.encode(dataset, codec), cloud=original, curve=curve)
     truth = {name: Path(file) for name, file in coding.truth(dataset, cloud).items()}
-    _do(coding.evaluate(dataset, curve), **given, **truth, streams=streams, rows=rows)
-    return list(rows)
+    _do(coding.evaluate(dataset, codec), cloud=original, **truth, curve=curve, rows=rows)
+    return rows
 
 
 def _do(job: PlannedJob, **files: Any) -> None:

@@ -14,9 +14,9 @@ import pytest
 import yaml
 
 from puckbench.cli import main
-from puckbench.core.files import read_json
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
+from puckbench.jobs.curve import read_rows
 from tests.support.bench import ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 
@@ -75,9 +75,9 @@ def test_a_package_brings_a_codec_as_its_page_shows(fresh: Bench, tmp_path: Path
     listed = _python(tmp_path, "-m", "puckbench", "codecs", path=path)
     assert re.search(r"^ *grid +r1 to r3", listed, re.MULTILINE)
     fresh.configure({"codecs": {"grid": {}}, "sensor_study": None, "figures": {}})
-    row = "results/metrics/objects/chair_01/grid/r3.json"
-    _python(fresh.folder, *fresh.command(row)[1:], path=path)
-    assert read_json(fresh.folder / row)["codec_version"] == "1"
+    rows = "results/metrics/objects/chair_01/grid.parquet"
+    _python(fresh.folder, *fresh.command(rows)[1:], path=path)
+    assert {row["codec_version"] for row in read_rows([fresh.folder / rows])} == {"1"}
 
 
 def test_a_codec_and_a_data_set_of_ones_own_run_as_their_pages_show(fresh: Bench) -> None:

@@ -37,7 +37,7 @@ def test_another_workflow_uses_this_one_as_the_page_shows(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr[-4000:]
     table = pd.read_csv(tmp_path / "ranking.csv")
     assert table.shape[0] == 2
-    assert (tmp_path / "benchmark" / "coded" / "objects" / "chair_01" / "draco" / "r8.bin").exists()
+    assert (tmp_path / "benchmark" / "coded" / "objects" / "chair_01" / "draco.zip").exists()
     assert "Nothing to be done" in snakemake(tmp_path, "--dry-run").stdout
 
 

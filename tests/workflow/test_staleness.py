@@ -58,7 +58,7 @@ def test_an_edited_codec_makes_its_own_curves_again(copied: Bench) -> None:
     edit(copied, "codecs/draco.py", "\n\n\n", "\n\n\nEDITED = 1\n\n\n")
     jobs = copied.planned()
     assert (jobs["encode_draco"], jobs["evaluate_draco"]) == (4, 4)  # clouds
-    assert not {"encode_box", "evaluate_box", "evaluate_box_surfaces"} & set(jobs)
+    assert not {"encode_box", "evaluate_box", "recovery_box"} & set(jobs)
     assert jobs["metrics_table"] == 1
     first = {"scene", "sample", "scan", "prepare", "scan_error", "residuals", "wall_points"}
     assert not first & set(jobs)
@@ -68,17 +68,12 @@ def test_an_edited_codec_makes_its_own_curves_again(copied: Bench) -> None:
 @pytest.mark.parametrize(
     ("lost", "jobs"),
     [
-        ("coded/{}.bin", {"encode_draco": 1, "evaluate_draco": 1}),
-        ("metrics/{}.json", {"evaluate_draco": 1}),
+        ("coded/objects/chair_01/draco.zip", {"encode_draco": 1, "evaluate_draco": 1}),
+        ("metrics/objects/chair_01/draco.parquet", {"evaluate_draco": 1}),
     ],
 )
-def test_a_lost_file_of_a_curve_makes_the_curve_again(
-    finished: Bench, lost: str, jobs: dict[str, int]
-) -> None:
-    """Other jobs follow the first file of a curve alone."""
-    rows = next(finished.results.glob("metrics/*/*/draco"))
-    rate = max(path.stem for path in rows.glob("*.json"))
-    path = finished.results / lost.format(rows.relative_to(finished.results / "metrics") / rate)
+def test_a_lost_curve_is_made_again(finished: Bench, lost: str, jobs: dict[str, int]) -> None:
+    path = finished.results / lost
     aside = path.rename(path.with_suffix(".aside"))
     try:
         planned = finished.planned()

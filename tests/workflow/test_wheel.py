@@ -116,5 +116,5 @@ def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
     assert [line.split()[:2] for line in told[1:3]] == [["Clouds", "Draco"], ["Clouds", "G-PCC"]]
     assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
     for codec in ("draco", "gpcc"):
-        streams = (tmp_path / "out" / "coded" / "clouds" / "a" / codec).glob("*.bin")
-        assert {path.stem for path in streams} == {"r2", "r8"}
+        curve = zipfile.ZipFile(tmp_path / "out" / "coded" / "clouds" / "a" / f"{codec}.zip")
+        assert curve.namelist() == ["r2.bin", "r2.json", "r8.bin", "r8.json"]

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from copy import copy
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,6 +20,7 @@ import pytest
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
 from puckbench.io.clouds import read_cloud
+from puckbench.jobs.curve import read_curve
 from puckbench.metrics.registry import SENSOR, table_entries
 from puckbench.planning.same_results import after_a_kill, differences
 from tests.support.bench import BOX_CODEC, RAW_CODEC, Bench
@@ -49,10 +53,10 @@ def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
 def test_bits_count_every_byte_of_the_stream_over_the_input_points(finished: Bench) -> None:
     table = pd.read_parquet(finished.results / "tables" / "metrics.parquet")
     for row in table.itertuples():
-        stream = (
-            finished.results / "coded" / row.dataset / row.cloud / row.codec / f"{row.rate}.bin"
+        curve = read_curve(
+            finished.results / "coded" / row.dataset / row.cloud / f"{row.codec}.zip"
         )
-        assert row.bytes == stream.stat().st_size
+        assert row.bytes == len(curve[row.rate].stream)
         assert row.bpp == 8 * row.bytes / row.points_in
 
 
@@ -177,20 +181,21 @@ def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> Non
 def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     (restored.folder / "raw_grid.py").write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
     jobs = restored.planned()
-    curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate")}
+    curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate", "decode_shown")}
     assert {jobs.pop(name) for name in curves} == {4}  # one job for each cloud
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
-    tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians", "machines"}
-    assert set(jobs) == {"metrics_table", *tables, *drawn}
+    tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians", "machines", "summary"}
+    first = {"first_look"} & set(jobs)  # of the first codec alone
+    assert set(jobs) == {"metrics_table", *tables, *drawn, *first}
 
 
 def test_a_codec_of_surfaces_is_held_against_the_labels_again(restored: Bench) -> None:
     (restored.folder / "box.py").write_text(BOX_CODEC.replace('"box 1"', '"box 2"'))
     jobs = restored.planned()
-    assert jobs["encode_box"] == 4
-    assert (jobs["evaluate_box"], jobs["evaluate_box_surfaces"]) == (1, 3)  # objects, rooms
+    assert jobs["encode_box"] == jobs["evaluate_box"] == 4
+    assert jobs["recovery_box"] == 3  # rooms
     assert not {"encode_draco", "evaluate_draco"} & set(jobs)
     assert jobs["recovery_table"] == jobs["recovery_rd"] == 1
     assert not {"scan", "prepare", "scan_error", "scan_errors_table"} & set(jobs)
@@ -204,8 +209,8 @@ def test_a_comment_in_a_codec_re_runs_nothing(restored: Bench) -> None:
 def test_a_rate_re_runs_its_codecs_curves_alone(restored: Bench) -> None:
     restored.configure({"codecs.raw_grid.rates": {"r1": {"step": 1.5}}})
     jobs = restored.planned()
-    again = {name for name in jobs if name.startswith(("encode", "evaluate"))}
-    assert again == {"encode_raw_grid", "evaluate_raw_grid"}
+    again = {name for name in jobs if name.startswith(("encode", "evaluate", "decode"))}
+    assert again == {"encode_raw_grid", "evaluate_raw_grid", "decode_shown_raw_grid"}
     assert (jobs["encode_raw_grid"], jobs["evaluate_raw_grid"]) == (4, 4)
 
 
@@ -213,26 +218,24 @@ def test_a_data_sets_seed_re_makes_what_depends_on_it(restored: Bench) -> None:
     restored.configure({"datasets.noisy.seed": 5})
     jobs = restored.planned()
     once = {"scan", "prepare", "scan_error", "fig_6_3", "fig_6_4"}
-    once |= {
-        f"{stage}_{codec}" for stage in ("encode", "evaluate") for codec in ("draco", "raw_grid")
-    }
-    once |= {"encode_box", "evaluate_box_surfaces"}
+    stages, codecs = ("encode", "evaluate", "decode_shown"), ("draco", "raw_grid", "box")
+    once |= {f"{stage}_{codec}" for stage in stages for codec in codecs} | {"recovery_box"}
     assert {jobs[name] for name in once} == {1}
     assert not {"scene", "sample", "fig_6_1", "fig_6_2"} & set(jobs)
 
 
 def test_single_targets_by_path(fresh: Bench) -> None:
-    cell = "results/metrics/objects/chair_01/draco/r8.json"
-    assert fresh.planned(cell) == {
+    rows = "results/metrics/objects/chair_01/draco.parquet"
+    assert fresh.planned(rows) == {
         "scene": 1,
         "sample": 1,
         "prepare": 1,
         "encode_draco": 1,
         "evaluate_draco": 1,
     }
-    shown = fresh.planned("results/decoded/objects/chair_01/draco/r8.ply")
-    assert shown["evaluate_draco"] == 1
-    assert not {"decode_draco_r8", "scan", "encode_box"} & set(shown)
+    shown = fresh.planned("results/decoded/objects/chair_01/draco.zip")
+    assert shown["decode_shown_draco"] == shown["encode_draco"] == 1
+    assert not {"evaluate_draco", "scan", "encode_box"} & set(shown)
     assert "fig_6_6" not in fresh.planned("tables")
     assert fresh.planned("results/figures/fig_6_1.pdf") == {
         "scene": 1,
@@ -242,15 +245,14 @@ def test_single_targets_by_path(fresh: Bench) -> None:
     }
 
 
-def test_a_rate_that_the_report_does_not_show_is_decoded_alone(fresh: Bench) -> None:
-    fresh.configure({"report": {"rates": 1}})
+def test_a_rate_is_decoded_alone(fresh: Bench) -> None:
     target = "results/decoded/objects/chair_01/draco/r1.ply"
     planned = fresh.planned(target)
     assert planned["decode_draco_r1"] == planned["encode_draco"] == 1
     assert "evaluate_draco" not in planned
     fresh.made(target)
-    stream = fresh.results / "coded" / "objects" / "chair_01" / "draco" / "r1.bin"
-    decoded = open_codec("draco").decode(stream.read_bytes())
+    curve = read_curve(fresh.results / "coded" / "objects" / "chair_01" / "draco.zip")
+    decoded = open_codec("draco").decode(curve["r1"].stream)
     assert np.allclose(read_cloud(fresh.folder / target).xyz, decoded)
 
 
@@ -292,7 +294,7 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    _wait_until(lambda: any((fresh.results / "coded").rglob("*.bin")), process)
+    _wait_until(lambda: any((fresh.results / "coded").rglob("*.zip")), process)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     assert after_a_kill(fresh.results, finished.results) == []
@@ -300,6 +302,29 @@ def test_a_killed_run_on_one_core_goes_on_and_ends_with_the_same_results(
     fresh.made(*tables, "--cores", "1")
     assert all((fresh.folder / table).exists() for table in tables)
     assert differences(fresh.results, finished.results, finished=False) == []
+
+
+def test_rules_are_named_on_the_command_line_as_in_any_workflow(fresh: Bench) -> None:
+    assert set(fresh.planned("--until", "prepare")) == {"scene", "sample", "scan", "prepare"}
+    assert "evaluate_draco" not in fresh.planned("--omit-from", "evaluate", "--until", "encode")
+    asked = ["--set-resources", "encode:mem_mb=123", "--set-threads", "encode=2"]
+    target = "results/coded/objects/chair_01/draco.zip"
+    done = fresh.snakemake(target, *asked, "--dry-run", "--printshellcmds", "--quiet", "host")
+    text = done.stdout + done.stderr
+    assert done.returncode == 0
+    assert "mem_mb=123" in text
+    assert "threads: 2" in text
+    assert " encode_curve .snakemake/records/encode_curve-" in text
+    assert "{" not in re.search(r"python -m puckbench.jobs encode_curve .*", text)[0]
+
+
+def test_results_copied_beside_a_fresh_clone_are_up_to_date(
+    finished: Bench, tmp_path: Path
+) -> None:
+    shutil.copytree(finished.folder, tmp_path / "copy", ignore=shutil.ignore_patterns(".snakemake"))
+    beside = copy(finished)
+    beside.folder = tmp_path / "copy"
+    assert beside.planned() == {}
 
 
 def _wait_until(happened: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
@@ -326,7 +351,7 @@ def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
     failing = RAW_CODEC.replace("return np.round", "raise InputError('no pens')  #")
     imports = "from puckbench.core.errors import InputError\n"
     (fresh.folder / "raw_grid.py").write_text(imports + failing)
-    row = "results/metrics/objects/chair_01/raw_grid/r1.json"
+    row = "results/metrics/objects/chair_01/raw_grid.parquet"
     done = fresh.snakemake(row, "--quiet", "rules", "host", "reason")
     assert done.returncode == 1
     log = "results/logs/coded/objects/chair_01/raw_grid.log"
@@ -386,9 +411,9 @@ def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> Non
             "figures.examples": {},
         }
     )
-    cells = [f"results/metrics/objects/{name}/draco/r8.json" for name in ("bad", "good")]
-    done = fresh.snakemake(*cells)
+    rows = [f"results/metrics/objects/{name}/draco.parquet" for name in ("bad", "good")]
+    done = fresh.snakemake(*rows)
     assert done.returncode == 1
     assert "bad.off" in done.stderr
-    assert (fresh.folder / cells[1]).exists()
+    assert (fresh.folder / rows[1]).exists()
     assert not (fresh.results / "scenes" / "objects" / "bad.ply").exists()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import re
+import csv
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.estimate:
         found = estimated(asked.job_kinds(), read_job_times(options.estimate))
         return _estimate(found)
-    left = _left(asked) if options.exact and not asked.absent else None
-    items = asked.items(left)
+    pending = _pending(asked) if options.exact and not asked.absent else None
+    items = asked.items(None if pending is None else {file for file, _, _ in pending})
+    left = None if pending is None else _jobs_by_rule(pending)
     if options.json:
         rows = [vars(item) for item in items]
         done = {} if asked.absent else asked.progress()
@@ -57,16 +58,25 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     return answer | made | {f"left: {rule}": count for rule, count in (left or {}).items()}
 
 
-def _left(asked: Reproduction) -> dict[str, int]:
-    """Jobs by rule that Snakemake would run; InputError with its last line when it fails."""
-    words = [sys.executable, "-m", *asked.command("--dry-run", "--quiet", "rules")]
+def _pending(asked: Reproduction) -> list[tuple[str, str, str]]:
+    """File, rule and log of all that Snakemake would make; InputError when Snakemake fails."""
+    words = [sys.executable, "-m", *asked.command("--summary")]
     words += ["--snakefile", str(asked.snakefile)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        raise InputError(f"snakemake --dry-run failed: {last}")
-    counts = re.findall(r"^(\w+) +(\d+)$", done.stdout + done.stderr, re.MULTILINE)
-    return {rule: int(count) for rule, count in counts if rule not in ("all", "total")}
+        raise InputError(f"snakemake --summary failed: {last}")
+    rows = csv.DictReader(done.stdout.splitlines(), delimiter="\t")
+    return [
+        (row["output_file"], row["rule"], row["log-file(s)"])
+        for row in rows
+        if row["plan"] != "no update"
+    ]
+
+
+def _jobs_by_rule(pending: list[tuple[str, str, str]]) -> dict[str, int]:
+    """Jobs by rule; each job has a log of its own."""
+    return dict(Counter(rule for rule, _ in {(rule, log) for _, rule, log in pending}))
 
 
 def _estimate(found: list[Estimate]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -131,22 +131,22 @@ class Reproduction:
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
 
-    def items(self, left: Mapping[str, int] | None = None) -> list[Item]:
+    def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Every figure and table of the thesis with its state.
 
-        left: jobs by rule that Snakemake would run, where it was asked; files' times otherwise.
+        pending: files that Snakemake would make, where it was asked; files' times otherwise.
         """
         tables = {n: f"Table {e.thesis}" for n, e in table_entries().items() if e.thesis}
         figures = {n: f"Figure {e.thesis}" for n, e in figure_entries().items() if e.thesis}
-        return [self._item(title, name, left) for name, title in {**tables, **figures}.items()]
+        return [self._item(title, name, pending) for name, title in {**tables, **figures}.items()]
 
-    def _item(self, title: str, name: str, left: Mapping[str, int] | None) -> Item:
+    def _item(self, title: str, name: str, pending: Collection[str] | None) -> Item:
         if self.absent:
             return self._item_without_data(title, name)
         if name not in self._inputs:
             return Item(title, name, "unplanned", "this configuration does not ask for it")
         file = self._file(name, self.results)
-        state = self._state(name, file, left)
+        state = self._state(name, file, pending)
         done = state == "done"
         return Item(title, name, state, str(file) if done else shlex.join(self.command(str(file))))
 
@@ -179,11 +179,11 @@ class Reproduction:
             names = list(datasets)
         return list(dict.fromkeys(datasets[one].scenes for one in names if one in datasets))
 
-    def _state(self, name: str, file: Path, left: Mapping[str, int] | None) -> str:
+    def _state(self, name: str, file: Path, pending: Collection[str] | None) -> str:
         if not file.exists():
             return "missing"
-        if left is not None:
-            return "stale" if name in left else "done"
+        if pending is not None:
+            return "stale" if str(file) in pending else "done"
         inputs = self._inputs[name].values()
         fresh = all(self._fresh(Path(source), file.stat().st_mtime) for source in inputs)
         return "done" if fresh else "stale"
