@@ -22,7 +22,6 @@ from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import compiling_seconds, job_seconds
 from puckbench.planning.running import (
     check_room,
-    check_storage,
     failures,
     hold_results,
     left_out_lines,
@@ -105,7 +104,6 @@ TIMED = shlex.join(["env", *map("=".join, coding.threads_environment.items())])
 CORES = workflow.resource_settings.cores
 
 
-or_stop(check_storage, workflow.storage_settings.default_storage_provider)
 if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     # Where Snakemake keeps its records; without room there it would end in a traceback.
     or_stop(check_room, Path(".snakemake"))

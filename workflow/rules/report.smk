@@ -15,8 +15,9 @@ rule report_page:
         runtime=20,
     params:
         code=outputs.report.code,
+        below=lambda w, input: str(input[0]).removesuffix(outputs.report_contents.files()[0]) or ".",
     shell:
-        "python -m puckbench.jobs report {input.record} page={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs report {input.record} below={params.below:q} page={output:q} > {log:q} 2>&1"
 
 
 # Reference results: the run's tables in one file, for others to compare with (`make reference`).

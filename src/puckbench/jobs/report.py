@@ -15,8 +15,8 @@ class Report(Job):
 
     contents: dict[str, Any]
 
-    def run(self, page: Path) -> dict[str, Any]:
-        """Write the page."""
+    def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
+        """Write the page; below: a folder that has copies of all files and their folders."""
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents
@@ -24,6 +24,8 @@ class Report(Job):
         from puckbench.report.run_record import RunRecord
 
         contents = Contents.from_json(self.contents)
+        if below is not None:
+            contents = contents.under(below)
         costs = [] if contents.logs is None else read_costs(Path(contents.logs))
         record = RunRecord.of(cost for cost in costs if cost["job"] != JOBS.name_of(type(self)))
         data = build_page(contents, this_machine(), page.parent, record).encode()

@@ -51,19 +51,6 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
-def check_storage(provider: str | None) -> None:
-    """InputError where Snakemake is to carry files between jobs and a store.
-
-    It would carry those that rules name alone, and jobs read others beside them: what a stream
-    cost, how a cloud was scaled. Without these, results would be wrong without notice.
-    """
-    if provider is not None:
-        raise InputError(
-            f"default storage provider {provider}: jobs must share the folder of the run itself,"
-            " see docs/how-to/run_on_a_cluster.md"
-        )
-
-
 def left_out_lines(left_out: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     """Lines that name the scenes which a run goes without: data set -> scene -> why."""
     for dataset, faults in left_out.items():

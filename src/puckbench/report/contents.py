@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from puckbench.core.models import Model, parsed
@@ -81,6 +82,25 @@ class Contents(Model):
     def from_json(cls, value: Mapping[str, Any]) -> Contents:
         """The contents in a JSON object; InputError names what it may not hold."""
         return parsed(cls, value, "contents of the report")
+
+    def under(self, folder: Path) -> Contents:
+        """The same contents with all files in a copy of their folders, below another one."""
+
+        def moved(files: Mapping[str, str]) -> dict[str, str]:
+            return {name: str(folder / file) for name, file in files.items()}
+
+        return self.replaced(
+            metrics=None if self.metrics is None else str(folder / self.metrics),
+            tables=moved(self.tables),
+            figures=moved(self.figures),
+            examples=tuple(
+                example.replaced(
+                    original=str(folder / example.original),
+                    decoded={codec: moved(files) for codec, files in example.decoded.items()},
+                )
+                for example in self.examples
+            ),
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The JSON object that `from_json` reads."""
