@@ -117,7 +117,7 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     changes: dict[str, Any] = {"class": "counting.py:Counting"}
     streams, rows = files("c", ".bin"), files("c", ".json")
     changes["rates"] = {rate: {} for rate in RATES}
-    EncodeCurve(codec="mine", changes=changes).run(Path("cloud.ply"), streams)
+    EncodeCurve.given(codec="mine", changes=changes).run(Path("cloud.ply"), streams)
     assert Path("loads").read_text() == "x"
     EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), streams, rows)
     assert Path("loads").read_text() == "xx"

@@ -19,6 +19,8 @@ from puckbench.core.errors import InputError
 
 _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.|$)")
 _DAY = 24 * 3600.0
+_MOST_LEVELS = 100
+"""Of lists and objects within each other in a JSON file; ours have fewer than ten."""
 
 
 @contextmanager
@@ -115,11 +117,34 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file; InputError when it is missing or not JSON."""
+    """Read a JSON file; InputError when it is missing, not JSON, or nested too deeply."""
     try:
-        return json.loads(read_bytes(path))
+        value = json.loads(read_bytes(path))
+        deep = _is_deep(value)
+    except RecursionError:
+        deep = True
     except ValueError as error:
         raise InputError(f"{path}: not valid JSON ({error})") from error
+    if deep:
+        raise InputError(f"{path}: JSON of more than {_MOST_LEVELS} levels")
+    return value
+
+
+def _is_deep(value: Any) -> bool:
+    """Whether lists and objects lie within each other on more than `_MOST_LEVELS` levels."""
+    level = [value] if isinstance(value, (dict, list)) else []
+    for _ in range(_MOST_LEVELS):
+        inner = [each.values() if isinstance(each, dict) else each for each in level]
+        level = [each for part in inner for each in part if isinstance(each, (dict, list))]
+    return bool(level)
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a JSON file that holds an object; InputError as `read_json`, or for another value."""
+    value = read_json(path)
+    if not isinstance(value, dict):
+        raise InputError(f"{path}: not a JSON object")
+    return value
 
 
 def read_bytes(path: Path) -> bytes:

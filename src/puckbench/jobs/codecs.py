@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
+from puckbench.codecs.registry import CODECS, codec_of, open_codec
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, read_json
+from puckbench.core.files import read_bytes, read_object
+from puckbench.core.registry import is_place
 from puckbench.jobs.registry import Job
 
 
@@ -24,6 +25,10 @@ class CodecJob(Job):
     codec: str | None = None
     changes: dict[str, Any] = Field({})
     _loaded: dict[str, Codec] = PrivateAttr(default_factory=dict)
+
+    def plugins(self) -> Iterable[str | None]:
+        """The codec, its class and that of its training."""
+        yield from codec_plugins(self.codec, self.changes)
 
     def loaded(self, name: str) -> Codec:
         """The codec, with weights and compiled loops loaded: once for all streams of the job.
@@ -40,7 +45,12 @@ class CodecJob(Job):
     def read_stream(self, path: Path) -> tuple[str, bytes]:
         """The name of the codec that decodes a stream file, and the stream.
 
-        The stream names the codec, or else its record does, as for a class of one's own file.
+        The stream names the codec, or else its record does.
+
+        Raises
+        ------
+        InputError
+            Neither does, or the record names a codec that is not registered.
         """
         stream = read_bytes(path)
         if self.codec:
@@ -49,9 +59,16 @@ class CodecJob(Job):
             return codec_of(stream), stream
         except InputError as error:
             beside = record_file(path)
-            if beside.exists() and (recorded := read_json(beside).get("codec")):
-                return str(recorded), stream
-            raise InputError(f"{path}: {error}") from error
+            if not beside.exists() or "codec" not in (record := read_object(beside)):
+                raise InputError(f"{path}: {error}") from error
+            name = str(record["codec"])
+        if name not in CODECS and "class" not in self.changes:
+            code = repr(name) if is_place(name) else "path/to/file.py:Class"
+            raise InputError(
+                f"{beside}: codec {name!r} is not registered, and data name no code to run: "
+                f"if it is yours, say --codec {code}"
+            )
+        return name, stream
 
 
 class TimedJob(CodecJob):
@@ -78,6 +95,11 @@ def ready(codec: Codec) -> Codec:
         raise InputError(f"codec {codec.name} cannot run here: {why}")
     codec.load()
     return codec
+
+
+def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str | None]:
+    """A codec, and the classes that the changes to its entry name."""
+    return name, changes.get("class"), changes.get("training")
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:

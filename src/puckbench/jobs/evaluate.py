@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,6 +82,10 @@ class Evaluating(Decoding):
     peak: float | None = Field(None, gt=0)
     views: int = 0
     metrics: tuple[str, ...] = ()
+
+    def plugins(self) -> Iterable[str | None]:
+        """The codec's, and the metrics."""
+        return *super().plugins(), *self.metrics
 
     def row(self, originals: Originals, decoded: Path) -> dict[str, Any]:
         """The result row of a decoded cloud, or of a stream (.bin)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,10 @@ class Figure(Job):
     figure: str
     inputs: dict[str, str] = Field({})
     style: tuple[dict[str, Any], ...] = ()
+
+    def plugins(self) -> Iterable[str | None]:
+        """The figure."""
+        return (self.figure,)
 
     def run(self, out: tuple[Path, ...]) -> dict[str, Any]:
         """Draw and write the figure (PDF, PNG)."""

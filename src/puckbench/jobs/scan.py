@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,10 @@ class Scan(Job):
     height_m: float = Field(1.3, gt=0)
     anywhere: bool = False
     seed: int = Field(0, ge=0)
+
+    def plugins(self) -> Iterable[str | None]:
+        """The error model."""
+        return (self.errors,)
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         """Write the scan table (Parquet)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,10 @@ class WriteScene(Job):
     name: str
     options: dict[str, Any] = Field({})
     seed: int = 0
+
+    def plugins(self) -> Iterable[str | None]:
+        """The loader."""
+        return (self.loader,)
 
     def run(self, scene: Path) -> dict[str, Any]:
         """Write the scene (PLY, or Parquet of returns) and its description."""

@@ -7,7 +7,7 @@ tables of `config/README.md` are generated from them (`puckbench.planning.config
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, StringConstraints, field_validator, 
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model, among, checked_model
+from puckbench.core.registry import is_place, trust
 from puckbench.geometry.scaling import METRIC
 
 Options = dict[str, Any]
@@ -448,6 +449,21 @@ class Config(Model):
         """What the configuration says of a codec."""
         return (self.codecs[name] or CodecConfig()).changes()
 
+    def places(self) -> Iterator[str]:
+        """The code that it names: plug-ins as ``module:Name`` or ``path/to/file.py:Name``."""
+        yield from filter(is_place, self._plugins())
+
+    def _plugins(self) -> Iterator[str | None]:
+        """What it names as plug-ins, by name or by place."""
+        for scenes in self.scenes.values():
+            yield from (source.loader for source in (scenes, scenes.stand_in) if source)
+        yield from (data.errors for data in self.datasets.values())
+        for codec in filter(None, self.codecs.values()):
+            yield from (codec.class_, codec.training)
+        yield from (*self.tables, *self.metrics, *self.figures.own)
+        if self.sensor_study:
+            yield from (model.errors for model in self.sensor_study.models.values() if model)
+
     def as_json(self) -> Options:
         """The whole configuration as the report shows it: defaults included, but of codecs."""
         found = self.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -465,6 +481,13 @@ def checked(config: Mapping[str, Any]) -> Config:
         One line that names the key, its value and what is allowed.
     """
     return checked_model(Config, with_stand_ins(config))
+
+
+def trusted(config: Mapping[str, Any]) -> Config:
+    """`checked`, of a configuration that the user gives: the code that it names may be loaded."""
+    found = checked(config)
+    trust(found.places())
+    return found
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:

@@ -264,7 +264,9 @@ class OutputJobs:
         entries += table_entries().values()
         texts = "".join(f"{entry.thesis} {entry.title} {entry.caption}" for entry in entries)
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
-        record = Report(contents=self.report_contents.as_json())
+        contents = self.report_contents
+        own = (*contents.own_figures, *contents.own_tables)
+        record = Report(contents=contents.as_json(), code=own)
         return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
 
     # ---- reference results
