@@ -118,15 +118,20 @@ def write_json(path: Path, value: Any) -> None:
 
 def read_json(path: Path) -> Any:
     """Read a JSON file; InputError when it is missing, not JSON, or nested too deeply."""
+    return json_of(read_bytes(path), str(path))
+
+
+def json_of(data: bytes, what: str) -> Any:
+    """The value of a JSON text; InputError begins with `what` it is, as of `read_json`."""
     try:
-        value = json.loads(read_bytes(path))
+        value = json.loads(data)
         deep = _is_deep(value)
     except RecursionError:
         deep = True
     except ValueError as error:
-        raise InputError(f"{path}: not valid JSON ({error})") from error
+        raise InputError(f"{what}: not valid JSON ({error})") from error
     if deep:
-        raise InputError(f"{path}: JSON of more than {_MOST_LEVELS} levels")
+        raise InputError(f"{what}: JSON of more than {_MOST_LEVELS} levels")
     return value
 
 

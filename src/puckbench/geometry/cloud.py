@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, parsed
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -17,6 +19,31 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Frame = Literal["scaled", "metric"]
 """Of a cloud's coordinates: scaled to a cube of whole-numbered grid positions, or metres."""
+_MOST_SIZE = 2**53
+"""Whole numbers below it are exact as floating-point numbers."""
+
+
+class _Grid(Model, extra="ignore"):
+    """The grid of voxels that a cloud came on."""
+
+    metres: PositiveFloat
+    origin: tuple[float, float, float]
+    size: Annotated[int, Field(ge=2, lt=_MOST_SIZE)]
+
+
+class _Described(Model, extra="ignore"):
+    """What some entries of a cloud's description must be, where it has them."""
+
+    name: str = ""
+    group: str = ""
+    size: Annotated[int, Field(ge=0, lt=_MOST_SIZE)] | None = None
+    scale: PositiveFloat = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    peak: PositiveFloat | None = None
+    diameter: NonNegativeFloat = 0.0
+    turns: NonNegativeInt = 0
+    seconds: NonNegativeFloat | None = None
+    grid: _Grid | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +67,11 @@ class PointCloud:
         The returns of a spinning sensor whose points these are, row by row, or None.
     fields
         Further values of every point by name, (n,) each: intensity, time, classification.
+
+    Raises
+    ------
+    InputError
+        An entry of the description that puckbench reads, such as ``scale``, is not what it must be.
     """
 
     xyz: Floats
@@ -49,6 +81,11 @@ class PointCloud:
     about: dict[str, Any] = field(default_factory=dict)
     returns: Returns | None = None
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        read = _Described.model_fields.keys() & self.about.keys()
+        if read:
+            parsed(_Described, {name: self.about[name] for name in read}, "the cloud's description")
 
     def __len__(self) -> int:
         return len(self.xyz)

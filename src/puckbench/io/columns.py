@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import written_whole
+from puckbench.core.files import json_of, written_whole
 from puckbench.geometry.cloud import Floats
 
 Columns = dict[str, tuple[str, str, str]]
@@ -118,7 +118,10 @@ def read_table(path: Path, kind: type[T]) -> T:
     missing = [name for name in declared.columns if name not in rows.column_names]
     if missing:
         raise InputError(f"{path}: not a {declared.name}, it lacks {', '.join(missing)}")
-    about = json.loads((rows.schema.metadata or {}).get(declared.key.encode(), b"{}"))
+    text = (rows.schema.metadata or {}).get(declared.key.encode(), b"{}")
+    about = json_of(text, f"{path}: its metadata")
+    if not isinstance(about, dict):
+        raise InputError(f"{path}: its metadata: not a JSON object")
     columns = {
         name: rows.column(name).to_numpy().astype(form, copy=False)
         for name, (form, _, _) in declared.columns.items()

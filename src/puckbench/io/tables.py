@@ -22,8 +22,9 @@ def read_table(path: Path) -> pd.DataFrame:
             table = pd.read_csv(path, dtype=dict.fromkeys(_NAMES, "str"))
     except OSError as error:
         raise unreadable(path, error) from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a readable table ({str(error).splitlines()[0]})") from error
+    except (ValueError, LookupError, TypeError, AttributeError) as error:  # of wrong metadata too
+        fault = next(iter(str(error).splitlines()), type(error).__name__)
+        raise InputError(f"{path}: not a readable table ({fault})") from error
     if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PrivateAttr
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import CODECS, codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes, read_object
+from puckbench.core.models import Model, parsed
 from puckbench.core.registry import is_place
 from puckbench.jobs.registry import Job
 
@@ -59,7 +60,7 @@ class CodecJob(Job):
             return codec_of(stream), stream
         except InputError as error:
             beside = record_file(path)
-            if not beside.exists() or "codec" not in (record := read_object(beside)):
+            if "codec" not in (record := read_record(path)):
                 raise InputError(f"{path}: {error}") from error
             name = str(record["codec"])
         if name not in CODECS and "class" not in self.changes:
@@ -105,6 +106,26 @@ def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     """The changes to a codec's entry with further options."""
     return {**changes, "options": {**changes.get("options", {}), **more}}
+
+
+class _Record(Model, extra="ignore"):
+    """What some entries of a stream's record must be, where it has them."""
+
+    codec: str = ""
+    rate: str = ""
+    codec_version: str = ""
+    bytes: NonNegativeInt = 0
+    points_in: NonNegativeInt = 0
+    bpp: NonNegativeFloat = 0.0
+    encode_s: NonNegativeFloat = 0.0
+
+
+def read_record(stream: Path) -> dict[str, Any]:
+    """The record beside a stream, empty where there is none; InputError for any other file."""
+    beside = record_file(stream)
+    record = read_object(beside) if beside.exists() else {}
+    parsed(_Record, record, str(beside))
+    return record
 
 
 def record_file(stream: Path) -> Path:

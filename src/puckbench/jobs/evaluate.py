@@ -11,10 +11,10 @@ from pydantic import Field
 
 from puckbench import __version__
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, write_json
+from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
 from puckbench.io.clouds import SUFFIXES, read_cloud
-from puckbench.jobs.codecs import record_file
+from puckbench.jobs.codecs import read_record, record_file
 from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
@@ -155,9 +155,7 @@ class Evaluating(Decoding):
         if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
             return Decoded(read_cloud(path), {})
         found = self.decoded(path)
-        beside = record_file(path)
-        coding = read_json(beside) if beside.exists() else {}
-        return Decoded(found.cloud, {**coding, **found.record})
+        return Decoded(found.cloud, {**read_record(path), **found.record})
 
 
 @JOBS.register("evaluate")

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from puckbench.core.files import read_object
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.io.clouds import read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
@@ -19,6 +20,13 @@ if TYPE_CHECKING:
     from puckbench.jobs.preparation import Returns
 
 Box = tuple[float, float, float, float, float, float]
+Corner = tuple[float, float, float]
+
+
+class _Boxed(Model):
+    """A box in a file: its least and its greatest corner."""
+
+    box: tuple[Corner, Corner]
 
 
 @JOBS.register("prepare")
@@ -80,10 +88,10 @@ class Prepare(Job):
             return np.sort(np.asarray(self.box, dtype=np.float64).reshape(2, 3), axis=0)
         if path is None:
             return None
-        box = read_json(path).get("box")
+        box = read_object(path).get("box")
         if box is None:
             raise InputError(f"{path}: has no 'box' to crop to")
-        return np.asarray(box, dtype=np.float64)
+        return np.asarray(parsed(_Boxed, {"box": box}, str(path)).box, dtype=np.float64)
 
 
 def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
@@ -114,6 +122,6 @@ def kept_descriptions(descriptions: tuple[Path, ...]) -> dict[str, Any]:
     """Name and group of the scene, from the descriptions given."""
     kept: dict[str, Any] = {}
     for path in descriptions:
-        about = read_json(path)
+        about = read_object(path)
         kept.update({key: about[key] for key in ("name", "group") if key in about})
     return kept

@@ -109,7 +109,7 @@ class PrepareReturns(Job):
         known = {
             "source": path.name,
             "sensor": chosen.sensor,
-            "errors": table.about["errors"],
+            "errors": table.about.get("errors", {}),
             "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, chosen.quantum_m),
         }
         true = PointCloud(true_points(table, found))

@@ -9,12 +9,12 @@ import numpy as np
 
 from puckbench import __version__
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import read_json, write_json
+from puckbench.core.files import write_json
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Labels, Mesh
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes import read_mesh
-from puckbench.jobs.codecs import CodecJob, record_file
+from puckbench.jobs.codecs import CodecJob, read_record
 from puckbench.jobs.registry import JOBS
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
@@ -53,8 +53,7 @@ class Recovering(CodecJob):
         name: of the cloud.
         """
         codec, surface = self._decoded_surface(stream)
-        beside = record_file(stream)
-        record = read_json(beside) if beside.exists() else {}
+        record = read_record(stream)
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
         return {
             **({"dataset": self.dataset} if self.dataset else {}),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from puckbench.core.files import read_object
 from puckbench.metrics.frames import FRAME
 from puckbench.metrics.registry import TABLES
 
@@ -44,6 +44,7 @@ _FIRST = (
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
+_OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
 _COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
 _SUMMARY = (
@@ -90,7 +91,7 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
     clean scan of the same rays; both are empty where there is none.
     """
-    return [read_json(file) for file in files]
+    return [read_object(file) for file in files]
 
 
 @TABLES.register("clouds", title="The clouds", rule="clouds_table")
@@ -105,9 +106,11 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     number of turns, their time in seconds, and the entropy of the noise in steps of the sensor's
     ranges (bits).
     """
-    about = read_json(file)
+    about = read_object(file)
+    if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
+        raise InputError(f"{file}: not the description of a prepared cloud, without {missing[0]}")
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
-    kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
+    kept = {key: about[key] for key in _OF_CLOUDS}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
     if "digest" in about:
         kept["digest"] = about["digest"]

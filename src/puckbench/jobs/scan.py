@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field
 
 from puckbench.core.files import read_json
+from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
@@ -101,9 +102,16 @@ class Scan(Job):
         return free_origin(surface, self.height_m, **inside), False
 
 
+class _Described(Model):
+    """Where a scene's description places the sensor, m."""
+
+    origin: tuple[float, float, float] | None
+
+
 def _described(mesh: Path) -> list[float] | None:
     """The origin in the description beside a mesh, if there is one."""
     beside = sidecar(mesh)
     about = read_json(beside) if beside != mesh and beside.exists() else None
-    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
-    return origin
+    origin = about.get("origin") if isinstance(about, dict) else None
+    found = parsed(_Described, {"origin": origin}, str(beside)).origin
+    return None if found is None else list(found)

@@ -77,7 +77,7 @@ def read_residuals(path: Path) -> pd.DataFrame:
         raise InputError(f"{path}: no such file")
     try:
         table = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a Parquet table ({error})") from error
     missing = [name for name in COLUMNS if name not in table]
     if needed := [name for name in missing if name not in _LATER]:

@@ -10,10 +10,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, write_json
-from puckbench.core.models import Model
+from puckbench.core.files import read_object, write_json
+from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.datasets.scene import SceneSet, read_first
 from puckbench.jobs.scan import Scan
@@ -55,7 +56,7 @@ def scene_faults(
         for name in chosen
         if (files := scenes.files(name))
     }
-    known = read_json(kept) if states and kept.exists() else {}
+    known = _known(kept) if states else {}
     stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
     what = "meshes"
     if settings.make == "cloud":  # a package that reads its format may have been installed since
@@ -74,10 +75,26 @@ def scene_faults(
 
 def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
     """Points of the largest of some clouds that were read; None where none was."""
-    known = read_json(kept) if kept.exists() else {}
+    known = _known(kept)
     return max(
         (known[name]["points"] for name in scenes if "points" in known.get(name, {})), default=None
     )
+
+
+class _Check(Model):
+    """What was found of a scene."""
+
+    state: str
+    fault: str | None
+    points: int | None = None
+
+
+def _known(kept: Path) -> dict[str, dict[str, Any]]:
+    """What was found before, by the scene's name; InputError for a file that says anything else."""
+    checks = read_object(kept) if kept.exists() else {}
+    for name, check in checks.items():
+        parsed(_Check, check, f"{kept}: {name}")
+    return checks
 
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
