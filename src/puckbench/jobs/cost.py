@@ -63,14 +63,25 @@ def _age_s() -> float:
     return uptime - int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
+class _Work(Model, extra="ignore"):
+    """What the entry ``work`` of a cost must be."""
+
+    codec: str | None = None
+    points: int = 0
+    rates: int = 0
+    repeats: int = 0
+    call_s: float = 0.0
+    truth: bool = False
+
+
 class _Cost(Model, extra="ignore"):
     """What a cost must be."""
 
     job: str
     processor_s: float
     wall_s: float
-    peak_mib: int
-    work: Mapping[str, str | int | float | bool | None] = {}
+    peak_mib: int = 0
+    work: _Work = _Work()
     ended: Annotated[str | None, AfterValidator(_moment)] = None
     commit: str = ""
 

@@ -163,7 +163,8 @@ def _log_folders(run: Path) -> list[Path]:
 
 def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
     """One job by its log and, for what the log does not say, its results."""
-    job, seconds, peak, work = (cost[key] for key in ("job", "processor_s", "peak_mib", "work"))
+    job, seconds = cost["job"], cost["processor_s"]
+    peak, work = cost.get("peak_mib", 0), cost.get("work", {})
     if job not in _OF_CLOUDS:
         return JobTime(job, "", 0, 0, seconds, peak_mib=peak)
     results, _, names = str(log.with_suffix("")).rpartition("/logs/")
