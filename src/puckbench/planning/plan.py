@@ -5,7 +5,7 @@ The workflow reads this to lay out its graph; it imports nothing heavy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -165,9 +165,7 @@ class Plan:
         }
         self.left_out: dict[str, dict[str, str]] = {}
         """Data set -> scenes that cannot be used -> why."""
-        self.datasets = {
-            name: self._dataset(name, value) for name, value in config.datasets.items()
-        }
+        self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
         self.weights = {name: _weights(name, config.codec(name)) for name in config.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
@@ -180,6 +178,31 @@ class Plan:
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")
+
+    def _datasets(self) -> dict[str, DataSetPlan]:
+        """The data sets that have clouds; InputError where none has any."""
+        datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
+        found = {name: data for name, data in datasets.items() if data.clouds}
+        if datasets and not found:
+            name, faults = next(iter(self.left_out.items()))
+            raise _unusable(name, faults)
+        return found
+
+    def left_out_rows(self) -> tuple[dict[str, str], ...]:
+        """What the run goes without, and why: files that were named, then scenes."""
+        named = [
+            {"dataset": "", "scene": "", "file": file, "reason": why}
+            for file, why in self.config.unused.items()
+        ]
+        return (*named, *self._scenes_left_out())
+
+    def _scenes_left_out(self) -> Iterator[dict[str, str]]:
+        for dataset, faults in self.left_out.items():
+            scenes = self.scenes[self.config.datasets[dataset].scenes]
+            for scene, fault in faults.items():
+                file = str(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
+                reason = fault.removeprefix(f"{file}: ")
+                yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
 
     @property
     def results(self) -> Path:
@@ -286,8 +309,10 @@ class Plan:
         return None if start is None else str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
+        if name not in self.config.datasets:
+            raise InputError(f"{where}: no data set '{name}'{among(name, self.config.datasets)}")
         if name not in self.datasets:
-            raise InputError(f"{where}: no data set '{name}'{among(name, self.datasets)}")
+            raise _unusable(name, self.left_out[name])
         return [(name, cloud) for cloud in self.datasets[name].clouds]
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
@@ -338,12 +363,17 @@ class Plan:
         settings, kept = self.config.datasets[name], self._checks(name)
         faults = scene_faults(scenes.scenes, scenes.chosen, settings, kept)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
-        if faults and (self.config.strict or not usable):
-            scene, fault = next(iter(faults.items()))
-            raise InputError(f"datasets.{name}: scene {scene}: {fault}")
+        if faults and self.config.strict:
+            raise _unusable(name, faults)
         if faults:
             self.left_out[name] = faults
         return usable
+
+
+def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
+    scene, fault = next(iter(faults.items()))
+    more = f" (and {len(faults) - 1} more that cannot be used)" if len(faults) > 1 else ""
+    return InputError(f"datasets.{dataset}: scene {scene}: {fault}{more}")
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:

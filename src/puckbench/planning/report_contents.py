@@ -23,7 +23,7 @@ def planned_contents(
     chosen = plan.config.report
     folder = plan.results / "tables"
     first = [*FIRST_TABLES] if plan.datasets else []
-    first += ["left_out"] if plan.left_out else []
+    first += ["left_out"] if plan.left_out_rows() else []
     first += ["scan_errors"] if plan.scanned else []
     return Contents(
         title=chosen.title,

@@ -8,7 +8,7 @@ the settings change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from puckbench.core.errors import InputError
@@ -87,13 +87,23 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
         job: object = (settings.make, options)
     else:
         job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
-    every = [one for path in files for one in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in every if (stat := path.stat())]
+    stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
+
+
+def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
+    """Name, size and time of a file, or of those in a folder; zeros where there are none."""
+    try:
+        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
+            stat = each.stat()
+            yield str(each), stat.st_size, stat.st_mtime_ns
+    except OSError:
+        yield str(path), 0, 0
 
 
 def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | None, int | None]:
     """Why a scene cannot be used, if so; and the points of a cloud that can."""
+    from puckbench.geometry.cloud import check_extent
     from puckbench.geometry.mesh import check_mesh
 
     try:
@@ -104,7 +114,9 @@ def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | 
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
             return f"it holds points, which are taken as they are ({how})", None
-        check_mesh(scene.mesh, "its mesh")
+        what = str(next(iter(scenes.files(name)), "its mesh"))
+        check_mesh(scene.mesh, what)
+        check_extent(scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3), what)
         if settings.is_scan:
             scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
     except InputError as error:
