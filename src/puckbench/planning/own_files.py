@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.files import write_bytes
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.files import announces_faces, is_file_or_lost
@@ -209,6 +209,7 @@ class OwnRun:
             for frame in plan.frames:
                 known = plan.rates(codec, frame)
                 wanted = self._wanted(codec, known, few) if known else known
+                _check_width(plan, codec, frame, wanted)
                 if wanted != known:
                     found[codec][keys[frame]] = list(wanted)
         return found
@@ -307,6 +308,16 @@ def _seconds(plan: Plan) -> float:
             once = 1.5 * plan.opened[codec].pace.of(data.points) + _MEASURING_S * data.points / 1e6
             total += len(data.clouds) * len(plan.rates(codec, data.frame)) * once
     return total
+
+
+def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> None:
+    """InputError where all clouds of a frame are too wide for a codec at these rates."""
+    names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
+    if names and not any(
+        dataset in names and coder == codec and rate in rates
+        for dataset, _, coder, rate in plan.cells
+    ):
+        raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:

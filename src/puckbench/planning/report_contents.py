@@ -52,6 +52,7 @@ def _examples(plan: Plan) -> Iterable[Example]:
             codec: {
                 rate: str(folder / codec / f"{rate}.ply")
                 for rate in shown_rates(plan, codec, frame)
+                if plan.is_coded(dataset, cloud, codec, rate)
             }
             for codec in plan.codecs
             if plan.codes(codec, dataset)

@@ -16,6 +16,7 @@ from puckbench.core.files import read_json, write_json
 from puckbench.core.models import Model
 from puckbench.core.progress import Progress
 from puckbench.datasets.scene import SceneSet, read_first
+from puckbench.geometry.cloud import Floats, bounds, check_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -63,9 +64,8 @@ def scene_faults(
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{kept.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        fault, points = _found(scenes, name, settings)
-        counted = {} if points is None else {"points": points}
-        known[name] = {"state": states[name], "fault": fault, **counted}
+        fault, measured = _found(scenes, name, settings)
+        known[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
         write_json(kept, known)
@@ -80,6 +80,12 @@ def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
     )
 
 
+def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
+    """The longest sides of some scenes' bounding boxes, m, of those that were read."""
+    known = read_json(kept) if kept.exists() else {}
+    return {name: known[name]["extent_m"] for name in scenes if "extent_m" in known.get(name, {})}
+
+
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
     if settings.make == "cloud":
@@ -87,6 +93,7 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
         job: object = (settings.make, options)
     else:
         job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
+    job = (job, "extent_m")
     stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
@@ -101,24 +108,36 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
         yield str(path), 0, 0
 
 
-def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | None, int | None]:
-    """Why a scene cannot be used, if so; and the points of a cloud that can."""
-    from puckbench.geometry.cloud import check_extent
+def _found(
+    scenes: SceneSet, name: str, settings: DataSetConfig
+) -> tuple[str | None, dict[str, float]]:
+    """Why a scene cannot be used, if so; and the number of points and the extent of one that can.
+
+    Of what a sensor will see, neither is known.
+    """
     from puckbench.geometry.mesh import check_mesh
 
     try:
         scene = scenes.load(name)
-        points = scene.returns if scene.cloud is None else scene.cloud
+        cloud = scene.cloud
+        points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz
         if points is not None and settings.make == "cloud":
-            return None, len(points)
+            return None, {"points": len(points), "extent_m": _extent(points)}
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
-            return f"it holds points, which are taken as they are ({how})", None
+            return f"it holds points, which are taken as they are ({how})", {}
         what = str(next(iter(scenes.files(name)), "its mesh"))
         check_mesh(scene.mesh, what)
-        check_extent(scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3), what)
+        corners = scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3)
+        check_extent(corners, what)
         if settings.is_scan:
             scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+            return None, {}
     except InputError as error:
-        return " ".join(str(error).split()), None
-    return None, None
+        return " ".join(str(error).split()), {}
+    return None, {"extent_m": _extent(corners)}
+
+
+def _extent(points: Floats) -> float:
+    low, high = bounds(points)
+    return float((high - low).max())
