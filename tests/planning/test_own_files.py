@@ -141,7 +141,8 @@ def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
     asked = OwnRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
     assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
-    assert asked.unused() == ["mine.py"]
+    assert config["unused"].keys() == {"mine.py"}
+    assert config["unused"]["mine.py"].startswith("no cloud, mesh or recording there (.ply")
 
 
 def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:

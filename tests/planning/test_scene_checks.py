@@ -38,8 +38,8 @@ def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
 def test_scenes_that_cannot_be_scanned_are_left_out_and_named(meshes: Path) -> None:
     planned = plan(meshes)
     assert planned.clouds == (("scanned", "room"),)
-    solid, torn = left_out_lines(planned.left_out)
-    assert solid.startswith("puckbench: left out: scanned/solid: the scene has no free spot 1.3 m")
+    solid, torn = left_out_lines(planned.left_out_rows())
+    assert solid.startswith(f"left out: {meshes}/solid.off: the scene has no free spot 1.3 m")
     assert "torn.off: truncated" in torn
 
 

@@ -99,8 +99,8 @@ BAR = show_bar(job_seconds(bench), CORES or 1, NOTES, compiling_seconds(bench)) 
 
 onstart:
     or_stop(hold_results, plan.results)
-    for line in left_out_lines(plan.left_out):
-        print(line, file=sys.stderr, flush=True)
+    for line in left_out_lines(plan.left_out_rows()):
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
     # To keep to so many submissions a second, Snakemake weighs the jobs that wait once a second for
     # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
     if workflow.local_exec:
@@ -113,6 +113,8 @@ onsuccess:
     end_bar()
     if TOLD_BY_CALLER not in os.environ:
         for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
+            print(line, flush=True)
+        for line in left_out_lines(plan.left_out_rows()):
             print(line, flush=True)
 
 

@@ -11,20 +11,20 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, tell, whole
+from puckbench.cli.types import chosen, whole
 from puckbench.core.errors import InputError
-from puckbench.figures.style import FigureStyle
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
+from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.own_files import (
     CODECS,
     CODECS_OF_RECORDINGS,
     CONFIG,
-    NOTHING_THERE,
     OwnRun,
     write_configuration,
 )
+from puckbench.planning.running import left_out_lines
 from puckbench.planning.workflow import Workflow
 
 _OUT = "out"
@@ -108,16 +108,25 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _answer(path: Path) -> dict[str, Any]:
-    """The rows of the closing table, and where everything lies."""
-    results, style, anchor = _results(path)
-    rows = summary_rows(results, style, anchor)
-    return {"results": rows, "report": str(results / REPORT), "configuration": str(path)}
+    """The rows of the closing table, what was left out, and where everything lies."""
+    outputs = _outputs(path)
+    results = outputs.plan.results
+    left_out = outputs.plan.left_out_rows()
+    return {
+        "results": summary_rows(results, outputs.titles, outputs.anchor),
+        "left_out": [{"file": row["file"], "why": row["reason"]} for row in left_out],
+        "report": str(results / REPORT),
+        "configuration": str(path),
+    }
 
 
 def _tell(path: Path, study: str | None) -> None:
     """The table, also where nothing had to be made, and what can be done next."""
-    results, style, anchor = _results(path)
-    for line in closing_lines(results, style, anchor, since=0.0):
+    outputs = _outputs(path)
+    results = outputs.plan.results
+    for line in closing_lines(results, outputs.titles, outputs.anchor, since=0.0):
+        print(line)  # noqa: T201
+    for line in left_out_lines(outputs.plan.left_out_rows()):
         print(line)  # noqa: T201
     again = f"puckbench run {shlex.quote(str(path))}"
     print(f"to change the run, edit {path}, then: {again}")  # noqa: T201
@@ -126,10 +135,9 @@ def _tell(path: Path, study: str | None) -> None:
         print(f"to compare with the study: {beside}")  # noqa: T201
 
 
-def _results(path: Path) -> tuple[Path, FigureStyle, str]:
-    """Folder, titles and anchor of a configuration's results."""
-    outputs = Workflow(read_config(path)).outputs
-    return outputs.plan.results, outputs.titles, outputs.anchor
+def _outputs(path: Path) -> OutputJobs:
+    """What the run of a configuration makes, without what it leaves out."""
+    return Workflow(read_config(path), check_scenes=True).outputs
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
@@ -198,10 +206,7 @@ def _of_files(options: argparse.Namespace) -> Path:
         options=_given(options, "metres_per_unit", "up", "drop_invalid"),
         **wanted,
     )
-    config = asked.configuration()
-    for path in asked.unused():
-        tell(f"left out: {path}: {NOTHING_THERE}")
-    return _written(out, config)
+    return _written(out, asked.configuration())
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import logging
 import os
 from abc import abstractmethod
 from collections import Counter
@@ -16,6 +17,9 @@ from pydantic import PositiveFloat
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, found
 from puckbench.datasets.scene import safe_name, unique_names
+from puckbench.io.ply import has_faces
+
+_LOG = logging.getLogger(__name__)
 
 
 class FileSet(DataSet):
@@ -73,9 +77,9 @@ class FileSet(DataSet):
         paths = [path for one in given for path in self._named(one)]
         if not paths:
             raise InputError(f"path: no {self.what} named")
-        twice = [path for path, count in Counter(map(Path.resolve, paths)).items() if count > 1]
+        twice = [path for path, count in Counter(map(os.path.realpath, paths)).items() if count > 1]
         if twice:
-            raise InputError(f"{twice[0].name}: the file is named twice")
+            raise InputError(f"{Path(twice[0]).name}: the file is named twice")
         return dict(sorted(zip(scene_names(paths), paths, strict=True)))
 
     def _chosen(self, name: str, text: str) -> Path:
@@ -91,7 +95,7 @@ class FileSet(DataSet):
         """The files that a path or pattern stands for."""
         path, known = Path(text), ", ".join(self.suffixes)
         if path.is_dir():
-            inside = [one for one in sorted(path.rglob("*")) if self._is_of_set(one)]
+            inside = distinct(one for one in path.rglob("*") if self._is_of_set(one))
             if not inside:
                 raise InputError(f"{text}: no {self.what} there ({known})")
             return inside
@@ -99,15 +103,39 @@ class FileSet(DataSet):
             if path.suffix.lower() not in self.suffixes:
                 raise InputError(f"{text}: not one of the {self.what} by its name ({known})")
             return [path]
-        matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
-        inside = [one for one in matches if self._is_of_set(one)]
+        matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
+        inside = distinct(one for one in matches if self._is_of_set(one))
         if not inside:
             raise InputError(f"{text}: no such file")
         return inside
 
     def _is_of_set(self, path: Path) -> bool:
         is_known = path.suffix.lower() in self.suffixes and not path.name.startswith(".")
-        return is_known and path.is_file() and self._takes(path)
+        return is_known and is_file_or_lost(path) and self._takes(path)
+
+
+def is_file_or_lost(path: Path) -> bool:
+    """Whether a path is a file, or a link to one that is gone, which no run should overlook."""
+    return path.is_file() or (path.is_symlink() and not path.exists())
+
+
+def announces_faces(path: Path) -> bool:
+    """Whether a PLY file is a mesh's; one that cannot be read is taken for a cloud's."""
+    try:
+        return has_faces(path)
+    except InputError:
+        return False
+
+
+def distinct(paths: Iterable[Path]) -> list[Path]:
+    """The paths in order, without links to files that are among them."""
+    files: dict[str, Path] = {}
+    for path in sorted(paths, key=lambda path: (path.is_symlink(), path)):
+        place = os.path.realpath(path)
+        if place in files:
+            _LOG.warning("%s: leads to %s, which is there too: left out", path, files[place])
+        files.setdefault(place, path)
+    return sorted(files.values())
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from puckbench.datasets.captured_rooms import is_capture, read_capture
-from puckbench.datasets.files import FileSet
+from puckbench.datasets.files import FileSet, announces_faces
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import SUFFIXES, read_mesh_report
-from puckbench.io.ply import has_faces
 
 
 @LOADERS.register("mesh_files")
@@ -38,5 +37,5 @@ class MeshFiles(FileSet):
     def _takes(self, path: Path) -> bool:
         suffix = path.suffix.lower()
         if suffix == ".ply":
-            return has_faces(path)
+            return announces_faces(path)
         return suffix != ".json" or is_capture(path)

@@ -6,15 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
-from puckbench.core.errors import InputError
-from puckbench.datasets.files import FileSet
+from puckbench.datasets.files import FileSet, announces_faces
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.cloud import check_extent, check_points
 from puckbench.io.clouds import SUFFIXES, read_points
-from puckbench.io.ply import has_faces
 
 
 @LOADERS.register("point_clouds")
@@ -42,16 +38,11 @@ class PointClouds(FileSet):
             finite = cloud.finite()
             about["dropped_points"] = len(cloud) - len(finite)
             cloud = finite
-        _check(cloud, path)
+        check_points(cloud.xyz, str(path))
         if self.metres_per_unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+        check_extent(cloud.xyz, str(path))
         return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)
 
     def _takes(self, path: Path) -> bool:
-        return path.suffix.lower() != ".ply" or not has_faces(path)
-
-
-def _check(cloud: PointCloud, path: Path) -> None:
-    check_points(cloud.xyz, str(path))
-    if not np.ptp(cloud.xyz, axis=0).any():
-        raise InputError(f"{path}: the cloud has no extent: all its points are the same")
+        return path.suffix.lower() != ".ply" or not announces_faces(path)

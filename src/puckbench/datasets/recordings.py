@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -14,7 +15,7 @@ from pydantic import Field, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, found
-from puckbench.datasets.files import scene_names
+from puckbench.datasets.files import distinct, is_file_or_lost, scene_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 
@@ -110,9 +111,9 @@ class Recordings(DataSet):
             return {name: Path(text) for name, text in self.path.items()}
         given = (self.path,) if isinstance(self.path, str) else self.path
         paths = [path for text in given for path in recordings_at(text)]
-        twice = [path for path, count in Counter(map(Path.resolve, paths)).items() if count > 1]
+        twice = [path for path, count in Counter(map(os.path.realpath, paths)).items() if count > 1]
         if twice:
-            raise InputError(f"{twice[0].name}: the recording is named twice")
+            raise InputError(f"{Path(twice[0]).name}: the recording is named twice")
         return dict(zip(scene_names(paths), paths, strict=True))
 
     @cached_property
@@ -120,20 +121,14 @@ class Recordings(DataSet):
         """Recording and first turn of each cloud, and the recordings that have none."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
-        faults = []
         for name, path in self._recordings.items():
             try:
-                whole = _read(path, self.start_s)[0]
-                firsts = self._firsts(whole)
-                faults += [] if firsts else [InputError(f"{path}: {self._no_turns(whole)}")]
-            except InputError as error:
+                firsts = self._firsts(_read(path, self.start_s)[0])
+            except InputError:
                 firsts = range(0)
-                faults.append(error)
             table |= {f"{name}_{first:04d}": (path, first) for first in firsts}
             if not firsts:
                 faulty[name] = (path, None)
-        if not table:
-            raise faults[0]
         return faulty | table
 
 
@@ -145,14 +140,14 @@ def recordings_at(text: str) -> list[Path]:
     """
     path = Path(text)
     if path.is_dir() and not is_bag_folder(path):
-        inside = list(_below(path))
+        inside = distinct(_below(path))
         if not inside:
             raise InputError(f"{text}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
         return inside
     if path.exists():
         return [path]
-    matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
-    inside = [one for one in matches if is_bag_folder(one) or _is_recording(one)]
+    matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
+    inside = distinct(one for one in matches if is_bag_folder(one) or _is_recording(one))
     if not inside:
         raise InputError(f"{text}: no such file or folder (recordings should lie there)")
     return inside
@@ -173,7 +168,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def _is_recording(path: Path) -> bool:
     known = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
-    return known and path.is_file()
+    return known and is_file_or_lost(path)
 
 
 def _is_copy(path: Path) -> bool:

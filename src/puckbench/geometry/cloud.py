@@ -137,6 +137,30 @@ def bounds(points: Floats) -> Floats:
     return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
 
+_LEAST_EXTENT, _FARTHEST = 1e-30, 1e30
+"""Bounds within which squares of lengths, and squares of these, are numbers."""
+
+
+def check_extent(points: Floats, what: str) -> None:
+    """Refuse points (n, 3) that are all the same, or lie where numbers no longer tell them apart.
+
+    Raises
+    ------
+    InputError
+        Begins with `what`, the name of their source.
+    """
+    low, high = bounds(points)
+    extent = float((high / 2 - low / 2).max()) * 2
+    if extent == 0:
+        raise InputError(f"{what}: the cloud has no extent: all its points are the same")
+    farthest = float(max(np.abs(low).max(), np.abs(high).max()))
+    if extent < _LEAST_EXTENT or farthest > _FARTHEST:
+        raise InputError(
+            f"{what}: coordinates up to {farthest:.3g} and an extent of {extent:.3g} are no "
+            "lengths; name the unit (--metres-per-unit)"
+        )
+
+
 def check_points(points: Floats, what: str) -> None:
     """Refuse points that are not a non-empty, finite (n, 3) array.
 

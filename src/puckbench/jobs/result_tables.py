@@ -119,13 +119,12 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 
-@TABLES.register("left_out", title="Scenes left out", rule="left_out_table")
-def left_out(faults: Mapping[str, Mapping[str, str]]) -> pd.DataFrame:
-    """The scenes that could not be used, and why: no result counts them."""
+@TABLES.register("left_out", title="What was left out", rule="left_out_table")
+def left_out(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
+    """The files and scenes that could not be used, and why: no result counts them."""
     import pandas as pd
 
-    rows = [(dataset, *fault) for dataset, found in faults.items() for fault in found.items()]
-    return pd.DataFrame(rows, columns=["dataset", "scene", "reason"])
+    return pd.DataFrame(rows, columns=["dataset", "scene", "file", "reason"])
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", rule="scan_errors_table")

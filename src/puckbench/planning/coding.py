@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -143,8 +144,17 @@ class CodingJobs:
             replace(curve, frame=frame)
             for frame in self.plan.frames
             for codec in self._coding(frame)
-            for curve in _curves(codec, self.plan.rates(codec, frame), self._seconds(codec))
+            for curve in _curves(codec, self._alike(codec, frame), self._seconds(codec))
         )
+
+    def _alike(self, codec: str, frame: Frame) -> list[tuple[str, ...]]:
+        """The rates of a codec, cut where it codes other clouds."""
+        without: dict[str, set[tuple[str, str]]] = {}
+        for (*cloud, coder), rates in self.plan.too_wide.items():
+            for rate in rates if coder == codec and frame == "metric" else ():
+                without.setdefault(rate, set()).add((cloud[0], cloud[1]))
+        every = groupby(self.plan.rates(codec, frame), lambda rate: without.get(rate, set()))
+        return [tuple(rates) for _, rates in every]
 
     def _coding(self, frame: Frame) -> list[str]:
         """The codecs that code any data set in a frame."""
@@ -156,6 +166,10 @@ class CodingJobs:
         """The data sets that a curve is of."""
         sets = self.plan.in_frame(curve.frame)
         return [name for name in sets if self.plan.codes(curve.codec, name)]
+
+    def _codes(self, curve: Curve, dataset: str, cloud: str) -> bool:
+        """Whether a curve is coded of a cloud of one of its data sets."""
+        return self.plan.is_coded(dataset, cloud, curve.codec, curve.rates[0])
 
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
@@ -196,7 +210,7 @@ class CodingJobs:
         kinds = {name: kind for kind, name in self.plan.config.figures.examples.given().items()}
         for name, kind in kinds.items():
             dataset, cloud = name.split("/")
-            if dataset in datasets:
+            if dataset in datasets and self._codes(curve, dataset, cloud):
                 yield Measuring(curve, (dataset,), surfaces, cloud, kind, shown)
 
     @cache  # noqa: B019
@@ -287,6 +301,7 @@ class CodingJobs:
             for curve in self.curves
             if codec in (None, curve.codec)
             and dataset in self.datasets(curve)
+            and self._codes(curve, dataset, cloud)
             and (kind != "recovery" or dataset in self.measured(curve, surfaces=True))
         ]
 
@@ -358,14 +373,14 @@ class CodingJobs:
         return " ".join(map(sha256, self.plan.weights[codec]))
 
 
-def _curves(codec: str, rates: tuple[str, ...], seconds: float) -> list[Curve]:
-    """A curve, or parts of it that each keep within the most seconds; none without rates.
+def _curves(codec: str, groups: list[tuple[str, ...]], seconds: float) -> list[Curve]:
+    """A curve of each group of rates, or parts of it that each keep within the most seconds.
 
     seconds: of one rate.
     """
-    if not rates:
-        return []
-    parts = min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS))
-    size = math.ceil(len(rates) / max(1, parts))
-    cut = [rates[first : first + size] for first in range(0, len(rates), size)]
+    cut = []
+    for rates in groups:
+        parts = min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS))
+        size = math.ceil(len(rates) / max(1, parts))
+        cut += [rates[first : first + size] for first in range(0, len(rates), size)]
     return [Curve(codec, part, whole=len(cut) == 1) for part in cut]

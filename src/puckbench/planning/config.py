@@ -395,6 +395,11 @@ class Config(Model):
         description="Stop before anything runs where a scene cannot be used (a damaged mesh, no "
         "room for the sensor); else it is left out and named in the table `left_out`.",
     )
+    unused: dict[str, str] = Field(
+        {},
+        description="Files that `puckbench run` was given and cannot use, and why: they are named "
+        "in the table `left_out`.",
+    )
     scenes: dict[Name, SceneSetConfig] = Field(
         description="Scene sets by name: where the geometry comes from."
     )

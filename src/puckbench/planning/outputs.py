@@ -81,8 +81,8 @@ class OutputJobs:
             rows = [f"{plan.results}/clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds]
             job = CloudsTable(datasets=tuple(dataset for dataset, _ in plan.clouds))
             found["clouds"] = self._joined("clouds", job, rows)
-        if plan.left_out:
-            found["left_out"] = self._joined("left_out", LeftOut(faults=plan.left_out), [])
+        if left_out := plan.left_out_rows():
+            found["left_out"] = self._joined("left_out", LeftOut(rows=left_out), [])
         for record, rows in self.coding.tables():
             found[record.kind] = self._joined(record.kind, record, rows)
         return found

@@ -10,14 +10,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.files import write_bytes
 from puckbench.datasets import captured_rooms, recordings
+from puckbench.datasets.files import announces_faces, is_file_or_lost
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
-from puckbench.io.ply import has_faces
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
@@ -107,6 +107,7 @@ class OwnRun:
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
+            **({"unused": unused} if (unused := self.unused()) else {}),
             "scenes": scenes,
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or usual),
@@ -125,9 +126,9 @@ class OwnRun:
 
     # ---- files
 
-    def unused(self) -> list[str]:
-        """Paths that hold nothing of use, as a shell's pattern may find them among others."""
-        return [text for text, kinds in self._kinds if not kinds]
+    def unused(self) -> dict[str, str]:
+        """Why paths hold nothing of use, as a shell's pattern may find them among others."""
+        return {text: _why_unused(text) for text, kinds in self._kinds if not kinds}
 
     @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
@@ -141,9 +142,7 @@ class OwnRun:
         found: dict[Kind, list[str]] = {}
         unused = self.unused()
         if unused and (self.strict or len(unused) == len(self._kinds)):
-            known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-            also = ", ".join(recordings.RECORDING_SUFFIXES)
-            raise InputError(f"{unused[0]}: {NOTHING_THERE} there ({known}, {also})")
+            raise InputError("{}: {}".format(*next(iter(unused.items()))))
         for text, kinds in self._kinds:
             for kind in kinds:
                 found.setdefault(kind, []).append(text)
@@ -210,6 +209,7 @@ class OwnRun:
             for frame in plan.frames:
                 known = plan.rates(codec, frame)
                 wanted = self._wanted(codec, known, few) if known else known
+                _check_width(plan, codec, frame, wanted)
                 if wanted != known:
                     found[codec][keys[frame]] = list(wanted)
         return found
@@ -231,15 +231,23 @@ def _files(text: str) -> Iterator[Path]:
     """The files that a path or pattern stands for, and folders that are one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
-        yield from (one for one in sorted(path.rglob("*")) if one.is_file())
+        yield from (one for one in sorted(path.rglob("*")) if is_file_or_lost(one))
     elif path.exists():
         yield path
     else:
-        found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-        if not found:
-            raise InputError(f"{text}: no such file")
-        matches = map(Path, found)
+        matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
         yield from (one for one in matches if one.is_file() or recordings.is_bag_folder(one))
+
+
+def _why_unused(text: str) -> str:
+    """Why there is nothing of use at a path or pattern."""
+    path = Path(text)
+    if path.is_symlink() and not path.exists():
+        return "a link to a file that is gone"
+    if not path.exists() and not glob.glob(text, recursive=True):  # noqa: PTH207 (any pattern)
+        return "no such file"
+    known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
+    return f"{NOTHING_THERE} there ({known}, {', '.join(recordings.RECORDING_SUFFIXES)})"
 
 
 def _kind(path: Path) -> Kind | None:
@@ -248,7 +256,7 @@ def _kind(path: Path) -> Kind | None:
     if path.is_dir() or suffix in recordings.RECORDING_SUFFIXES:
         return "recordings"
     if suffix == ".ply":
-        return "meshes" if has_faces(path) else "clouds"
+        return "meshes" if announces_faces(path) else "clouds"
     if suffix in clouds.SUFFIXES:
         return "clouds"
     is_mesh = suffix in meshes.SUFFIXES or (suffix == ".json" and captured_rooms.is_capture(path))
@@ -300,6 +308,16 @@ def _seconds(plan: Plan) -> float:
             once = 1.5 * plan.opened[codec].pace.of(data.points) + _MEASURING_S * data.points / 1e6
             total += len(data.clouds) * len(plan.rates(codec, data.frame)) * once
     return total
+
+
+def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> None:
+    """InputError where all clouds of a frame are too wide for a codec at these rates."""
+    names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
+    if names and not any(
+        dataset in names and coder == codec and rate in rates
+        for dataset, _, coder, rate in plan.cells
+    ):
+        raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:

@@ -23,7 +23,7 @@ def planned_contents(
     chosen = plan.config.report
     folder = plan.results / "tables"
     first = [*FIRST_TABLES] if plan.datasets else []
-    first += ["left_out"] if plan.left_out else []
+    first += ["left_out"] if plan.left_out_rows() else []
     first += ["scan_errors"] if plan.scanned else []
     return Contents(
         title=chosen.title,
@@ -52,6 +52,7 @@ def _examples(plan: Plan) -> Iterable[Example]:
             codec: {
                 rate: str(folder / codec / f"{rate}.ply")
                 for rate in shown_rates(plan, codec, frame)
+                if plan.is_coded(dataset, cloud, codec, rate)
             }
             for codec in plan.codecs
             if plan.codes(codec, dataset)

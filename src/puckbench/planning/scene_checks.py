@@ -8,7 +8,7 @@ the settings change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from puckbench.core.files import read_object, write_json
 from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.datasets.scene import SceneSet, read_first
+from puckbench.geometry.cloud import Floats, bounds, check_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -64,9 +65,8 @@ def scene_faults(
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{kept.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        fault, points = _found(scenes, name, settings)
-        counted = {} if points is None else {"points": points}
-        known[name] = {"state": states[name], "fault": fault, **counted}
+        fault, measured = _found(scenes, name, settings)
+        known[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
         write_json(kept, known)
@@ -87,6 +87,7 @@ class _Check(Model):
     state: str
     fault: str | None
     points: int | None = None
+    extent_m: float | None = None
 
 
 def _known(kept: Path) -> dict[str, dict[str, Any]]:
@@ -97,6 +98,12 @@ def _known(kept: Path) -> dict[str, dict[str, Any]]:
     return checks
 
 
+def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
+    """The longest sides of some scenes' bounding boxes, m, of those that were read."""
+    known = _known(kept)
+    return {name: known[name]["extent_m"] for name in scenes if "extent_m" in known.get(name, {})}
+
+
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
     if settings.make == "cloud":
@@ -104,26 +111,51 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
         job: object = (settings.make, options)
     else:
         job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
-    every = [one for path in files for one in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in every if (stat := path.stat())]
+    job = (job, "extent_m")
+    stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
 
-def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | None, int | None]:
-    """Why a scene cannot be used, if so; and the points of a cloud that can."""
+def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
+    """Name, size and time of a file, or of those in a folder; zeros where there are none."""
+    try:
+        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
+            stat = each.stat()
+            yield str(each), stat.st_size, stat.st_mtime_ns
+    except OSError:
+        yield str(path), 0, 0
+
+
+def _found(
+    scenes: SceneSet, name: str, settings: DataSetConfig
+) -> tuple[str | None, dict[str, float]]:
+    """Why a scene cannot be used, if so; and the number of points and the extent of one that can.
+
+    Of what a sensor will see, neither is known.
+    """
     from puckbench.geometry.mesh import check_mesh
 
     try:
         scene = scenes.load(name)
-        points = scene.returns if scene.cloud is None else scene.cloud
+        cloud = scene.cloud
+        points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz
         if points is not None and settings.make == "cloud":
-            return None, len(points)
+            return None, {"points": len(points), "extent_m": _extent(points)}
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
-            return f"it holds points, which are taken as they are ({how})", None
-        check_mesh(scene.mesh, "its mesh")
+            return f"it holds points, which are taken as they are ({how})", {}
+        what = str(next(iter(scenes.files(name)), "its mesh"))
+        check_mesh(scene.mesh, what)
+        corners = scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3)
+        check_extent(corners, what)
         if settings.is_scan:
             scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+            return None, {}
     except InputError as error:
-        return " ".join(str(error).split()), None
-    return None, None
+        return " ".join(str(error).split()), {}
+    return None, {"extent_m": _extent(corners)}
+
+
+def _extent(points: Floats) -> float:
+    low, high = bounds(points)
+    return float((high - low).max())

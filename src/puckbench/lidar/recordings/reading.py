@@ -129,6 +129,9 @@ def read_packets(path: Path) -> PacketLog:
         with TemporaryDirectory() as folder:
             restored = Path(folder, "recording")
             RECORDING_COMPRESSIONS.get(letters)(path, restored)
+            with restored.open("rb") as file:
+                if file.read(len(letters)) == data[: len(letters)]:
+                    raise InputError("a compressed recording within another; decompress it first")
             return read_packets(restored)
     return _packets_of_bag(path) if bag_format(data) else packets_of_capture(data)
 
