@@ -5,7 +5,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.jobs.prepare_returns import PEAK_M
+from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.geometry import DistinctPoints, Reference
 from puckbench.metrics.measures import measures, picture_measures
 from puckbench.metrics.truth import Truth
