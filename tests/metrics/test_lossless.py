@@ -52,7 +52,7 @@ def test_the_limit_follows_the_coordinates_up_to_a_tenth_of_a_millimetre() -> No
     assert rounding(PointCloud(np.array([[64.0, 0, 0]]))) == 4 * spacing
     assert rounding(PointCloud(np.full((1, 3), 5000.0))) == 1e-4
     scaled = PointCloud(np.full((1, 3), 1023.0), about={"size": 1024, "scale": 0.01})
-    assert rounding(scaled) == 1e-6
+    assert rounding(scaled) == 1023 * 2.0**-21
 
 
 def test_rows_of_older_runs_are_judged_by_their_errors() -> None:

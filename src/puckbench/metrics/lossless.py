@@ -18,8 +18,8 @@ LOSSLESS = "lossless"
 _ROUNDING = 2.0**-21
 """Four units in the last place of single precision: a coordinate is rounded as it is read, in two
 operations of a decoder and as it is written, along three axes."""
-_MOST_M = 1e-4
-"""Errors above a tenth of a millimetre are errors, however large the coordinates are."""
+_MOST = 1e-4
+"""Errors above this are errors, however large coordinates in metres are."""
 _OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "view_")
 """How columns begin that measure a decoded cloud against the coded one."""
 _COUNTS = ("points_a", "points_b")
@@ -27,8 +27,8 @@ _COUNTS = ("points_a", "points_b")
 
 def rounding(cloud: PointCloud) -> float:
     """Distance, in the cloud's units, up to which a decoded point is the point that was coded."""
-    largest = float(np.abs(bounds(cloud.xyz)).max())
-    return min(_ROUNDING * largest, _MOST_M * float(cloud.about.get("scale", 1.0)))
+    limit = _ROUNDING * float(np.abs(bounds(cloud.xyz)).max())
+    return limit if cloud.frame == "scaled" else min(limit, _MOST)
 
 
 def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, float]:

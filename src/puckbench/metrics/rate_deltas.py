@@ -141,7 +141,7 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Mean of ln(rate / anchor's rate) at equal quality on each cloud where it can be told, (n,)."""
+    """Mean of ln(rate / anchor's rate) at equal quality on each cloud that has a delta, (n,)."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
 
