@@ -368,7 +368,7 @@ def test_a_bd_rate_stands_with_its_interval_and_its_clouds(
 ) -> None:
     row = _deltas(**change).iloc[0].to_dict()
     assert delta_text(row).replace("\xa0", " ") == text
-    of_a_file = {name: "" if value != value else str(value) for name, value in row.items()}
+    of_a_file = {name: "" if pd.isna(value) else str(value) for name, value in row.items()}
     assert delta_text(of_a_file).replace("\xa0", " ") == text
 
 

@@ -22,6 +22,8 @@ _MOST = 1e-4
 """Errors above this are errors, however large coordinates in metres are."""
 _OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "view_")
 """How columns begin that measure a decoded cloud against the coded one."""
+_BEST_DB, _MOST_DB = 1e9, 1e4
+"""What stands for a lossless cloud's PSNR in quantiles, and what no lossy cloud reaches."""
 _COUNTS = ("points_a", "points_b")
 
 
@@ -59,14 +61,22 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
     return np.where(marked.isna(), found, marked.eq(True)).astype(bool)
 
 
-def with_lossless_infinite(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Result rows whose PSNRs are infinite where they are lossless.
+def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Result rows in which lossless clouds have a PSNR that is better than any other.
 
-    Medians over clouds then count a lossless cloud as the best one, and do not leave it out.
+    Quantiles over clouds then count them, and do not leave out the best; `without_lossless` makes
+    quantiles that are lossless themselves empty. Such a PSNR is not infinite, as between a finite
+    and an infinite value nothing can be interpolated.
     """
     psnrs = [name for name in metrics if "_psnr" in str(name) and is_of_the_shape(str(name))]
     rows = lossless_rows(metrics)
-    return metrics.assign(**{name: metrics[name].mask(rows, np.inf) for name in psnrs})
+    return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
+
+
+def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
+    """Quantiles of the rows of `with_lossless_best` without those that are lossless."""
+    psnrs = [name for name in quantiles if "_psnr" in str(name)]
+    return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > _MOST_DB) for n in psnrs})
 
 
 def is_of_the_shape(column: str) -> bool:

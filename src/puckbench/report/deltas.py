@@ -53,7 +53,7 @@ def holds_zero(row: _Row) -> bool:
 
 
 def _why_not(row: _Row) -> str:
-    compared = int(row["compared"])
+    compared = _count(row, "compared")
     if not compared:
         counts = {name: _number(row, name) for name in _REASONS}
         known = {name: count for name, count in counts.items() if count > 0}
@@ -63,7 +63,7 @@ def _why_not(row: _Row) -> str:
 
 
 def _interval(row: _Row) -> str:
-    if int(row["compared"]) == 1:
+    if _count(row, "compared") == 1:
         return ""
     low, high = _ends(row)
     return "" if isnan(low) else f"{percent_text(low)} to {percent_text(high)}"
@@ -71,17 +71,21 @@ def _interval(row: _Row) -> str:
 
 def _ends(row: _Row) -> tuple[float, float]:
     """The interval; of fewer clouds than it needs the least and the greatest value."""
-    ends = ("low", "high") if int(row["compared"]) >= LEAST_CLOUDS else ("least", "most")
+    ends = ("low", "high") if _count(row, "compared") >= LEAST_CLOUDS else ("least", "most")
     return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
 
 
 def _clouds(row: _Row) -> str:
-    compared, clouds = int(row["compared"]), int(row["clouds"])
+    compared, clouds = _count(row, "compared"), _count(row, "clouds")
     if compared < clouds:
         return f"{compared} of {clouds} clouds"
     if compared == 1:
         return "one cloud"
     return f"{compared} clouds" if compared < FEW_CLOUDS else ""
+
+
+def _count(row: _Row, name: str) -> int:
+    return int(float(row[name]))
 
 
 def _number(row: _Row | None, name: str) -> float:
