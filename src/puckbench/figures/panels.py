@@ -145,6 +145,14 @@ def scan_handle() -> Line2D:
     return Line2D([], [], label="the scan itself", **SCAN_LINE)
 
 
+def lossless_handle() -> Line2D:
+    """What the legend shows for rates that lose nothing."""
+    from matplotlib.lines import Line2D
+
+    hollow = {"color": "#444444", "linestyle": "", "marker": "o", "markerfacecolor": "white"}
+    return Line2D([], [], label="lossless", **hollow)
+
+
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
     """Draw one codec's values side by side, one place for each rate.
 

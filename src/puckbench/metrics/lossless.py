@@ -22,7 +22,7 @@ _MOST = 1e-4
 """Errors above this are errors, however large coordinates in metres are."""
 _OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "view_")
 """How columns begin that measure a decoded cloud against the coded one."""
-_BEST_DB, _MOST_DB = 1e9, 1e4
+_BEST_DB, MOST_DB = 1e9, 1e4
 """What stands for a lossless cloud's PSNR in quantiles, and what no lossy cloud reaches."""
 _COUNTS = ("points_a", "points_b")
 
@@ -76,7 +76,7 @@ def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
     """Quantiles of the rows of `with_lossless_best` without those that are lossless."""
     psnrs = [name for name in quantiles if "_psnr" in str(name)]
-    return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > _MOST_DB) for n in psnrs})
+    return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 
 
 def is_of_the_shape(column: str) -> bool:
