@@ -14,7 +14,6 @@ from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.io.clouds import read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.metrics.psnr import PEAK_M
 
 if TYPE_CHECKING:
     from puckbench.jobs.preparation import Returns
@@ -77,12 +76,12 @@ class Prepare(Job):
         return {**described, "points": len(prepared)}
 
     def _peak(self) -> dict[str, float]:
-        """The entry of the description for the peak; a scaled cloud needs none."""
-        if self.size == 0:
-            return {"peak": self.peak or PEAK_M}
-        if self.peak is not None:
+        """The entry of the description for the peak that was chosen; InputError if scaled."""
+        if self.peak is None:
+            return {}
+        if self.size != 0:
             raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
-        return {}
+        return {"peak": self.peak}
 
     def _corners(self, path: Path | None) -> Floats | None:
         """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""

@@ -17,7 +17,6 @@ from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
-from puckbench.metrics.psnr import PEAK_M
 
 
 @JOBS.register("prepare_returns")
@@ -64,7 +63,7 @@ class PrepareReturns(Job):
             raise InputError(f"{source}: holds no return")
         named = {"error_model": self.error_model} if self.error_model else {}
         described = {**kept_descriptions(about), **described, **named, **_timing(found)}
-        described["peak"] = self.peak or PEAK_M
+        described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]
