@@ -136,7 +136,7 @@ def bd_rate(
         label = [str(name) for name in names]
         rng = generator(seed, "bd_rate", *label)
         values = {**dict(zip(_GROUP, label, strict=True)), "anchor": anchor}
-        rows.append({**values, **_counts(part), **_means(part, resamples, rng)})
+        rows.append({**values, **_means(part, resamples, rng), **_counts(part)})
     return pd.DataFrame(rows)
 
 
