@@ -12,9 +12,9 @@ def write_tables(results: Path, compared: int = 2) -> None:
     folder = results / "tables"
     folder.mkdir(parents=True)
     (folder / "summary.csv").write_text(
-        "dataset,codec,rate,clouds,bpp,d1_psnr,encode_s,decode_s,lossless,peak\n"
-        "rooms_raw,draco,r1,2,0.5,40,0.1,0.02,0,30.0\nrooms_raw,draco,r2,2,4,60,0.2,0.05,0,30.0\n"
-        "rooms_raw,draco,r3,2,9,,0.2,0.05,2,30.0\nrooms_raw,gpcc,r1,2,1,50,0.3,0.1,0,30.0\n"
+        "dataset,codec,rate,clouds,bpp,d1_psnr,encode_s,decode_s,lossless,peak,frame\n"
+        "rooms_raw,draco,r1,2,0.5,40,0.1,0.02,0,30.0,metric\nrooms_raw,draco,r2,2,4,60,0.2,0.05,0,30.0,metric\n"
+        "rooms_raw,draco,r3,2,9,,0.2,0.05,2,30.0,metric\nrooms_raw,gpcc,r1,2,1,50,0.3,0.1,0,30.0,metric\n"
     )
     (folder / "bd_rate.csv").write_text(
         "dataset,metric,codec,clouds,compared,bd_rate_percent,bd_rate_percent_least,"
@@ -32,7 +32,7 @@ def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     ]
     assert lines[2].split()[-4:] == ["50", "to", "50", "0.4"]  # no BD-rate against itself
     assert lines[3].endswith("BD-rate in D1 against G-PCC.")
-    assert lines[4] == "Peak of the PSNRs, in the unit of the clouds: Rooms raw 30."
+    assert lines[4] == "Peak of the PSNRs: Rooms raw 30 m."
     assert lines[5] == "Lossless, so without PSNR and in no BD-rate: Rooms raw, Draco r3."
     assert lines[6] == f"tables:  {tmp_path / 'tables'}"
 

@@ -195,7 +195,7 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     medians = groups[numbers].median().assign(clouds=groups.size())
     lossless = table.assign(**{LOSSLESS: lossless_rows(metrics)}).groupby(keys, sort=False)
     medians[LOSSLESS] = lossless[LOSSLESS].sum()
-    for name in ("weights", PEAK):
+    for name in ("weights", PEAK, FRAME):
         if name in table:
             medians[name] = groups[name].first()
     return without_lossless(pd.concat([medians, *shares], axis=1)).reset_index()

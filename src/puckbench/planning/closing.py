@@ -77,9 +77,9 @@ def _delta(row: Row | None) -> dict[str, Any]:
 
 def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """The peaks of the PSNRs, and which rates have none."""
-    peaks = dict.fromkeys(f"{row['dataset']} {row['peak']:g}" for row in rows if row["peak"])
+    peaks = {row["dataset"]: f"{row['peak']:g}{row['unit']}" for row in rows if row["peak"]}
     if peaks:
-        yield f"Peak of the PSNRs, in the unit of the clouds: {', '.join(peaks)}."
+        yield f"Peak of the PSNRs: {', '.join(' '.join(item) for item in peaks.items())}."
     exact = [row for row in rows if row["lossless"]]
     if exact:
         named = (f"{row['dataset']}, {row['codec']} {', '.join(row['lossless'])}" for row in exact)
@@ -96,6 +96,7 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
         "clouds": int(first["clouds"]),
         **ranges,
         "peak": float(first["peak"]) if first.get("peak") else None,
+        "unit": " m" if first.get("frame") == "metric" else "",
         "lossless": [row["rate"] for row in medians if float(row.get("lossless") or 0)],
         "seconds": max(float(row["encode_s"]) + float(row["decode_s"]) for row in medians),
     }
