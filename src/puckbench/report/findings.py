@@ -281,8 +281,9 @@ def _nearest_rate(distances: pd.Series[float], codec: str) -> str | None:
 def _least(medians: pd.DataFrame, rate: str | None, codec: str) -> Cell:
     if rate is None:
         return Cell()
-    value, bpp = medians.loc[(codec, rate)].tolist()
-    return Cell(distance_text(value, str(medians.columns[0])), f"{rate}, {bpp:.3g} bpp", value)
+    distance = str(medians.columns[0])
+    value, bpp = (float(medians[name].to_dict()[codec, rate]) for name in (distance, "bpp"))
+    return Cell(distance_text(value, distance), f"{rate}, {bpp:.3g} bpp", value)
 
 
 def distance_text(value: float, column: str) -> str:
@@ -314,8 +315,8 @@ def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
 
     def is_less(first: str, other: str) -> bool:
         pairs = medians[[first, other]].dropna()
-        pairs = np.log(pairs[(pairs > 0).all(axis="columns")])
-        return is_below_zero((pairs[first] - pairs[other]).to_numpy(float))
+        ours, theirs = pairs[(pairs > 0).all(axis="columns")].to_numpy(float).T
+        return is_below_zero(np.log(ours / theirs))
 
     return is_less
 
