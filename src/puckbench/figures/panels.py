@@ -149,7 +149,12 @@ def lossless_handle() -> Line2D:
     """What the legend shows for rates that lose nothing."""
     from matplotlib.lines import Line2D
 
-    hollow = {"color": "#444444", "linestyle": "", "marker": "o", "markerfacecolor": "white"}
+    hollow: dict[str, Any] = {
+        "color": "#444444",
+        "linestyle": "",
+        "marker": "o",
+        "markerfacecolor": "white",
+    }
     return Line2D([], [], label="lossless", **hollow)
 
 

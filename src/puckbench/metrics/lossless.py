@@ -68,14 +68,14 @@ def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
     quantiles that are lossless themselves empty. Such a PSNR is not infinite, as between a finite
     and an infinite value nothing can be interpolated.
     """
-    psnrs = [name for name in metrics if "_psnr" in str(name) and is_of_the_shape(str(name))]
+    psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_of_the_shape(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
     """Quantiles of the rows of `with_lossless_best` without those that are lossless."""
-    psnrs = [name for name in quantiles if "_psnr" in str(name)]
+    psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 
 

@@ -272,10 +272,9 @@ def _distance_of(table: pd.DataFrame) -> str | None:
 
 
 def _nearest_rate(distances: pd.Series[float], codec: str) -> str | None:
-    if codec not in distances.index:
-        return None
-    own = distances.loc[codec].to_dict()
-    return min(ordered_rates(set(own)), key=lambda name: float(own[name]))
+    rows = zip(*map(distances.index.get_level_values, ("codec", "rate")), distances, strict=True)
+    own = {rate: value for name, rate, value in rows if name == codec}
+    return min(ordered_rates(set(own)), key=lambda name: own[name], default=None)
 
 
 def _least(medians: pd.DataFrame, rate: str | None, codec: str) -> Cell:
