@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from puckbench.planning.config import checked
 from puckbench.planning.own_files import OwnRun, write_configuration
 from puckbench.planning.plan import Plan
 from puckbench.planning.study_run import study_configuration
+from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
 from tests.support.spinning import pcap, spin
@@ -85,6 +87,19 @@ def test_meshes_are_scanned_where_that_is_asked_for() -> None:
 )
 def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size: object) -> None:
     assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
+
+
+def test_a_peak_is_that_of_clouds_in_metres() -> None:
+    config = made("mine", "utm.las", "drive.pcap", frame="scaled", peak=59.7)
+    peaks = {name: data.get("peak") for name, data in config["datasets"].items()}
+    assert peaks == {"clouds": None, "meshes": None, "recordings": 59.7}
+    jobs = Workflow(config).coding
+    measured = {
+        name: json.loads(jobs.evaluate(name, curve).record).get("peak")
+        for curve in jobs.curves
+        for name in jobs.datasets(curve)
+    }
+    assert measured == {"clouds": 1023, "meshes": 1023, "recordings": 59.7}
 
 
 def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> None:
@@ -209,6 +224,8 @@ BAD = {
     ],
     "--codecs draco": ["name files, a configuration, or a study (--study)"],
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
+    "mine/a.npy --peak 30": ["--peak: in m, of clouds in metres alone (--frame metric)"],
+    "utm.las --peak -1": ["peak", "greater than 0"],
     "mine --out mine/out": ["--out mine/out: lies in mine"],
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
     "mine/a.npy empty.xyz --strict": ["empty.xyz: the cloud is empty"],

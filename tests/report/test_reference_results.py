@@ -321,7 +321,7 @@ def test_the_findings_say_who_needs_the_fewest_bits(study: ReferenceResults) -> 
     (things,) = found.datasets
     assert (things.title, things.clouds) == ("Things", 4)
     column = things.columns[0]
-    assert column.best == ("gpcc",)
+    assert column.best == "gpcc"
     assert column.cells["draco"].text.startswith("+25.0")
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import whole
+from puckbench.cli.types import chosen, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -23,6 +23,7 @@ _SHOWN = (
         "size_m",
         "scale",
         "offset",
+        "peak",
         "damaged_packets",
         "bytes_cut_off",
         "neighbours",
@@ -60,6 +61,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=1024,
         help="size of the cube; 0: metres; grid: voxels as they came (default: 1024)",
     )
+    parser.add_argument(
+        "--peak", type=float, help="of the PSNRs of a cloud in metres, in m (default: 30)"
+    )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
@@ -90,6 +94,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         drop_invalid=options.drop_invalid,
+        **chosen(options, "peak"),
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)
@@ -102,7 +107,12 @@ def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
     turns = None if options.turns is None else _turns(options.turns)
-    job = PrepareReturns.given(neighbours=options.neighbours, clean=options.clean, turns=turns)
+    job = PrepareReturns.given(
+        neighbours=options.neighbours,
+        clean=options.clean,
+        turns=turns,
+        **chosen(options, "peak"),
+    )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
 

@@ -31,7 +31,7 @@ _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
-    *("metres_per_unit", "up", "drop_invalid", "out"),
+    *("metres_per_unit", "up", "drop_invalid", "peak", "out"),
 )
 """Options that a configuration has keys for."""
 
@@ -67,6 +67,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "(default: metric for clouds that are all LAS, LAZ, E57 or .bin, and recordings)",
     )
     add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
+    add(
+        "--peak",
+        type=float,
+        help="of the PSNRs of clouds in metres, in m (default: 30; papers on KITTI take 59.7)",
+    )
     add(
         "--rates",
         nargs="+",
@@ -196,7 +201,7 @@ def _of_files(options: argparse.Namespace) -> Path:
     wanted = chosen(options, "frame", "limit", "scan", "strict")
     if options.errors and not options.scan:
         raise InputError("--errors: of scans alone (--scan)")
-    wanted |= _given(options, "errors", "points")
+    wanted |= _given(options, "errors", "points", "peak")
     asked = OwnRun(
         paths=tuple(options.files),
         codecs=tuple(options.codecs or ()),

@@ -35,7 +35,8 @@ class Prepare(Job):
 
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
-    coordinates. peak: of PSNRs of a cloud in metres, in m. drop_invalid: leave out points of a
+    coordinates. peak: of PSNRs of a cloud in metres, in m, by default
+    `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a
     cloud that are not finite; else it is refused.
     """
 
@@ -68,6 +69,7 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
+        peak = self._peak()
         returns = _returns(source, self.clean, self.drop_invalid)
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
@@ -75,12 +77,19 @@ class Prepare(Job):
         if len(returns.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
         prepared = prepare(returns.cloud, self.size, self.neighbours)
-        peak = {} if self.peak is None else {"peak": self.peak}
         described = {**kept_descriptions(about), **prepared.about, **peak}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
             write_cloud(truth, returns.truth_in_frame_of(prepared))
         return {**described, "points": len(prepared)}
+
+    def _peak(self) -> dict[str, float]:
+        """The entry of the description for the peak that was chosen; InputError if scaled."""
+        if self.peak is None:
+            return {}
+        if self.size != 0:
+            raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
+        return {"peak": self.peak}
 
     def _corners(self, path: Path | None) -> Floats | None:
         """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""

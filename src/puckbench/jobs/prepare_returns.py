@@ -18,9 +18,6 @@ from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
-PEAK_M = 30.0
-"""Peak of PSNRs of clouds in metres: 30,000 steps of 1 mm, as in MPEG's test conditions."""
-
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
@@ -28,12 +25,14 @@ class PrepareReturns(Job):
 
     clean: take a scan's true ranges. turns: first and last turn to take, counted from 0; by default
     all of a scan, and the first whole one of a recording. error_model: the scan's, for tables.
+    peak: of PSNRs, in m, by default `puckbench.metrics.psnr.PEAK_M`.
     """
 
     neighbours: int = Field(30, ge=3)
     clean: bool = False
     turns: tuple[int, int] | None = None
     error_model: str = ""
+    peak: float | None = Field(None, gt=0)
 
     def run(
         self,
@@ -64,7 +63,7 @@ class PrepareReturns(Job):
             raise InputError(f"{source}: holds no return")
         named = {"error_model": self.error_model} if self.error_model else {}
         described = {**kept_descriptions(about), **described, **named, **_timing(found)}
-        described["peak"] = PEAK_M
+        described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]

@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING, Any
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.metrics.frames import FRAME
+from puckbench.metrics.lossless import (
+    LOSSLESS,
+    lossless_rows,
+    with_lossless_best,
+    without_lossless,
+)
+from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
 from puckbench.metrics.registry import TABLES
 
 if TYPE_CHECKING:
@@ -25,6 +32,10 @@ _FIRST = (
     "points",
     "bytes",
     "bpp",
+    "d1_psnr",
+    "d2_psnr",
+    "peak",
+    "lossless",
     "encode_s",
     "encode_s_min",
     "encode_s_max",
@@ -87,7 +98,8 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
     Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
-    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). Columns that
+    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). PSNRs D1 and
+    D2 have the ``peak`` beside them, in the same units; a ``lossless`` cloud has none. Columns that
     start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
     clean scan of the same rays; both are empty where there is none.
     """
@@ -169,16 +181,23 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
 
     Beside the medians the quartiles (``_q25``, ``_q75``), the values that hold nine clouds in ten
     (``_q05``, ``_q95``; linear between clouds, so that few clouds have a q05 near their least
-    value), and the number of clouds; figure 6.5 draws the medians per rate.
+    value), and the number of clouds; figure 6.5 draws the medians per rate. ``lossless`` clouds
+    have no error but that of rounding, and no PSNR: in medians they count as better than any other.
+    PSNRs have the ``peak`` of their row, and no median where a data set has several.
     """
     import pandas as pd
 
-    groups = metrics.groupby(["dataset", "codec", "rate"], sort=False)
+    keys = ["dataset", "codec", "rate"]
+    table = with_lossless_best(without_mixed_peaks(with_peaks(metrics)))
+    groups = table.groupby(keys, sort=False)
     numbers = [name for name in _SUMMARY if name in metrics]
     shares = [
         groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
     ]
     medians = groups[numbers].median().assign(clouds=groups.size())
-    if "weights" in metrics:
-        medians["weights"] = groups["weights"].first()
-    return pd.concat([medians, *shares], axis=1).reset_index()
+    lossless = table.assign(**{LOSSLESS: lossless_rows(metrics)}).groupby(keys, sort=False)
+    medians[LOSSLESS] = lossless[LOSSLESS].sum()
+    for name in ("weights", PEAK, FRAME):
+        if name in table:
+            medians[name] = groups[name].first()
+    return without_lossless(pd.concat([medians, *shares], axis=1)).reset_index()

@@ -22,6 +22,7 @@ from puckbench.jobs.evaluate_surfaces import EvaluateSurfaces
 from puckbench.jobs.joined import RowsTable
 from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
+from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
@@ -130,6 +131,13 @@ class Measuring:
         return replace(self.curve, rates=self.shown).files(f"{results}/decoded", suffix)
 
 
+def _peak(settings: DataSetConfig) -> float | None:
+    """Peak of the PSNRs of a data set; None where each cloud's description has it."""
+    if settings.peak is not None or isinstance(settings.size, str):
+        return settings.peak
+    return float(settings.size) - 1
+
+
 class CodingJobs:
     """Files and jobs of the curves."""
 
@@ -234,7 +242,7 @@ class CodingJobs:
             dataset=dataset,
             codec=curve.codec,
             changes=self._entry(curve),
-            peak=None if isinstance(settings.size, str) else float(settings.size) - 1,
+            peak=_peak(settings),
             views=settings.views,
             metrics=self.plan.config.metrics,
             **self._timed,

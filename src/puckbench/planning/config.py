@@ -118,6 +118,12 @@ class DataSetConfig(Model):
         "came, on their own grid (`make: cloud`). `metric`: clouds stay in metres, in the frame of "
         "the sensor where one measured them, and rates are lengths (`10mm`).",
     )
+    peak: float | None = Field(
+        None,
+        gt=0,
+        description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
+        "with `size: metric` (MPEG's 30,000 of 1 mm; papers on KITTI take 59.7).",
+    )
     anywhere: bool = Field(
         False,
         description="Scan even where the sensor would stand outside the scene or inside an object, "

@@ -80,6 +80,8 @@ class OwnRun:
         Scenes of a kind to use, at most.
     strict
         Whether a file that cannot be used ends the run before it begins.
+    peak
+        Of the PSNRs of clouds in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
     options
         Of the loaders of clouds and meshes, by name.
     """
@@ -95,6 +97,7 @@ class OwnRun:
     points: int = 100_000
     limit: int | None = None
     strict: bool = False
+    peak: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configuration(self) -> Options:
@@ -103,6 +106,7 @@ class OwnRun:
         self._check_results(found)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
+        self._set_peak(datasets)
         usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
         config: Options = {
             "results": self.results,
@@ -187,6 +191,16 @@ class OwnRun:
             return {"scenes": kind, "make": "sample", "points": self.points, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+
+    def _set_peak(self, datasets: Mapping[str, Options]) -> None:
+        """Give clouds in metres the peak; InputError where there are none."""
+        if self.peak is None:
+            return
+        metric = [data for data in datasets.values() if data["size"] == METRIC]
+        if not metric:
+            raise InputError("--peak: in m, of clouds in metres alone (--frame metric)")
+        for data in metric:
+            data["peak"] = self.peak
 
     def _examples(self, plan: Plan) -> Iterator[tuple[str, str]]:
         """The clouds that the report shows: the first of each kind."""

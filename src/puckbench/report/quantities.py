@@ -55,7 +55,7 @@ _PLAIN = {
     "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
 }
 _COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
-NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
+NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
 
 _ENDINGS = {
@@ -76,6 +76,7 @@ _OF_TABLES = {
     "dataset": ("Data set", ""),
     "d1_psnr": ("PSNR D1", "dB"),
     "d2_psnr": ("PSNR D2", "dB"),
+    "peak": ("Peak of the PSNRs", ""),
 }
 _OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
 _SUFFIXES = {
@@ -83,6 +84,8 @@ _SUFFIXES = {
     "high": "interval to",
     "half": "half the interval",
     "arithmetic": "arithmetic mean",
+    "least": "least of the clouds",
+    "most": "greatest of the clouds",
     **_OF_CLOUDS,
 }
 """What the end of a column's name says of the quantity before it."""
