@@ -62,7 +62,7 @@ def test_a_reader_of_others_reads_our_format(tmp_path: Path) -> None:
 
 def test_ids_that_the_json_does_not_list_are_an_error(tmp_path: Path) -> None:
     write_mesh(tmp_path / "room.ply", labelled())
-    (tmp_path / "room.json").write_text('{"objects": [], "primitives": []}')
+    (tmp_path / "room.json").write_text('{"puckbench": "mesh", "objects": [], "primitives": []}')
     with pytest.raises(InputError, match=r"room\.ply: a face has a label"):
         read_mesh(tmp_path / "room.ply")
 

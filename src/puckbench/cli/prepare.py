@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import whole
+from puckbench.cli.types import chosen, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -19,6 +19,8 @@ _SHOWN = (
         "sensor",
         "turns",
         "points",
+        "dropped_points",
+        "missing_returns",
         "size",
         "size_m",
         "scale",
@@ -64,6 +66,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
     )
+    parser.add_argument(
+        "--keep-missing", action="store_true", help="keep a sensor's missing returns as points"
+    )
+    parser.add_argument(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="of a .bin: 3 to 6, or names: x,y,z,intensity,ring (default: as its values tell)",
+    )
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
     parser.add_argument(
         "--turns",
@@ -90,6 +100,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         drop_invalid=options.drop_invalid,
+        keep_missing=options.keep_missing,
+        **chosen(options, "bin_columns"),
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)

@@ -8,12 +8,11 @@ from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.files import read_json
 from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import read_description
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import (
@@ -99,7 +98,5 @@ class Scan(Job):
 
 def _described(mesh: Path) -> list[float] | None:
     """The origin in the description beside a mesh, if there is one."""
-    beside = sidecar(mesh)
-    about = read_json(beside) if beside != mesh and beside.exists() else None
-    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
+    origin: list[float] | None = (read_description(mesh) or {}).get("origin")
     return origin
