@@ -196,12 +196,17 @@ def _may_name(comment: str) -> bool:
 
 
 def _fitting(text: str, mark: str, parts: Sequence[NDArray[Any]]) -> list[str]:
-    """The names in a line, if they are as many as the columns, but for empty ones at the end."""
-    for each in (mark, *_MARKS):
-        names = _split(text, each)
-        if len(names) <= len(parts) and all(map(_is_empty, parts[len(names) :])):
-            return names
-    return []
+    """The names in a line, if they are as many as the columns, but for empty ones at the end.
+
+    They may be separated otherwise than the numbers, as those of numpy.savetxt.
+    """
+    every = [_split(text, each) for each in (mark, *_MARKS)]
+    fitting = [
+        names
+        for names in every
+        if len(names) <= len(parts) and all(map(_is_empty, parts[len(names) :]))
+    ]
+    return next(filter(names_coordinates, fitting), fitting[0] if fitting else [])
 
 
 def _split(text: str, mark: str) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -67,26 +68,27 @@ def read_elements(path: Path) -> Any:
     data = read_content(path)
     _check_size(header, len(data), path)
     body = data[header.size :]
-    with tempfile.TemporaryFile() as plain:
-        plain.write(header.lines + (body.replace(b"\r", b"\n") if header.is_text else body))
-        plain.seek(0)
+    if header.is_text:
+        body = body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    # The rows may be mapped to the file: some systems do not remove it before they are gone.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        plain = Path(folder, path.name)
+        plain.write_bytes(header.lines + body)
         return _elements(plain, path)
 
 
-def _elements(source: Any, path: Path) -> Any:
-    """The elements of a path or an open file; errors name the path."""
+def _elements(source: Path, path: Path) -> Any:
+    """The elements of a plain file; errors name the path."""
     from plyfile import PlyData, PlyParseError
 
     triangles = {"face": dict.fromkeys(CORNERS, 3)}
-    source = source if hasattr(source, "read") else str(source)
     try:
-        try:
-            # The mapped reading of all-triangle files is tried first, for its speed.
-            return PlyData.read(source, known_list_len=triangles)
-        except PlyParseError:
-            if hasattr(source, "seek"):
-                source.seek(0)
-            return PlyData.read(source)
+        with warnings.catch_warnings(action="ignore"):  # of NumPy, for empty lists as text
+            try:
+                # The mapped reading of all-triangle files is tried first, for its speed.
+                return PlyData.read(str(source), known_list_len=triangles)
+            except PlyParseError:
+                return PlyData.read(str(source))
     except OSError as error:
         raise unreadable(path, error) from error
     except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
