@@ -41,8 +41,8 @@ def missing_returns(xyz: Floats, is_organised: bool = False) -> Rows:
     ndarray
         (n,) bool.
     """
-    empty = np.isnan(xyz).all(axis=1)
-    zero = ~xyz.any(axis=1)
+    empty: Rows = np.asarray(np.isnan(xyz).all(axis=1))
+    zero: Rows = np.asarray(~xyz.any(axis=1))
     return empty | zero if is_organised or _are_missing(xyz, zero) else empty
 
 
@@ -82,7 +82,7 @@ def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Rows:
 
     away = np.linalg.norm(xyz, axis=1)
     near = np.flatnonzero(away <= _MOST_MOVED_M)
-    missing = away <= _NEAR_M
+    missing: Rows = np.asarray(away <= _NEAR_M)
     cells, place = np.unique(np.rint(xyz[near] / _PLACE_M), axis=0, return_inverse=True)
     pairs = np.unique(np.column_stack([place, rings[near]]), axis=0)
     shared = np.bincount(pairs[:, 0].astype(np.intp), minlength=len(cells)) >= _FEWEST_RINGS

@@ -84,10 +84,10 @@ def _array(data: bytes) -> NDArray[Any]:
 def _columns(array: NDArray[Any]) -> Columns:
     """Columns of one array: those that it names, or the customary ones."""
     if array.dtype.names:
-        rows = array.reshape(-1)
+        flat = array.reshape(-1)
         columns: Columns = {}
         for name in array.dtype.names:
-            columns |= _parts(name, rows[name])
+            columns |= _parts(name, flat[name])
         return columns
     is_image = array.ndim == 3 and array.dtype.kind == "f"
     rows = array.reshape(-1, array.shape[-1]) if is_image else array

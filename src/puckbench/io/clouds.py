@@ -142,7 +142,8 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
 
 def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
     """The cloud without points that are not finite; a remark and the description count them."""
-    return _without(cloud, ~np.isfinite(cloud.xyz).all(axis=1), path, "are not finite")
+    invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
+    return _without(cloud, invalid, path, "are not finite")
 
 
 def counted(about: Mapping[str, Any]) -> dict[str, int]:

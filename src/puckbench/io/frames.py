@@ -27,9 +27,8 @@ _LAYOUTS = {
 _USUAL = 4
 _DISTANCES = range(3, 9)
 _LOOKED_AT, _FEWEST_VALUES = 60_000, 40
-_ALIKE, _UNLIKE = 1.1, 1.25
-_MOST_UNLIKE = 0.3
-"""Of ranks of values in one column; a third for values that have nothing to do with each other."""
+_LEAST_MARGIN = 0.02
+"""Of mean differences of ranks, which are a third for values that have nothing in common."""
 _MOST_RINGS = 128
 _FARTHEST_M, _NEAREST_M = 1e5, 1e-20
 """No coordinates of such frames, but for 0, are greater or less."""
@@ -84,11 +83,11 @@ def told_columns(values: NDArray[Any]) -> int | None:
     _, place, counts = np.unique(seen, return_inverse=True, return_counts=True)
     ranks = (np.cumsum(counts) - counts / 2)[place] / len(seen)
     apart = {step: float(np.abs(ranks[step:] - ranks[:-step]).mean()) for step in _DISTANCES}
+    margin = _LEAST_MARGIN + 1 / np.sqrt(len(seen))
     least = min(apart.values())
-    found = min(step for step in apart if apart[step] <= _ALIKE * least)
-    others = [apart[step] for step in apart if step % found]
-    is_clear = apart[found] <= _MOST_UNLIKE and min(others) >= _UNLIKE * apart[found]
-    return found if is_clear else None
+    found = min(step for step in apart if apart[step] <= least + margin / 2)
+    others = min(apart[step] for step in apart if step % found)
+    return found if others >= apart[found] + margin else None
 
 
 def check_columns(path: Path, data: bytes, count: int) -> None:
@@ -102,15 +101,20 @@ def _layout(data: bytes, path: Path) -> tuple[str, ...]:
     """Names of the columns of a file's values; InputError where several layouts fit."""
     values = np.frombuffer(data[: len(data) // 4 * 4], dtype="<f4")
     told = told_columns(values)
-    whole = [count for count in _LAYOUTS if len(data) % (4 * count) == 0]
-    likely = [count for count in whole if _is_likely(values.reshape(-1, count))]
-    if told is None and len(likely) < 2:
-        told = likely[0] if likely else min(whole, default=_USUAL, key=lambda n: abs(n - _USUAL))
-    if told not in _LAYOUTS:
-        several = str(told) if told else " or ".join(map(str, likely))
-        how = "name them: --bin-columns x,y,z,intensity"
+    counts = _fitting(values, len(data)) if told is None else [told]
+    if len(counts) > 1 or counts[0] not in _LAYOUTS:
+        several = " or ".join(map(str, counts))
+        how = "name them (prepare, run: --bin-columns x,y,z,intensity)"
         raise InputError(f"{path}: its points may have {several} values each: {how}")
-    return _names_of(rows_of(data, told, path))
+    return _names_of(rows_of(data, counts[0], path))
+
+
+def _fitting(values: Rows, size: int) -> list[int]:
+    """Numbers of columns of a file of some size: the likely ones, else possible ones, else any."""
+    whole = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
+    possible = [count for count in whole if _are_coordinates(whole[count])]
+    likely = [count for count in possible if _is_likely(whole[count])]
+    return likely or possible or [*whole][:1] or [_USUAL]
 
 
 def _names_of(rows: Rows) -> tuple[str, ...]:
@@ -134,10 +138,9 @@ def _named(columns: str) -> tuple[str, ...]:
 
 
 def _is_likely(rows: Rows) -> bool:
-    """Whether rows can be points: coordinates, then an intensity, a ring and a time."""
-    if not _are_coordinates(rows) or (rows[:, 3:] < 0).any() or np.isnan(rows[:, 3:]).any():
-        return False
-    return rows.shape[1] < 5 or _are_rings(rows[:, 4])
+    """Whether the values after coordinates can be an intensity, a ring and a time."""
+    more = rows[:, 3:]
+    return bool((more >= 0).all()) and (rows.shape[1] < 5 or _are_rings(rows[:, 4]))
 
 
 def _are_coordinates(rows: Rows) -> bool:
