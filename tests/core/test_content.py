@@ -12,7 +12,7 @@ import pytest
 
 from puckbench.codecs.common import zstandard
 from puckbench.core import content
-from puckbench.core.content import plain_suffix, read_content, unpacked
+from puckbench.core.content import limit_of, plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 
@@ -70,6 +70,15 @@ def test_content_is_bounded(suffix: str, tmp_path: Path, monkeypatch: pytest.Mon
     path.write_bytes(COMPRESS[suffix](bytes(range(256)) * 2))
     monkeypatch.setattr(content, "LEAST_LIMIT", 1)
     assert len(read_content(path)) == 512  # less than forty times the file
+
+
+def test_the_bound_is_256_mib_or_forty_times_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.xyz.gz"
+    path.write_bytes(b"1")
+    assert limit_of(path) == 256 * 1024 * 1024
+    with path.open("wb") as stream:
+        stream.truncate(10_000_000)
+    assert limit_of(path) == 400_000_000
 
 
 def test_a_bomb_takes_no_more_memory_than_its_bound(tmp_path: Path) -> None:
