@@ -7,6 +7,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -81,17 +82,17 @@ def _elements(source: Path, path: Path) -> Any:
     """The elements of a plain file; errors name the path."""
     from plyfile import PlyData, PlyParseError
 
-    triangles = {"face": dict.fromkeys(CORNERS, 3)}
     try:
         with warnings.catch_warnings(action="ignore"):  # of NumPy, for empty lists as text
-            try:
-                # The mapped reading of all-triangle files is tried first, for its speed.
-                return PlyData.read(str(source), known_list_len=triangles)
-            except PlyParseError:
-                return PlyData.read(str(source))
+            # The mapped reading of files with triangles or quads alone is tried first: it is fast.
+            for size in (3, 4):
+                corners = {"face": dict.fromkeys(CORNERS, size)}
+                with suppress(PlyParseError):
+                    return PlyData.read(str(source), known_list_len=corners)
+            return PlyData.read(str(source))
     except OSError as error:
         raise unreadable(path, error) from error
-    except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
+    except (PlyParseError, KeyError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: not a readable PLY file ({error})") from error
 
 
