@@ -66,7 +66,9 @@ def firings(place: tuple[float, float, float], rings: int) -> tuple[np.ndarray, 
         ((0.3, 0.3, 0.1), 3, True),
         ((0.3, 0.3, 0.1), 2, False),
         ((0.1, 0.1, 0.1), 1, True),  # nearer than any return
+        ((0.2, 0.0, 0.0), 1, True),
         ((0.2, 0.1, 0.0), 1, False),
+        ((4.0, 0.0, 0.0), 3, True),
         ((3.9, 0.5, 0.5), 3, True),
         ((4.0, 0.5, 0.5), 3, False),  # no car is so fast
     ],
@@ -86,7 +88,7 @@ def test_one_ring_at_one_place_is_no_firing_without_return() -> None:
 
 def test_a_single_firing_without_return_lies_on_the_way_of_the_others() -> None:
     xyz, ring = firings((0.3, 0.3, 0.1), 3)
-    xyz, ring = np.vstack([xyz, [(0.3, 0.34, 0.1), (0.3, 0.36, 0.1)]]), np.append(ring, [7, 8])
+    xyz, ring = np.vstack([xyz, [(0.3, 0.349, 0.1), (0.3, 0.351, 0.1)]]), np.append(ring, [7, 8])
     assert missing_firings(xyz, ring)[-2:].tolist() == [True, False]
 
 

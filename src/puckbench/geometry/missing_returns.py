@@ -9,7 +9,7 @@ from puckbench.geometry.cloud import Floats
 
 Rows = NDArray[np.bool_]
 
-_FEWEST, _LEAST_SHARE = 3, 1e-3
+_LEAST_SHARE = 1e-3
 _TIMES_OTHERS = 2
 _FEWEST_RINGS = 3
 _PLACE_M = 1e-4
@@ -26,8 +26,8 @@ def missing_returns(xyz: Floats, is_organised: bool = False) -> Rows:
     """Whether each point is none: without coordinates, or one of many exactly at the origin.
 
     In an image of a sensor (an organised cloud) a point at the origin is a pixel without a return.
-    Elsewhere points there are missing returns if they are at least three and one in a thousand, and
-    more than twice as many as lie together at any other place, unlike in a coarsely rounded cloud.
+    Elsewhere points there are missing returns if they are at least one in a thousand, and more than
+    twice as many as lie together at any other place, unlike in a coarsely rounded cloud.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def missing_returns(xyz: Floats, is_organised: bool = False) -> Rows:
 
 def _are_missing(xyz: Floats, zero: Rows) -> bool:
     count = int(np.count_nonzero(zero))
-    if count < max(_FEWEST, _LEAST_SHARE * len(xyz)):
+    if count < _LEAST_SHARE * len(xyz):
         return False
     others = xyz[~zero]
     if len(others) == 0:  # a cloud of one place

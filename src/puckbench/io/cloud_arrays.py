@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -66,19 +67,24 @@ def _array(data: bytes) -> NDArray[Any]:
     """The array of an NPY file, which must hold all that its header says."""
     stream = io.BytesIO(data)
     try:
-        version = npy.read_magic(stream)
-        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, _, kind = read(stream)
-        if kind.hasobject:
-            raise InputError("an array of Python objects, not of numbers")
-        size, held = prod(shape) * kind.itemsize, len(data) - stream.tell()
-        if min(shape, default=0) < 0 or size > held:
-            raise InputError(f"truncated: {held} bytes are no array {shape} of {kind}")
-        stream.seek(0)
-        return np.asarray(np.load(stream, allow_pickle=False))
+        with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
+            version = npy.read_magic(stream)
+            read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+            shape, _, kind = read(stream)
+            _check_shape(shape, kind, len(data) - stream.tell())
+            stream.seek(0)
+            return np.asarray(np.load(stream, allow_pickle=False))
     except _DAMAGED as error:
         fault = " ".join(str(error).split())
         raise InputError(f"not a readable NumPy array ({fault})") from error
+
+
+def _check_shape(shape: tuple[int, ...], kind: np.dtype[Any], held: int) -> None:
+    """InputError for an array of objects, or one of more bytes than a file has after its header."""
+    if kind.hasobject:
+        raise InputError("an array of Python objects, not of numbers")
+    if min(shape, default=0) < 0 or prod(shape) * kind.itemsize > held:
+        raise InputError(f"truncated: {held} bytes are no array {shape} of {kind}")
 
 
 def _columns(array: NDArray[Any]) -> Columns:
