@@ -54,8 +54,25 @@ CASES = [
     _case("byte_order_mark.csv", "\ufeffx,y,z\n1,2,3\n4,5,6\n"),
     _case("accents.csv", "Höhe,x,y,z\n7,1,2,3\n8,4,5,6\n", fields={"Höhe": [7, 8]}),
     _case("utf16.csv", "x,y,z\n1,2,3\n4,5,6\n".encode("utf-16")),
-    _case("numbers_of_columns.csv", "0,1,2\n1.5,2,3\n4,5,6\n", [(1.5, 2, 3), (4, 5, 6)]),
-    _case("numbers_of_columns_and_rows.csv", ",0,1,2\n0,1,2,3\n1,4,5,6\n"),
+    _case(
+        "numbers_of_columns.csv",
+        "0,1,2\n1.5,2,3\n4,5,6\n",
+        [(1.5, 2, 3), (4, 5, 6)],
+        remark="numbers_of_columns.csv: its first line numbers the columns, and is no point",
+    ),
+    _case(
+        "numbers_of_columns_and_rows.csv",
+        ",0,1,2\n0,1,2,3\n1,4,5,6\n",
+        remark="its first line numbers the columns",
+    ),
+    _case("first_point_7_0_1.csv", "7,0,1,2\n4,5.5,6,1\n", [(7, 0, 1), (4, 5.5, 6)]),
+    _case(
+        "text_with_blanks_tabs.txt",
+        "x\ty\tz\twho\n1\t2\t3\tAnn Lee\n4\t5\t6\tBob\n",
+        remark="left out: who",
+    ),
+    _case("aligned_by_tabs.xyz", "1\t\t2\t3\n4\t\t5\t6\n"),
+    _case("numbers_between_tabs.xyz", "1 2\t3\n4 5\t6\n"),
     _case("first_point_0_1_2.csv", "0,1,2\n4,5,6\n", [(0, 1, 2), (4, 5, 6)]),
     # Numbers
     _case("decimal_comma.csv", "x;y;z\n1,5;2;3\n4;5,25;6\n", [(1.5, 2, 3), (4, 5.25, 6)]),

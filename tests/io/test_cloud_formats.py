@@ -116,6 +116,8 @@ def test_text_of_numpy_is_read_to_the_last_bit(tmp_path: Path) -> None:
         ("# made by hand\ny;x;z;who\n2;1;3;Ann\n5;4;6;Bob\n", None, {}),
         ("\ufeffx, y, z\n1, 2, 3\n4, 5, 6", None, {}),
         ("1 2 3 \r\n4 5 6 \r\n", None, {}),
+        ("1,2,3,\n4,5,6,\n", None, {}),
+        ("x,y,z,\n1,2,3,\n4,5,6,\n", None, {}),
     ],
 )  # fmt: skip
 def test_kinds_of_text(tmp_path: Path, text: str, colours: object, fields: object) -> None:

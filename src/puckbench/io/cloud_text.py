@@ -97,7 +97,7 @@ def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
     if count not in (None, len(parts[0])):
         raise InputError(f"{len(parts[0])} points where its head says {count}")
     names = _names(head, mark, parts)
-    return (names, parts[: len(names)]) if names else _unnamed(parts, head.first)
+    return (names, parts[: len(names)]) if names else _unnamed(parts, head.first, path)
 
 
 def _head(lines: Sequence[str]) -> _Head:
@@ -137,14 +137,17 @@ def _body(data: bytes, head: _Head) -> tuple[bytes, int | None]:
 
 def _mark(line: str) -> str:
     """What separates the values of a line."""
-    words = line.split()
-    fields = line.rstrip().split("\t")
+    words, fields = line.split(), [field.split() for field in line.rstrip().split("\t")]
     if ";" in line:
         return ";"
     if "," in line and not (len(words) >= _FEWEST and all(map(_COMMA.fullmatch, words))):
         return ","
-    is_tabbed = len(fields) > 1 and all(len(field.split()) == 1 for field in fields)
-    return "\t" if is_tabbed else " "
+    return "\t" if len(fields) > 1 and all(map(_is_field, fields)) else " "
+
+
+def _is_field(words: Sequence[str]) -> bool:
+    """Whether words between two tabulators are one value: a number, or a text without numbers."""
+    return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
 
 
 def _parsed(data: bytes, mark: str) -> list[NDArray[Any]]:
@@ -219,14 +222,18 @@ def _split(text: str, mark: str) -> list[str]:
     return names
 
 
-def _unnamed(parts: list[NDArray[Any]], first: str) -> tuple[list[str], list[NDArray[Any]]]:
+def _unnamed(
+    parts: list[NDArray[Any]], first: str, path: Path
+) -> tuple[list[str], list[NDArray[Any]]]:
     """Names, by what is customary, and columns of a table without names."""
     while parts and _is_empty(parts[-1]):
         parts = parts[:-1]
     if len(parts) < _FEWEST or not all(part.dtype.kind in "fiu" for part in parts):
         raise InputError(f"not a table of numbers (a line begins {first[:40]!r})")
-    parts = _without_numbers_of_columns(parts)
-    return list(named_columns(np.column_stack(parts))), parts
+    points = _without_numbers_of_columns(parts)
+    if points is not parts:
+        _log.warning("%s: its first line numbers the columns, and is no point", path)
+    return list(named_columns(np.column_stack(points))), points
 
 
 def _without_numbers_of_columns(parts: list[NDArray[Any]]) -> list[NDArray[Any]]:
