@@ -115,7 +115,9 @@ CASES = [
         remark="columns without numbers are left out: who",
     ),
     _case("several_scans.pts", "1\n1 2 3 7\n1\n4 5 6 8\n", fields={"intensity": [7, 8]}),
+    _case("long_comments.xyz", "# a comment\n" * 9000 + "1 2 3\n4 5 6\n"),
     # Refused
+    _case("no_count.pts", "9" * 5000 + "\n1 2 3\n", line="not a table of numbers"),
     _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", line="2 points where its head says 3"),
     _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", line="2 points where its head says 3"),
     _case("too_few_names.csv", "x,y,z\n1,2,3,4\n", line="3 names .* for 4 columns"),

@@ -8,7 +8,7 @@ import io
 import logging
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,8 @@ from puckbench.io.point_columns import Columns, named_columns, names_coordinates
 _LOOKED_AT = 1 << 16
 _COMMENT = ("#", "//")
 _COMMENTS = re.compile(rb"(?m)^[ \t]*(?:#|//)[^\n]*\n?")
-_COUNTS = re.compile(rb"(?m)^[ \t]*(\d+)[ \t]*(?:\n|\Z)")
+_COUNT = re.compile(r"[ \t]*\d{1,18}[ \t]*", re.ASCII)
+_COUNTS = re.compile(rb"(?m)^[ \t]*(\d{1,18})[ \t]*(?:\n|\Z)")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _MARKS = ";,\t "
@@ -31,6 +32,8 @@ _FEWEST = 3
 """Numbers in the line of a point."""
 _BYTES = "latin-1"
 """Every byte as a character."""
+_MOST_COMMENTS = 100
+"""Before the points, among which one may have their names."""
 _MOST_BLOCK = 2**31 - 1
 _log = logging.getLogger(__name__)
 
@@ -88,7 +91,7 @@ def _lines(data: bytes) -> bytes:
 
 def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
     """Names and columns of text."""
-    head = _head(data[:_LOOKED_AT].decode(_BYTES).split("\n"))
+    head = _head(line.rstrip("\n") for line in io.TextIOWrapper(io.BytesIO(data), _BYTES))
     if not head.first:
         raise InputError("the cloud is empty")
     body, count = _body(data, head)
@@ -100,7 +103,7 @@ def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
     return (names, parts[: len(names)]) if names else _unnamed(parts, head.first, path)
 
 
-def _head(lines: Sequence[str]) -> _Head:
+def _head(lines: Iterable[str]) -> _Head:
     titles: list[str] = []
     comments: list[str] = []
     has_count = False
@@ -111,7 +114,7 @@ def _head(lines: Sequence[str]) -> _Head:
             comments.append(line.strip().lstrip("#/").strip())
         elif words == [""]:
             continue
-        elif len(words) == 1 and words[0].isdecimal() and not has_count:
+        elif not has_count and _COUNT.fullmatch(line):
             has_count = True
         elif numbers >= _FEWEST or numbers == len(words):
             return _Head(titles, comments, has_count, line)
@@ -182,7 +185,7 @@ def _names(head: _Head, mark: str, parts: Sequence[NDArray[Any]]) -> list[str]:
 
     InputError where a line has more or fewer names than there are columns, or one twice.
     """
-    texts = head.titles or [text for text in head.comments if _may_name(text)]
+    texts = head.titles or list(filter(_may_name, head.comments[-_MOST_COMMENTS:]))
     fitting = [names for text in texts if (names := _fitting(text, mark, parts))]
     if texts and not fitting:
         given = len(_split(texts[-1], mark))

@@ -112,10 +112,8 @@ def _header(head: bytes, path: Path) -> _Header:
     except (IndexError, KeyError, ValueError) as error:
         raise InputError(f"{path}: not a readable PLY file (damaged header: {error})") from error
     plain = b"".join(b" ".join(words) + b"\n" for words in lines)
-    is_plain = head[: end.end()].isascii() and begin[0] + end[0] == b"ply%bend_header%b" % (
-        ending,
-        ending,
-    )
+    has_no_blanks = (begin[0], end[0]) == (b"ply" + ending, b"end_header" + ending)
+    is_plain = has_no_blanks and head[: end.end()].isascii()
     return _Header(end.end(), plain, is_plain, is_text, elements)
 
 

@@ -61,8 +61,10 @@ def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     labels = _labels(left)
     if labels is None and "label" in fields:
         fields["label_"] = fields.pop("label")
+    with np.errstate(invalid="ignore"):  # of NaNs that signal
+        xyz = np.ascontiguousarray(xyz, dtype=np.float64)
     return PointCloud(
-        np.ascontiguousarray(xyz, dtype=np.float64),
+        xyz,
         None if normals is None else np.ascontiguousarray(normals, dtype=np.float64),
         shown,
         labels,
