@@ -35,6 +35,10 @@ MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
+    "io": "corpus/test_corpus io/test_cloud_formats",
+    "io/clouds": "io/test_clouds corpus/test_corpus io/test_cloud_formats",
+    "io/descriptions": "io/test_clouds corpus/test_corpus",
+    "io/frames": "io/test_frames corpus/test_corpus",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",

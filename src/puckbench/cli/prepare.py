@@ -19,6 +19,8 @@ _SHOWN = (
         "sensor",
         "turns",
         "points",
+        "dropped_points",
+        "missing_returns",
         "size",
         "size_m",
         "scale",
@@ -68,6 +70,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
     )
+    parser.add_argument(
+        "--keep-missing", action="store_true", help="keep a sensor's missing returns as points"
+    )
+    parser.add_argument(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="of a .bin: 3 to 6, or names: x,y,z,intensity,ring (default: as its values tell)",
+    )
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
     parser.add_argument(
         "--turns",
@@ -94,7 +104,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         drop_invalid=options.drop_invalid,
-        **chosen(options, "peak"),
+        keep_missing=options.keep_missing,
+        **chosen(options, "peak", "bin_columns"),
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)

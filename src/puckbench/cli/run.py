@@ -31,9 +31,10 @@ _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
-    *("metres_per_unit", "up", "drop_invalid", "peak", "out"),
+    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
 )
 """Options that a configuration has keys for."""
+_OF_LOADERS = ("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,6 +86,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--points", type=whole(1), help="sampled from a mesh (default: 100000)")
     add("--up", choices=("y", "z"), help="axis of meshes that points up (default: z)")
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
+    add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
+    add(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="of .bin files: 3 to 6, or names: x,y,z,intensity,ring (default: as values tell)",
+    )
     add("--strict", action="store_true", help="stop where a file cannot be used, not leave it out")
     add("--cores", type=whole(1), help="default: all")
 
@@ -208,7 +215,7 @@ def _of_files(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, "metres_per_unit", "up", "drop_invalid"),
+        options=_given(options, *_OF_LOADERS),
         **wanted,
     )
     return _written(out, asked.configuration())

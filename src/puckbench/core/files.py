@@ -18,6 +18,7 @@ from typing import Any
 from puckbench.core.errors import InputError
 
 _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.|$)")
+_POINTER = b"version https://git-lfs.github.com/spec/"
 _DAY = 24 * 3600.0
 _MOST_LEVELS = 100
 """Of lists and objects within each other in a JSON file; ours have fewer than ten."""
@@ -153,11 +154,19 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; InputError when it cannot be read."""
+    """Read a file; InputError when it cannot be read, or is a pointer of Git LFS."""
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
+    refuse_pointer(path, data)
+    return data
+
+
+def refuse_pointer(path: Path, data: bytes) -> None:
+    """InputError where a file's first bytes are those of a pointer of Git LFS."""
+    if data.startswith(_POINTER):
+        raise InputError(f"{path}: a Git-LFS pointer, not the file itself: git lfs pull")
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from pydantic import PositiveFloat
 
+from puckbench.core.content import plain_name, plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, found
 from puckbench.datasets.scene import safe_name, unique_names
@@ -66,7 +67,7 @@ class FileSet(DataSet):
 
     def _about(self, path: Path) -> dict[str, object]:
         unit = {} if self.metres_per_unit == 1 else {"metres_per_unit": self.metres_per_unit}
-        about = {"source": path.name, "format": path.suffix[1:].lower(), **unit}
+        about = {"source": path.name, "format": plain_suffix(path)[1:], **unit}
         return {**about, "licence": self.licence, "credit": self.credit}
 
     @cached_property
@@ -100,7 +101,7 @@ class FileSet(DataSet):
                 raise InputError(f"{text}: no {self.what} there ({known})")
             return inside
         if path.exists():
-            if path.suffix.lower() not in self.suffixes:
+            if plain_suffix(path) not in self.suffixes:
                 raise InputError(f"{text}: not one of the {self.what} by its name ({known})")
             return [path]
         matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
@@ -110,7 +111,7 @@ class FileSet(DataSet):
         return inside
 
     def _is_of_set(self, path: Path) -> bool:
-        is_known = path.suffix.lower() in self.suffixes and not path.name.startswith(".")
+        is_known = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
         return is_known and is_file_or_lost(path) and self._takes(path)
 
 
@@ -141,19 +142,20 @@ def distinct(paths: Iterable[Path]) -> list[Path]:
 def scene_names(paths: Iterable[Path]) -> list[str]:
     """Names for files: their stems; where two are alike, with folders or suffixes before them."""
     listed = list(paths)
-    stems = Counter(safe_name(path.stem).lower() for path in listed)
-    alike = [path for path in listed if stems[safe_name(path.stem).lower()] > 1]
+    plain = {path: plain_name(path) for path in listed}
+    stems = Counter(safe_name(plain[path].stem).lower() for path in listed)
+    alike = [path for path in listed if stems[safe_name(plain[path].stem).lower()] > 1]
     folders = [str(path.resolve().parent) for path in alike]
     common = os.path.commonpath(folders) if alike else ""
     whole = {
-        path: "-".join((*Path(folder).relative_to(common).parts, path.stem))
+        path: "-".join((*Path(folder).relative_to(common).parts, plain[path].stem))
         for path, folder in zip(alike, folders, strict=True)
     }
     counts = Counter(name.lower() for name in whole.values())
     return unique_names(
-        path.stem
+        plain[path].stem
         if path not in whole
-        else f"{whole[path]}_{path.suffix[1:]}"
+        else f"{whole[path]}_{plain[path].suffix[1:]}"
         if counts[whole[path].lower()] > 1
         else whole[path]
         for path in listed

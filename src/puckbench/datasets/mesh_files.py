@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from puckbench.core.content import plain_suffix
 from puckbench.datasets.captured_rooms import is_capture, read_capture
 from puckbench.datasets.files import FileSet, announces_faces
 from puckbench.datasets.registry import LOADERS
@@ -35,7 +36,7 @@ class MeshFiles(FileSet):
         return Scene(name, self._group(path), mesh=scaled, about=about)
 
     def _takes(self, path: Path) -> bool:
-        suffix = path.suffix.lower()
+        suffix = plain_suffix(path)
         if suffix == ".ply":
             return announces_faces(path)
         return suffix != ".json" or is_capture(path)

@@ -12,7 +12,7 @@ from puckbench.datasets.base import MeshFolderSet, Provenance
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import sidecar
 from puckbench.io.meshes import SUFFIXES, read_mesh_report
 
 

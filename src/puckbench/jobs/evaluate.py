@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from puckbench import __version__
+from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
@@ -27,7 +28,10 @@ from puckbench.metrics.returns import keeping_up, range_errors, range_errors_of_
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
-_KEPT = ("name", "group", "scale", "diameter", "elongation")
+_KEPT = (
+    *("name", "group", "scale", "diameter", "elongation"),
+    *("dropped_points", "missing_returns"),
+)
 """What a result row keeps of the reference's description."""
 
 
@@ -154,7 +158,7 @@ class Evaluating(Decoding):
 
     def _found(self, path: Path) -> Decoded:
         """A decoded cloud as it is, or that of a stream with what it cost."""
-        if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
+        if plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin":
             return Decoded(read_cloud(path), {})
         found = self.decoded(path)
         return Decoded(found.cloud, {**read_record(path), **found.record})

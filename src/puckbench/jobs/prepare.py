@@ -12,8 +12,8 @@ from pydantic import Field
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.io.clouds import read_points, write_cloud
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import check_cloud, read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ class Prepare(Job):
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
     coordinates. peak: of PSNRs of a cloud in metres, in m, by default
-    `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a
-    cloud that are not finite; else it is refused.
+    `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a cloud that are not finite;
+    else it is refused. keep_missing: keep missing returns. bin_columns: of a frame (.bin), see
+    `puckbench.io.frames.read_frame`.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -47,6 +48,8 @@ class Prepare(Job):
     clean: bool = False
     peak: float | None = Field(None, gt=0)
     drop_invalid: bool = False
+    keep_missing: bool = False
+    bin_columns: str | None = None
 
     def run(
         self,
@@ -69,8 +72,7 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        peak = self._peak()
-        returns = _returns(source, self.clean, self.drop_invalid)
+        peak, returns = self._peak(), self._returns(source)
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)
@@ -91,6 +93,18 @@ class Prepare(Job):
             raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
         return {"peak": self.peak}
 
+    def _returns(self, path: Path) -> Returns:
+        if path.suffix == ".parquet":
+            return _of_scan(path, self.clean)
+        from puckbench.jobs.preparation import Returns
+
+        cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
+        check_cloud(cloud, path)
+        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
+        if cloud.frame is not None and "sensor" not in cloud.about:
+            cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
+        return Returns(cloud, clean=cloud)
+
     def _corners(self, path: Path | None) -> Floats | None:
         """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""
         if self.box is not None:
@@ -103,17 +117,9 @@ class Prepare(Job):
         return np.asarray(parsed(_Boxed, {"box": box}, str(path)).box, dtype=np.float64)
 
 
-def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
+def _of_scan(path: Path, clean: bool) -> Returns:
+    """The measured and the true points of a scan's table."""
     from puckbench.jobs.preparation import Returns
-
-    if path.suffix != ".parquet":
-        cloud = read_points(path)
-        cloud = cloud.finite() if drop_invalid else cloud
-        check_points(cloud.xyz, str(path))
-        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
-        if cloud.frame is not None and "sensor" not in cloud.about:
-            cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
-        return Returns(cloud, clean=cloud)
     from puckbench.lidar.export import read_source
     from puckbench.lidar.scan_table import ScanTable
 

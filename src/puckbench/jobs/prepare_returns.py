@@ -8,7 +8,9 @@ from typing import Any
 
 from pydantic import Field
 
+from puckbench.core.content import plain_suffix, read_content
 from puckbench.core.errors import InputError, naming
+from puckbench.datasets.recordings import RECORDING_SUFFIXES
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
@@ -17,6 +19,11 @@ from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
+
+_CLASSIC = (b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\x3c\xb2\xa1")
+_MARKS = (*_CLASSIC, b"\x0a\x0d\x0d\x0a", b"#ROSBAG", b"\x89MCAP0\r\n", b"SQLite format 3\0")
+"""What packet captures and bags begin with."""
+_LONGEST_MARK = 16
 
 
 @JOBS.register("prepare_returns")
@@ -119,8 +126,12 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path is read as a recording: its ending is no table's, no cloud's and no mesh's."""
-    return path.suffix.lower() not in (".parquet", *SUFFIXES, *meshes.SUFFIXES)
+    """Whether a path is a recording by its name, or where that tells nothing by its first bytes."""
+    if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
+        return True
+    if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
+        return False
+    return read_content(path, _LONGEST_MARK).startswith(_MARKS)
 
 
 def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:

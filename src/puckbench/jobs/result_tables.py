@@ -57,7 +57,8 @@ SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
-_COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
+_LEFT_OUT = ("dropped_points", "missing_returns")
+_COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched", *_LEFT_OUT}
 _SUMMARY = (
     "bpp",
     "cd_point",
@@ -114,7 +115,8 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
     distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
-    outliers and digest of the coordinates. Of clouds in metres with a sensor's returns also the
+    outliers and digest of the coordinates. Also points that were left out (``dropped_points``) and
+    how many of them were missing returns. Of clouds in metres with a sensor's returns also the
     number of turns, their time in seconds, and the entropy of the noise in steps of the sensor's
     ranges (bits).
     """
@@ -124,8 +126,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in _OF_CLOUDS}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
-    if "digest" in about:
-        kept["digest"] = about["digest"]
+    kept |= {key: about[key] for key in ("digest", *_LEFT_OUT) if key in about}
     if about.get("size") == 0:
         kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}

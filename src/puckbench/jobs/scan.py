@@ -8,13 +8,12 @@ from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.files import read_json
 from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import read_description
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import (
@@ -110,8 +109,6 @@ class _Described(Model):
 
 def _described(mesh: Path) -> list[float] | None:
     """The origin in the description beside a mesh, if there is one."""
-    beside = sidecar(mesh)
-    about = read_json(beside) if beside != mesh and beside.exists() else None
-    origin = about.get("origin") if isinstance(about, dict) else None
-    found = parsed(_Described, {"origin": origin}, str(beside)).origin
+    origin = (read_description(mesh) or {}).get("origin")
+    found = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
     return None if found is None else list(found)

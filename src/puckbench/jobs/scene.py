@@ -9,10 +9,10 @@ from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.files import write_json
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.io.clouds import sidecar, write_cloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.descriptions import write_description
 from puckbench.io.meshes import write_mesh
 from puckbench.jobs.registry import JOBS, Job
 
@@ -41,7 +41,7 @@ class WriteScene(Job):
             from puckbench.lidar.returns import write_firings
 
             write_firings(scene, loaded.returns)
-            write_json(sidecar(scene), about)
+            write_description(scene, "returns", about)
             return {**about, "returns": len(loaded.returns)}
         if loaded.cloud is None:
             raise ValueError(f"scene {loaded.name} holds nothing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.datasets.captured_rooms import read_capture
 from puckbench.geometry.cloud import PointCloud
@@ -23,7 +24,7 @@ def read_surface(path: Path) -> Mesh:
 
 def read_truth(path: Path) -> Mesh | PointCloud:
     """A surface, or the points of a file of a cloud: of PLY files, one without faces."""
-    suffix = path.suffix.lower()
+    suffix = plain_suffix(path)
     if suffix in SUFFIXES and not (suffix == ".ply" and has_faces(path)):
         return read_cloud(path)
     return read_surface(path)

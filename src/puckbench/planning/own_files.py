@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.files import write_bytes
 from puckbench.datasets import captured_rooms, recordings
@@ -46,6 +47,12 @@ _LOADERS: dict[Kind, str] = {
     "meshes": "mesh_files",
     "recordings": "recordings",
 }
+_OPTIONS: dict[Kind, tuple[str, ...]] = {
+    "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
+    "meshes": ("up", "metres_per_unit"),
+    "recordings": (),
+}
+"""Of the loaders, by what they load."""
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 NOTHING_THERE = "no cloud, mesh or recording"
@@ -163,8 +170,7 @@ class OwnRun:
                 )
 
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
-        known = {"clouds": ("drop_invalid", "metres_per_unit"), "meshes": ("up", "metres_per_unit")}
-        options = {key: value for key, value in self.options.items() if key in known.get(kind, ())}
+        options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
@@ -266,8 +272,8 @@ def _why_unused(text: str) -> str:
 
 def _kind(path: Path) -> Kind | None:
     """What a file holds, by its name and its first bytes."""
-    suffix = path.suffix.lower()
-    if path.is_dir() or suffix in recordings.RECORDING_SUFFIXES:
+    suffix = plain_suffix(path)
+    if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
     if suffix == ".ply":
         return "meshes" if announces_faces(path) else "clouds"
@@ -281,7 +287,7 @@ def _frame(scenes: Options) -> Frame:
     """Metres for clouds whose formats say so, else scaled, as their unit may be anything."""
     found = open_scene_set(scenes["loader"], scenes["options"])
     files = (path for name in found.names() for path in found.files(name))
-    return "metric" if all(path.suffix.lower() in IN_METRES for path in files) else "scaled"
+    return "metric" if all(plain_suffix(path) in IN_METRES for path in files) else "scaled"
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:

@@ -54,7 +54,10 @@ _PLAIN = {
     "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
     "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
 }
-_COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
+_COUNTS = (
+    *("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b"),
+    *("dropped_points", "missing_returns"),
+)
 NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
 

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Primitive, SceneObject
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import read_description, sidecar
 from puckbench.io.meshes.polygons import Integers, Polygons
 from puckbench.io.ply import CORNERS, read_elements
 
@@ -26,7 +25,7 @@ def read_ply(path: Path) -> Polygons:
         raise InputError(f"{path}: a cloud, not a mesh: the PLY file has no faces")
     faces = np.asarray(elements["face"].data)
     corners, sizes = _face_corners(path, faces)
-    labels = _labels(path, faces)
+    labels = _labels(path, faces, len(elements["vertex"].data))
     return Polygons(_vertices(path, elements["vertex"].data), corners, sizes, labels=labels)
 
 
@@ -49,10 +48,12 @@ def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
     return joined.astype(np.int64), sizes
 
 
-def _labels(path: Path, rows: NDArray[Any]) -> Labels | None:
-    if not set(_IDS) <= set(rows.dtype.names or ()) or not sidecar(path).exists():
+def _labels(path: Path, rows: NDArray[Any], vertices: int) -> Labels | None:
+    if not set(_IDS) <= set(rows.dtype.names or ()):
         return None
-    about = read_json(sidecar(path))
+    about = read_description(path, {"triangles": len(rows), "vertices": vertices})
+    if about is None:
+        return None
     try:
         objects = tuple(SceneObject(item["name"], item["semantic"]) for item in about["objects"])
         primitives = tuple(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.content import plain_suffix, unpacked
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
@@ -48,9 +49,11 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
-    polygons = _reader(path)(path)
+    read = _reader(path)
+    with unpacked(path) as plain:
+        polygons = read(plain)
     turned = _turned(polygons, polygons.up or up)
-    return mesh_of_polygons(turned, str(path), path.suffix[1:].lower())
+    return mesh_of_polygons(turned, str(path), plain_suffix(path)[1:])
 
 
 def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
@@ -87,7 +90,7 @@ def y_up_to_z_up(points: Floats) -> Floats:
 
 
 def _reader(path: Path) -> Callable[[Path], Polygons]:
-    reader = _READERS.get(path.suffix.lower())
+    reader = _READERS.get(plain_suffix(path))
     if reader is None:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
     if not path.is_file():
