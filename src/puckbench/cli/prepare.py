@@ -6,11 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.capture import STREAM
 from puckbench.cli.types import whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
+from puckbench.lidar.recordings.data_packets import LEFT_OUT
 from puckbench.lidar.returns import returns_file
 
 _SHOWN = (
@@ -23,8 +25,7 @@ _SHOWN = (
         "size_m",
         "scale",
         "offset",
-        "damaged_packets",
-        "bytes_cut_off",
+        *LEFT_OUT,
         "neighbours",
         "diameter",
         "elongation",
@@ -71,6 +72,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="take these turns of a scan or a recording, in metres in the sensor's frame, and "
         "write their returns beside the cloud (default for a recording: its first whole turn)",
     )
+    parser.add_argument("--stream", help=STREAM)
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
         "--about", type=Path, action="append", default=[], help="JSON whose name and group to keep"
@@ -102,7 +104,9 @@ def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
     turns = None if options.turns is None else _turns(options.turns)
-    job = PrepareReturns.given(neighbours=options.neighbours, clean=options.clean, turns=turns)
+    job = PrepareReturns.given(
+        neighbours=options.neighbours, clean=options.clean, turns=turns, stream=options.stream
+    )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
 

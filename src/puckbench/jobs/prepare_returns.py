@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
+_FEWEST_TURNS = 3
+"""Turns of a recording of which one is whole: the first and the last may be cut."""
 PEAK_M = 30.0
 """Peak of PSNRs of clouds in metres: 30,000 steps of 1 mm, as in MPEG's test conditions."""
 
@@ -28,12 +31,14 @@ class PrepareReturns(Job):
 
     clean: take a scan's true ranges. turns: first and last turn to take, counted from 0; by default
     all of a scan, and the first whole one of a recording. error_model: the scan's, for tables.
+    stream: of a packet capture with several sensors, the one to read.
     """
 
     neighbours: int = Field(30, ge=3)
     clean: bool = False
     turns: tuple[int, int] | None = None
     error_model: str = ""
+    stream: str | None = None
 
     def run(
         self,
@@ -80,8 +85,10 @@ class PrepareReturns(Job):
         with naming(path):
             if ScanTable.declared.key.encode() in metadata_of(path):
                 return self._read_scan(path)
-            returns, whole, left_out = _read_returns(path)
+            returns, whole, left_out = _read_returns(path, self.stream)
             chosen = self._chosen(returns, whole)
+        if self.turns is None and is_recording(path) and len(returns.turns) < _FEWEST_TURNS:
+            logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
         return chosen, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
@@ -124,7 +131,9 @@ def is_recording(path: Path) -> bool:
     return path.suffix.lower() not in (".parquet", *SUFFIXES, *meshes.SUFFIXES)
 
 
-def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:
+def _read_returns(
+    path: Path, stream: str | None
+) -> tuple[Returns, tuple[int, int], dict[str, int]]:
     """Returns of a table of firings or of a recording.
 
     With the first and last turn to take by default, and counts of what a recording left out.
@@ -134,7 +143,7 @@ def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]
     if not is_recording(path):
         returns = read_firings(path)
         return returns, (0, len(returns.turns) - 1), {}
-    returns, left_out = read_turns(path)
+    returns, left_out = read_turns(path, stream=stream)
     first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
     return returns, (first, first), left_out
 

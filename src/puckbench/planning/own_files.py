@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,9 +102,9 @@ class OwnRun:
         """The configuration; reads the files, and InputError says what cannot be used."""
         found = self._sorted_paths()
         self._check_results(found)
-        scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
-        datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
-        usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
+        scenes = dict(self._usable_scenes(found))
+        datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in scenes}
+        usual = CODECS_OF_RECORDINGS if set(scenes) == {"recordings"} else CODECS
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
@@ -158,6 +159,16 @@ class OwnRun:
                 raise InputError(
                     f"--out {self.results}: lies in {text}, which is read: take another"
                 )
+
+    def _usable_scenes(self, found: Mapping[Kind, list[str]]) -> Iterator[tuple[Kind, Options]]:
+        """Kinds and their scene sets, without recordings of which none can be used."""
+        for kind, paths in found.items():
+            try:
+                yield kind, self._scenes(kind, paths)
+            except InputError as error:
+                if self.strict or len(found) == 1:
+                    raise
+                logging.getLogger(__name__).warning("left out: %s", error)
 
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         known = {"clouds": ("drop_invalid", "metres_per_unit"), "meshes": ("up", "metres_per_unit")}
