@@ -138,8 +138,8 @@ class Recordings(DataSet):
             if not firsts:
                 faulty[name] = (path, None)
         if not table:
-            others = f" (so can {len(faults) - 1} others)" if len(faults) > 1 else ""
-            raise InputError(f"{faults[0]}{others}")
+            more = f" (faults of {len(faults) - 1} more recordings are not shown)"
+            raise InputError(f"{faults[0]}{more if len(faults) > 1 else ''}")
         return faulty | table
 
 

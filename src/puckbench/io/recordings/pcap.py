@@ -88,6 +88,7 @@ class Capture:
             f"packets cut by the snap length{f' ({cut})' if cut else ''}": self.cut,
             "fragments of IP packets": self.fragments,
             "packets of other protocols": self.others,
+            "bytes of a packet that is not whole": self.bytes_cut_off,
         }
         rest = [f"{count:,} {what}" for what, count in counts.items() if count]
         return ", ".join([*_listed(sizes), *rest]) or "no packet"

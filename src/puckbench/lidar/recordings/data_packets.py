@@ -171,7 +171,8 @@ def _is_named(stream: Stream, name: str) -> bool:
 def _described(stream: Stream, packets: Sequence[Datagram]) -> str:
     products = Counter(one.payload[-1] for one in packets if one.stream == stream)
     sensors = " and ".join(PRODUCTS[product] for product in products)
-    return f"{stream}, {products.total():,} packets of {sensors}"
+    count = products.total()
+    return f"{stream}, {count:,} packet{'s' * (count != 1)} of {sensors}"
 
 
 def _why_none(capture: Capture, payloads: NDArray[np.uint8], kinds: NDArray[np.int8]) -> str:

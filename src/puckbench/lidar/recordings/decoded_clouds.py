@@ -146,8 +146,8 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
     degrees, laser = min(worst)
     if degrees > MOST_OFF_DEG:
         raise InputError(
-            f"is none of lasers: the points of laser {laser} lie {degrees:.1f} degrees off its cone"
-            f" (the sensor must be a {sensor.name}, else named by --sensor, and the origin its own)"
+            f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
+            f" is no recording of a {sensor.name} in its frame (another sensor: --sensor)"
         )
 
 
