@@ -35,6 +35,7 @@ MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
+    "io/recordings": "io/test_frames io/test_recordings",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
@@ -49,7 +50,9 @@ TESTS = {
     "lidar/raycast": "lidar/test_placement lidar/test_scan lidar/test_trajectory",
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
     "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
-    "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds",
+    "lidar/recordings/data_packets": "corpus/test_corpus datasets/test_recordings",
+    "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds corpus/test_corpus",
+    "lidar/recordings/times": "corpus/test_corpus lidar/test_decoded_clouds",
     "lidar/recordings/returns": "lidar/test_recordings",
     "lidar/recordings/rings": "datasets/test_rings",
     "lidar/scan": "lidar/test_scan lidar/test_trajectory lidar/test_mirrors",

@@ -20,10 +20,11 @@ from puckbench.lidar.recordings.data_packets import (
     remark,
     whole_packets,
 )
-from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, TimeUnit, read_points
+from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.recordings.packets import PacketLog, decode_packets
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
+from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.sensor import Sensor
 
@@ -94,12 +95,17 @@ def read_recording(
         Puck Hi-Res.
     """
     try:
-        if path.suffix.lower() == ".parquet":
+        is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
+        if stream is not None and (is_cloud or is_table):
+            raise InputError(f"stream '{stream}': of packet captures alone")
+        if time_unit is not None and not is_cloud:
+            raise InputError(f"time unit {time_unit}: of clouds alone")
+        if is_table:
             table = _between(read_returns(path), start_s, end_s)
-        elif path.suffix.lower() in SUFFIXES:
+        elif is_cloud:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         else:
-            log = read_packets(path, stream).between(start_s, end_s)
+            log = _interval(read_packets(path, stream), start_s, end_s)
             decoded = decode_packets(log.payloads, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
@@ -127,7 +133,7 @@ def read_turns(
         One line that names the file, when it holds no turns of one known sensor and return mode.
     """
     with naming(path):
-        log = read_packets(path, stream).between(start_s, math.inf)
+        log = _interval(read_packets(path, stream), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
         return returns_of_packets(log.payloads), left_out
 
@@ -187,6 +193,17 @@ def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
     received = [one.stamp.sec + one.stamp.nanosec * 1e-9 for one in packets]
     about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
     return whole_packets([one.data.tobytes() for one in packets], received, about)
+
+
+def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
+    """Packets of an interval; InputError where there is none."""
+    found = log.between(start_s, end_s)
+    if not len(found):
+        last = log.received[-1] - log.received[0]
+        raise InputError(
+            f"no data packet from {start_s:g} to {end_s:g} s; the last is at {last:g} s"
+        )
+    return found
 
 
 def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:
