@@ -191,6 +191,20 @@ CAPTURES = [
         remark=r"left out bytes of a last packet that is not whole \(1,257\)$",
     ),
     Returns(
+        "some_cut.pcap",
+        content(pcap(*FRAMES, frame(2), ethernet(ipv4(udp(bytes(2000)))), snap=1300)[:-1]),
+        points=[*BOTH, point(2)],
+        remark=r"left out bytes of a last packet that is not whole \(1,315\)$",
+    ),
+    Returns(
+        "one_cut.pcapng",
+        content(
+            section() + interface() + b"".join(map(packet, FRAMES)) + packet(frame(2), kept=99)
+        ),
+        points=BOTH,
+        remark=r"one_cut.pcapng: left out packets cut by the snap length \(1\)$",
+    ),
+    Returns(
         "snap_length.pcap",
         content(pcap(*FRAMES, snap=96)),
         line=r"but 2 packets cut by the snap length \(2 datagrams of 1,206 bytes to port 2368\): "
@@ -336,6 +350,22 @@ CLOUDS += [
         "returns",
         points=[(3, 4, -1.34)],
         remark=r"missing_returns.csv: left out 2 missing returns$",
+    ),
+]
+CLOUDS += [
+    Case(
+        "no_stream.csv",
+        content(NO_UNIT),
+        "returns",
+        line="no_stream.csv: stream '10.0.0.1': only packet captures have streams$",
+        options={"stream": "10.0.0.1"},
+    ),
+    Case(
+        "no_times.pcap",
+        content(MIRRORED),
+        "returns",
+        line="no_times.pcap: time unit ns: only times of clouds have units$",
+        options={"time_unit": "ns"},
     ),
 ]
 CASES = [*CAPTURES, *CLOUDS]

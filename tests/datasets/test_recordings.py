@@ -285,7 +285,9 @@ def test_one_of_two_sensors_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_a_bag_has_no_streams(tmp_path: Path) -> None:
     bag(tmp_path / "a.db3", [scan_message(spin(packets=4))])
-    with pytest.raises(InputError, match=r"a\.db3: stream '10\.0\.0\.1': a bag has topics"):
+    with pytest.raises(
+        InputError, match=r"a\.db3: stream '10\.0\.0\.1': only packet captures have streams"
+    ):
         read_packets(tmp_path / "a.db3", "10.0.0.1")
 
 

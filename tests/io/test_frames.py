@@ -153,6 +153,7 @@ def test_a_damaged_block_ends_a_pcapng(fault: bytes) -> None:
         packet(b"abcd", number=1),
         old_packet(b"abcd", number=1),
         block(6, bytes(16)),
+        block(2, bytes(16)),
         block(6, struct.pack("<IIIII", 0, 0, 0, 5, 5) + b"abcd"),
         block(3, b""),
         block(3, struct.pack("<I", 5) + b"abcd"),
@@ -164,6 +165,18 @@ def test_a_packet_whose_fields_contradict_each_other_is_left_out(fault: bytes) -
     assert frames.unreadable == 1
     whole = section() + interface() + fault + packet(frame())
     assert read_datagrams(whole).others == 1
+
+
+@pytest.mark.parametrize("kind", [2, 3, 6])
+def test_a_file_may_end_with_a_short_packet_block(kind: int) -> None:
+    frames = Frames(section() + interface() + packet(b"abcd") + block(kind, b""))
+    assert len(list(frames)) == 1
+    assert frames.unreadable == 1
+
+
+def test_a_packet_may_be_empty() -> None:
+    data = section() + interface() + simple_packet(b"") + packet(b"") + old_packet(b"")
+    assert contents(data) == [(1, b"", 0)] * 3
 
 
 def test_a_simple_packet_needs_an_interface() -> None:

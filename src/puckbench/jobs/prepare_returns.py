@@ -84,7 +84,7 @@ class PrepareReturns(Job):
         """The returns of a file, the true points of a scan, and what is known of them."""
         with naming(path):
             if self.stream is not None and not is_recording(path):
-                raise InputError(f"stream '{self.stream}': of packet captures alone")
+                raise InputError(f"stream '{self.stream}': only packet captures have streams")
             if ScanTable.declared.key.encode() in metadata_of(path):
                 return self._read_scan(path)
             returns, whole, left_out = _read_returns(path, self.stream)

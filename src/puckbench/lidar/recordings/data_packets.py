@@ -33,7 +33,6 @@ LEFT_OUT = {
     "unknown_packets": "packets of unknown sensors or return modes",
     "foreign_packets": f"datagrams of {PACKET_BYTES:,} bytes that no Velodyne sent",
     "cut_packets": "packets cut by the snap length",
-    "fragments": "fragments of IP packets",
     "bytes_cut_off": "bytes of a last packet that is not whole",
 }
 """Counts of what is left out of a recording, and what they count."""
@@ -138,7 +137,7 @@ def _counts(capture: Capture, packets: int, kinds: NDArray[np.int8]) -> dict[str
     datagrams = len(capture.datagrams) - packets
     parts = {
         "foreign_packets": int((kinds == Kind.FOREIGN).sum()),
-        "cut_packets": capture.cut,
+        "cut_packets": _cut_packets(capture),
         "fragments": capture.fragments,
     }
     return {
@@ -146,6 +145,11 @@ def _counts(capture: Capture, packets: int, kinds: NDArray[np.int8]) -> dict[str
         "bytes_cut_off": capture.bytes_cut_off,
         **{name: count for name, count in parts.items() if count},
     }
+
+
+def _cut_packets(capture: Capture) -> int:
+    """Number of datagrams of the size of data packets that are cut."""
+    return sum(count for (size, _), count in capture.cut_sizes.items() if size == PACKET_BYTES)
 
 
 def _chosen(packets: Sequence[Datagram], name: str | None) -> Stream:
@@ -179,7 +183,7 @@ def _why_none(capture: Capture, payloads: NDArray[np.uint8], kinds: NDArray[np.i
     """What a capture without a whole data packet holds, and what to do."""
     faults = f" ({_faults(payloads, kinds)})" if len(payloads) else ""
     advice = f"read are recordings of {', '.join(_READ)}; of another sensor, clouds"
-    if any(length == PACKET_BYTES for length, _ in capture.cut_sizes):
+    if _cut_packets(capture):
         advice = "record whole packets (tcpdump -s 0)"
     elif capture.fragments:
         advice = "fragments are not put together"

@@ -97,9 +97,9 @@ def read_recording(
     try:
         is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
         if stream is not None and (is_cloud or is_table):
-            raise InputError(f"stream '{stream}': of packet captures alone")
+            raise InputError(f"stream '{stream}': only packet captures have streams")
         if time_unit is not None and not is_cloud:
-            raise InputError(f"time unit {time_unit}: of clouds alone")
+            raise InputError(f"time unit {time_unit}: only times of clouds have units")
         if is_table:
             table = _between(read_returns(path), start_s, end_s)
         elif is_cloud:
@@ -185,7 +185,7 @@ def _what_is_read(data: bytes) -> str:
 def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
     """Data packets of a bag's VelodyneScan messages, in the order of the messages."""
     if stream is not None:
-        raise InputError(f"stream '{stream}': a bag has topics; streams are of packet captures")
+        raise InputError(f"stream '{stream}': only packet captures have streams")
     bag = read_messages(path, SCAN, MESSAGES)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
