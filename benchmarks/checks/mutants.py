@@ -35,7 +35,7 @@ MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
-    "io/recordings": "io/test_frames io/test_recordings",
+    "io/recordings": "io/test_frames io/test_recordings corpus/test_corpus",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",

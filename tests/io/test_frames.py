@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -216,6 +217,15 @@ def test_a_cut_datagram_has_its_whole_length() -> None:
         assert cut is not None
         assert (cut.payload, cut.length) == (b"abcdef"[: end - len(whole)], 6)
     assert udp_datagram(whole[: len(whole) - 7]) is None
+
+
+@pytest.mark.parametrize("link", [0, 1, 12, 113, 228, 276])
+@pytest.mark.parametrize("wrap", [ipv4, ipv6])
+def test_a_frame_may_be_cut_anywhere(link: int, wrap: Callable[[bytes], bytes]) -> None:
+    whole = framed(link, wrap(udp(b"abcdef")))
+    lengths = [udp_datagram(whole[:end], link) for end in range(len(whole) + 1)]
+    assert lengths[:-7] == [None] * (len(whole) - 6)
+    assert [len(one.payload) for one in lengths[-7:] if one is not None] == list(range(7))
 
 
 def test_headers_with_options_are_skipped() -> None:
