@@ -27,8 +27,9 @@ HEIGHT 1
 VIEWPOINT 0 0 0 1 0 0 0
 POINTS 2
 """
+LOW, HIGH = 5 * np.tan(np.radians(-15)), 2 * np.tan(np.radians(15))
 ROWS = np.array(
-    [(3.0, 4.0, 0.5, 0, 0), (0.0, -2.0, 0.0, 0, 15)],
+    [(3.0, 4.0, LOW, 0, 0), (0.0, -2.0, HIGH, 0, 15)],
     dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_", "u1", 3), ("ring", "<u2")],
 )
 BINARY = HEADER.encode() + b"DATA binary\n" + ROWS.tobytes()
@@ -42,7 +43,7 @@ COMPRESSED = (
     + len(PLAIN).to_bytes(4, "little")
     + PACKED
 )
-ASCII = HEADER.encode() + b"DATA ascii\n3 4 0.5 0 0 0 0\n0 -2 0 0 0 0 15\n"
+ASCII = HEADER.encode() + b"DATA ascii\n3 4 -1.34 0 0 0 0\n0 -2 0.536 0 0 0 15\n"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
@@ -89,7 +90,7 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
 def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
     """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
     given = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
-    lines = [f"1,2,3,0,{value}" for value in given]
+    lines = [f"3,4,{LOW},0,{value}" for value in given]
     (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
     found = read_recording(tmp_path / "a.csv")["reflectivity"]
     assert found.tolist() == [0, 0, 100, 255, 255, 255]
@@ -131,7 +132,7 @@ def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
         ("a.pcd", COMPRESSED.replace(b"POINTS 2", b"POINTS 99999999999"), "bytes for them"),
         ("a.las", b"LASF", "not a readable LAS"),
         ("a.laz", b"LASF" + bytes(400), "not a readable LAS"),
-        ("a.pcd", ASCII.replace(b"0.5", b"0,5"), "damaged line"),
+        ("a.pcd", ASCII.replace(b"1.34", b"1,34"), "damaged line"),
     ],
 )
 def test_damage_is_one_line_that_names_the_file(

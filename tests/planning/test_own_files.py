@@ -20,7 +20,7 @@ from puckbench.planning.study_run import study_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
-from tests.support.spinning import pcap, spin
+from tests.support.spinning import pcap, rows, spin
 
 POINTS = np.random.default_rng(1).random((50, 3))
 OWN = """
@@ -120,6 +120,21 @@ def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
     assert 5000 < points < 10_000  # of a turn of 225 blocks of 32 firings, four of five returned
     with pytest.raises(InputError, match=r"scene torn: torn\.pcap"):
         made("*.pcap", strict=True)
+
+
+def test_recordings_of_which_none_can_be_used_do_not_end_a_run(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    Path("torn.pcap").write_bytes(b"no capture at all")
+    Path("short.pcap").write_bytes(pcap(rows(spin(packets=4))))
+    config = made("mine/a.npy", "torn.pcap", "short.pcap")
+    assert list(config["scenes"]) == ["clouds"]
+    line = "left out: torn.pcap: not a packet capture"
+    assert any(message.startswith(line) for message in caplog.messages)
+    assert caplog.messages[0].endswith("(faults of 1 more recordings are not shown)")
+    for paths, strict in ((("torn.pcap",), False), (("mine/a.npy", "torn.pcap"), True)):
+        with pytest.raises(InputError, match=r"^torn\.pcap: not a packet capture"):
+            made(*paths, strict=strict)
 
 
 def test_folders_of_bag_folders_are_recordings() -> None:

@@ -6,11 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.capture import STREAM
 from puckbench.cli.types import chosen, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
+from puckbench.lidar.recordings.data_packets import LEFT_OUT
 from puckbench.lidar.returns import returns_file
 
 _SHOWN = (
@@ -26,8 +28,7 @@ _SHOWN = (
         "scale",
         "offset",
         "peak",
-        "damaged_packets",
-        "bytes_cut_off",
+        *LEFT_OUT,
         "neighbours",
         "diameter",
         "elongation",
@@ -85,6 +86,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="take these turns of a scan or a recording, in metres in the sensor's frame, and "
         "write their returns beside the cloud (default for a recording: its first whole turn)",
     )
+    parser.add_argument("--stream", help=STREAM)
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
         "--about", type=Path, action="append", default=[], help="JSON whose name and group to keep"
@@ -93,7 +95,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
-    if options.turns or is_recording(options.cloud):
+    if options.turns or options.stream or is_recording(options.cloud):
         return _told(_returns(options), options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
@@ -122,7 +124,7 @@ def _returns(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         turns=turns,
-        **chosen(options, "peak"),
+        **chosen(options, "peak", "stream"),
     )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))

@@ -13,7 +13,7 @@ from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.descriptions import read_description
+from puckbench.io.descriptions import read_description, sidecar
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import (
