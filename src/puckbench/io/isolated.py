@@ -17,7 +17,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from io import BufferedReader
@@ -51,7 +51,11 @@ class Parsed:
 
 
 def isolated(
-    parse: Callable[..., Parsed], path: Path, kind: str, options: Mapping[str, Any] | None = None
+    parse: Callable[..., Parsed],
+    path: Path,
+    kind: str,
+    options: Mapping[str, Any] | None = None,
+    beside: Sequence[Path] = (),
 ) -> Parsed:
     """Run ``parse(path, **options)`` in a process of its own, within limits of the file's size.
 
@@ -65,6 +69,8 @@ def isolated(
         The format, as messages name it.
     options
         Further arguments, in JSON's types.
+    beside
+        Files that belong to it, where they are there.
 
     Raises
     ------
@@ -72,7 +78,7 @@ def isolated(
         That of `parse`; or the parser crashed, or wanted more memory or time than the file's size
         allows.
     """
-    size = _size(path)
+    size = _size(path) + sum(file.stat().st_size for file in beside if file.is_file())
     memory, seconds = limits(size)
     request = {
         "function": (parse.__module__, parse.__name__),
@@ -239,6 +245,7 @@ def _limit(memory: int, seconds: int) -> None:
     if _SIZES.exists():
         pages = int(_SIZES.read_text().split()[0])
         _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + memory)
+    _lower(resource.RLIMIT_FSIZE, memory)
 
 
 def _lower(what: int, limit: int) -> None:
