@@ -96,7 +96,7 @@ def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
 
     check_header(path)
     try:
-        with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:
+        with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
             lengths = _lengths(reader.header, path, metres_per_unit)
             points = reader.read_points(-1)
     except (laspy.LaspyException, LazrsError, struct.error, OSError, *_DAMAGE) as error:
