@@ -34,7 +34,7 @@ def read_e57(path: Path) -> Columns:
     InputError
         pye57 is not installed, or the file is missing or damaged.
     """
-    return isolated(parse_e57, path, "E57").columns
+    return isolated(parse_e57, path, "E57 file").columns
 
 
 def parse_e57(path: Path) -> Parsed:

@@ -66,7 +66,7 @@ def isolated(
     path
         The file, or a folder of files.
     kind
-        The format, as messages name it.
+        What it should be, as messages name it: ``LAS file``.
     options
         Further arguments, in JSON's types.
     beside
@@ -93,18 +93,18 @@ def isolated(
     if (fault := answer.get("fault")) is not None:
         words = {"memory": f"takes more than {memory / 2**30:.3g} GiB"}
         words["time"] = f"takes more than {seconds} s"
-        raise InputError(f"{path}: not a readable {kind} file (parsing it {words[fault]})")
+        raise InputError(f"{path}: not a readable {kind} (parsing it {words[fault]})")
     if (line := answer.get("error")) is not None:
         raise InputError(line)
     if parsed is None:
-        raise InputError(f"{path}: not a readable {kind} file (its parser crashes)")
+        raise InputError(f"{path}: not a readable {kind} (its parser crashes)")
     return parsed
 
 
 def limits(size: int) -> tuple[int, int]:
     """Bytes of memory and seconds of processor time that parsing a file of `size` may take."""
-    seconds = LEAST_SECONDS + SECONDS_PER_MB * size / 1e6
-    return max(LEAST_BYTES, BYTES_PER_BYTE * size), math.ceil(seconds)
+    seconds = LEAST_SECONDS + SECONDS_PER_MB * (size // 10**6)
+    return max(LEAST_BYTES, BYTES_PER_BYTE * size), seconds
 
 
 def _size(path: Path) -> int:

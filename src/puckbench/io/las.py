@@ -59,7 +59,7 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
     InputError
         The file is missing or damaged, or its coordinates are degrees.
     """
-    columns = isolated(parse_las, path, "LAS").columns
+    columns = isolated(parse_las, path, "LAS file").columns
     kept = {**{axis: axis for axis in "xyz"}, **_NAMES}
     return {kept[name]: part for name, part in columns.items() if name in kept}
 
@@ -85,7 +85,7 @@ def read_las_points(path: Path, metres_per_unit: float | None = None) -> dict[st
         The file is missing or damaged, or its coordinates are degrees.
     """
     options = {"metres_per_unit": metres_per_unit}
-    columns = isolated(parse_las, path, "LAS", options).columns
+    columns = isolated(parse_las, path, "LAS file", options).columns
     return {name: part for name, part in columns.items() if name in "xyz" or part.any()}
 
 
@@ -101,7 +101,7 @@ def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
             points = reader.read_points(-1)
     except (laspy.LaspyException, LazrsError, struct.error, OSError, *_DAMAGE) as error:
         fault = " ".join(str(error).split())[:_LONGEST_FAULT]
-        raise InputError(f"{path}: not a readable LAS file ({fault})") from error
+        raise InputError(f"{path}: not a readable LAS file (damaged or cut: {fault})") from error
     names = [name for name in points.point_format.dimension_names if name not in _STEPS]
     columns = {name: np.asarray(points[name]) for name in names}
     return Parsed({**_coordinates(points, lengths), **columns})

@@ -167,10 +167,28 @@ def _storage(file: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, Stor
     link.symlink_to(file.resolve())
     reader: Any = Reader1(link) if suffix == ".bag" else Reader2(link)
     with reader:
+        _check_chunks(reader)
         chosen = [each for each in reader.connections if each.msgtype == kind]
         messages = reader.messages(connections=chosen) if chosen else ()
         types = {each.topic: each.msgtype for each in reader.connections}
         yield types, ((each.topic, data) for each, _, data in messages)
+
+
+def _check_chunks(reader: Any) -> None:
+    """Refuse an index that has some bytes of the file in several chunks."""
+    if hasattr(reader, "chunks"):
+        places = [(start, part.datapos + part.datasize) for start, part in reader.chunks.items()]
+        listed = len(reader.chunk_infos)
+    else:
+        chunks = reader.storage.chunks
+        places = [
+            (part.chunk_start_offset, part.chunk_start_offset + part.chunk_length)
+            for part in chunks
+        ]
+        listed = len(chunks)
+    places = sorted(set(places))
+    if len(places) < listed or any(first[1] > second[0] for first, second in pairwise(places)):
+        raise ValueError("chunks overlap")
 
 
 def _suffix(file: Path) -> str:
