@@ -28,15 +28,11 @@ CLOUDS = "sensor_msgs/msg/PointCloud2"
 TOPICS = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT);"
 NUMBERS = "WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r"
 ENDLESS = "".join([TOPICS, "CREATE VIEW messages AS ", NUMBERS, ") SELECT x AS topic_id FROM r;"])
+ROW = f"'{TOPIC}', '{SCAN}' FROM r;"
 PRODUCT = "".join(
     [
         "CREATE TABLE topics(id, name, type); CREATE TABLE messages(topic_id, timestamp, data);",
-        *(
-            "INSERT INTO topics ",
-            NUMBERS,
-            " LIMIT 5000)",
-            f" SELECT 1, '{TOPIC}', '{SCAN}' FROM r;",
-        ),
+        *("INSERT INTO topics ", NUMBERS, " LIMIT 5000) SELECT 1, ", ROW),
         *("INSERT INTO messages ", NUMBERS, " LIMIT 5000) SELECT 1, x, x'' FROM r;"),
     ]
 )
