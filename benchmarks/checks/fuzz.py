@@ -243,12 +243,12 @@ def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
 
 def work(decoder: str, first: int, end: int, kind: str) -> None:
     """Decode the streams from `first` on, a line for each; what kills us is seen from outside."""
+    logging.getLogger("puckbench").addHandler(logging.NullHandler())
     codec = opened(decoder)
     whole = streams(decoder, codec)
     for stream in whole:
         outcome(decoder, codec, stream)
     limit = seconds_of(decoder)
-    logging.getLogger("puckbench").addHandler(logging.NullHandler())
     size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + ADDRESS_SPACE, size + ADDRESS_SPACE))
     print("ready", flush=True)

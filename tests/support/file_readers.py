@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 import struct
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -54,7 +55,9 @@ class FileReader:
             if self.beside is not None:
                 self.beside(path)
             path.write_bytes(stream)
-            found = self.read(path)
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # a user gets one line
+                found = self.read(path)
         finally:
             shutil.rmtree(folder)
         return found if isinstance(found, np.ndarray) else np.zeros(0)

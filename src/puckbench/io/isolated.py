@@ -194,7 +194,7 @@ def _received(stream: BufferedReader) -> tuple[dict[str, Any], Parsed | None]:
 
 def _array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArray[Any]:
     array = np.empty(shape, np.dtype(kind))
-    place = memoryview(array.reshape(-1).view(np.uint8))
+    place = array.reshape(-1).view(np.uint8).data
     while place:
         count = stream.readinto(place)
         if not count:

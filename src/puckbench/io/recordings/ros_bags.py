@@ -18,6 +18,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.io.isolated import Parsed, isolated
+from puckbench.io.point_columns import Columns
 from puckbench.io.recordings.sqlite_bags import BESIDE, StoredMessages, Topics, sqlite_storage
 
 _STARTS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
@@ -107,7 +108,7 @@ def parse_bag(path: Path, kind: str, folder: str) -> Parsed:
         raise InputError(f"{path}: {error}") from error
     topic = _only_topic(path, kind, topics)
     parts = messages[topic]
-    columns = {
+    columns: Columns = {
         "data": np.frombuffer(b"".join(parts), np.uint8),
         "sizes": np.array([len(part) for part in parts], np.int64),
     }
