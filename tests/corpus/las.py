@@ -117,6 +117,18 @@ CASES = [
         line=r"chunks_of_no_points.laz: not a readable LAS file \(",
     ),
     Case(
+        "chunks_of_one_point.laz",
+        damaged_laz(375 + 54 + 12, "<I", 1),
+        "cloud",
+        line=r"chunks_of_one_point.laz: not a readable LAS file \(its parser crashes\)",
+    ),
+    Case(
+        "huge_chunks.laz",
+        damaged_laz(375 + 54 + 12, "<I", 2**32 - 2),
+        "cloud",
+        line=r"huge_chunks.laz: not a readable LAS file \(",
+    ),
+    Case(
         "items_of_no_kind.laz",
         damaged_laz(375 + 54 + 34, "<H", 0xFFFF),
         "cloud",
