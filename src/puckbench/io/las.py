@@ -28,7 +28,7 @@ _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
 # The same points give the same bytes on any day.
 _DATE = date(2000, 1, 1)
-_STEPS = ("X", "Y", "Z")
+_AXES = ("x", "y", "z")
 _DAMAGE = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
 """What laspy raises for damaged records besides its own errors."""
 _LONGEST_FAULT = 120
@@ -60,7 +60,7 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
         The file is missing or damaged, or its coordinates are degrees.
     """
     columns = isolated(parse_las, path, "LAS file").columns
-    kept = {**{axis: axis for axis in "xyz"}, **_NAMES}
+    kept = {**{axis: axis for axis in _AXES}, **_NAMES}
     return {kept[name]: part for name, part in columns.items() if name in kept}
 
 
@@ -86,7 +86,7 @@ def read_las_points(path: Path, metres_per_unit: float | None = None) -> dict[st
     """
     options = {"metres_per_unit": metres_per_unit}
     columns = isolated(parse_las, path, "LAS file", options).columns
-    return {name: part for name, part in columns.items() if name in "xyz" or part.any()}
+    return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
 def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
@@ -99,12 +99,12 @@ def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
             lengths = _lengths(reader.header, path, metres_per_unit)
             points = reader.read_points(-1)
+        names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
+        columns = {name: np.asarray(points[name]) for name in names}
+        return Parsed({**_coordinates(points, lengths), **columns})
     except (laspy.LaspyException, LazrsError, struct.error, OSError, *_DAMAGE) as error:
         fault = " ".join(str(error).split())[:_LONGEST_FAULT]
         raise InputError(f"{path}: not a readable LAS file (damaged or cut: {fault})") from error
-    names = [name for name in points.point_format.dimension_names if name not in _STEPS]
-    columns = {name: np.asarray(points[name]) for name in names}
-    return Parsed({**_coordinates(points, lengths), **columns})
 
 
 def _lengths(
@@ -131,10 +131,10 @@ def _lengths(
 
 
 def _coordinates(points: Any, lengths: tuple[float, ...] | None) -> dict[str, NDArray[np.float64]]:
-    axes = {axis: np.asarray(points[axis], dtype=np.float64) for axis in "xyz"}
+    axes = {axis: np.asarray(points[axis], dtype=np.float64) for axis in _AXES}
     if lengths is None:
         return axes
-    return {axis: axes[axis] * length for axis, length in zip("xyz", lengths, strict=True)}
+    return {axis: axes[axis] * length for axis, length in zip(_AXES, lengths, strict=True)}
 
 
 def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
