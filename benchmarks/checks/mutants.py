@@ -35,6 +35,13 @@ MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
+    "io/e57": "corpus/test_corpus io/test_cloud_formats",
+    "io/isolated": "io/test_isolated",
+    "io/las": "corpus/test_corpus io/test_cloud_formats",
+    "io/las_header": "corpus/test_corpus",
+    "io/las_units": "corpus/test_corpus",
+    "io/recordings/ros_bags": "corpus/test_corpus io/test_recordings",
+    "io/recordings/sqlite_bags": "corpus/test_corpus",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
