@@ -17,6 +17,7 @@ from puckbench.core import content
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import SUFFIXES, read_cloud, write_cloud
+from puckbench.io.e57 import parse_e57
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.random((40, 3)) * [50, 30, 10]
@@ -224,7 +225,7 @@ def test_without_pye57_one_line_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "pye57", None)
     (tmp_path / "a.e57").write_bytes(b"ASTM-E57")
     with pytest.raises(InputError, match=r"a\.e57: .*pip install 'puckbench\[e57\]'"):
-        read_cloud(tmp_path / "a.e57")
+        parse_e57(tmp_path / "a.e57")
 
 
 def _npy(array: np.ndarray) -> bytes:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.files import json_of, written_whole
 from puckbench.geometry.cloud import Floats
+from puckbench.io.parquet_rows import check_rows
 
 Columns = dict[str, tuple[str, str, str]]
 """Name: (type, unit, meaning), in the order in which they stand in a file."""
@@ -110,6 +111,7 @@ def read_table(path: Path, kind: type[T]) -> T:
     from pyarrow import parquet
 
     declared = kind.declared
+    check_rows(path)
     try:
         rows = parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable, written_whole
+from puckbench.io.parquet_rows import check_rows
 
 _NAMES = ("dataset", "cloud", "group", "codec", "rate")
 """Columns that are read as text even where they look like numbers."""
@@ -17,6 +18,7 @@ def read_table(path: Path) -> pd.DataFrame:
     """A table of CSV or Parquet; InputError when it cannot be read or has no rows."""
     try:
         if path.suffix == ".parquet":
+            check_rows(path)
             table = pd.read_parquet(path)
         else:
             table = pd.read_csv(path, dtype=dict.fromkeys(_NAMES, "str"))
