@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable, written_whole
+from puckbench.io.ply_header import check_counts
 
 CORNERS = ("vertex_indices", "vertex_index")
 """Names that programs give to the list of a face's vertices."""
@@ -26,13 +28,15 @@ def read_elements(path: Path) -> Any:
     """
     from plyfile import PlyData, PlyParseError
 
-    triangles = {"face": dict.fromkeys(CORNERS, 3)}
+    check_counts(path)
     try:
-        try:
-            # The mapped reading of all-triangle files is tried first, for its speed.
-            return PlyData.read(str(path), known_list_len=triangles)
-        except PlyParseError:
-            return PlyData.read(str(path))
+        # The mapped reading of files with triangles or quads alone is tried first, for its speed.
+        for size in (3, 4):
+            with suppress(PlyParseError):
+                return PlyData.read(
+                    str(path), known_list_len={"face": dict.fromkeys(CORNERS, size)}
+                )
+        return PlyData.read(str(path))
     except OSError as error:
         raise unreadable(path, error) from error
     except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
