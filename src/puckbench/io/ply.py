@@ -39,7 +39,7 @@ def read_elements(path: Path) -> Any:
         return PlyData.read(str(path))
     except OSError as error:
         raise unreadable(path, error) from error
-    except (PlyParseError, KeyError, ValueError, MemoryError, UnicodeDecodeError) as error:
+    except (PlyParseError, KeyError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: not a readable PLY file ({error})") from error
 
 

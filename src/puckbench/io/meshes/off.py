@@ -71,4 +71,7 @@ def _faces(rows: list[bytes], path: Path) -> tuple[Integers, Integers]:
         if not 0 <= size < len(tokens):
             raise InputError(f"{path}: face {index} has fewer corners than it says")
         sizes[index] = size
-    return np.array(corners, dtype=np.int64), sizes
+    try:
+        return np.array(corners, dtype=np.int64), sizes
+    except OverflowError as error:
+        raise InputError(f"{path}: a face refers to a vertex that does not exist") from error
