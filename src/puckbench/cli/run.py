@@ -145,6 +145,7 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
         _refuse(options, _OF_CONFIG, f"the configuration says that: edit {first}")
         if not Path(first).is_file():
             raise InputError(f"{first}: no such file")
+        read_config(Path(first))  # what is wrong with it is said before Snakemake reads it
         return Path(first), others
     return _of_files(options), []
 

@@ -115,11 +115,21 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file; InputError when it is missing or not JSON."""
+    """Read a JSON file; InputError when it is missing, not JSON, or has a key twice."""
     try:
-        return json.loads(read_bytes(path))
-    except ValueError as error:
+        return json.loads(read_bytes(path), object_pairs_hook=_object)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON ({error})") from error
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON; ValueError where a key is there twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the key {twice!r} is there twice")
+    return found
 
 
 def read_bytes(path: Path) -> bytes:

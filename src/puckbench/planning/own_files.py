@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
+from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.cloud import Frame
@@ -318,10 +319,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
 
     Its first line has a digest of the others: where that does not fit, its user has edited it.
     """
-    import yaml
-
-    text = yaml.safe_dump(dict(config), sort_keys=False, default_flow_style=None, width=100)
-    body = f"# {command}\n{text}"
+    body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
             f"{path}: has been edited: run that (puckbench run {path}), or take another --out"
