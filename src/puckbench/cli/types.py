@@ -7,11 +7,13 @@ import json
 import sys
 from typing import Any
 
+from puckbench.core.files import unique_keys
+
 
 def json_object(text: str) -> dict[str, Any]:
     """A JSON object on the command line."""
     try:
-        value = json.loads(text)
+        value = json.loads(text, object_pairs_hook=unique_keys)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"not JSON: {text} ({error})") from error
     if not isinstance(value, dict):

@@ -66,7 +66,7 @@ def _integer(loader: _Loader, node: ScalarNode) -> int:
 
 
 def _number(loader: _Loader, node: ScalarNode) -> float:
-    text = loader.construct_scalar(node)
+    text = loader.construct_scalar(node).lower()
     return float(text.replace(".inf", "inf").replace(".nan", "nan"))
 
 

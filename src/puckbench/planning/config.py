@@ -510,13 +510,21 @@ def read_config(path: Path) -> Options:
         The file is missing, is not a mapping, has a key twice, or has a value that Snakemake, which
         reads YAML 1.1, takes for another.
     """
-    values = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path, alike=True)
-    if not isinstance(values, dict):
-        raise InputError(f"{path}: not a mapping of keys to values")
-    return values
+    return _read(path, alike=True)
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
-    """Raise InputError where a file that Snakemake has read by itself cannot be used."""
-    for path in paths:
-        read_config(Path(path))
+    """Raise InputError where a file that Snakemake has read by itself cannot be used.
+
+    Of a workflow that uses this one as a module, only files with keys of ours are looked at.
+    """
+    for path in map(Path, paths):
+        if set(Config.model_fields) & set(_read(path, alike=False)):
+            _read(path, alike=True)
+
+
+def _read(path: Path, alike: bool) -> Options:
+    values = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path, alike)
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: not a mapping of keys to values")
+    return values
