@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import whole
+from puckbench.cli.types import positive, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -62,6 +62,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument(
+        "--metres-per-unit", type=positive, default=1.0, help="of the cloud (0.001: millimetres)"
+    )
+    parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
     )
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
@@ -80,6 +83,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
     if options.turns or is_recording(options.cloud):
+        if options.metres_per_unit != 1:
+            raise InputError("--metres-per-unit: recordings are in metres")
         return _told(_returns(options), options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
@@ -90,6 +95,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         drop_invalid=options.drop_invalid,
+        metres_per_unit=options.metres_per_unit,
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)

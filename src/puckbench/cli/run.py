@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, tell, whole
+from puckbench.cli.types import chosen, tell, units, whole
 from puckbench.core.errors import InputError
 from puckbench.figures.style import FigureStyle
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
@@ -66,7 +66,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="scaled to a cube of 1024, rates r1, r2, ...; or in metres, rates 100mm, 10mm, ... "
         "(default: metric for clouds that are all LAS, LAZ, E57 or .bin, and recordings)",
     )
-    add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
+    add(
+        "--metres-per-unit",
+        nargs="+",
+        metavar="NUMBER",
+        help="length of the files' unit (0.001: millimetres; default: 1), or of some files' alone: "
+        "FILE=NUMBER ...",
+    )
     add(
         "--rates",
         nargs="+",
@@ -196,13 +202,18 @@ def _of_files(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, "metres_per_unit", "up", "drop_invalid"),
+        options=_given(options, "up", "drop_invalid") | _units(options),
         **wanted,
     )
     config = asked.configuration()
     for path in asked.unused():
         tell(f"left out: {path}: {NOTHING_THERE}")
     return _written(out, config)
+
+
+def _units(options: argparse.Namespace) -> dict[str, Any]:
+    words = options.metres_per_unit
+    return {} if words is None else {"metres_per_unit": units(words)}
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -121,8 +121,7 @@ def _check_levels(data: bytes) -> None:
         level += isinstance(event, yaml.CollectionStartEvent)
         level -= isinstance(event, yaml.CollectionEndEvent)
         if level > _MOST_LEVELS:
-            line = event.start_mark.line + 1
-            raise InputError(f"line {line}: more than {_MOST_LEVELS} levels within each other")
+            raise InputError(f"{_line(event)}: more than {_MOST_LEVELS} levels within each other")
 
 
 def _check(loader: _Loader, root: Node, alike: bool) -> None:
@@ -187,7 +186,7 @@ def _check_alike(loader: _Loader, name: str, node: ScalarNode) -> None:
     """Refuse a value that is another in YAML 1.1, which Snakemake reads."""
     if node.style or node.tag == f"{_TAG}merge":
         return
-    tag = Resolver().resolve(ScalarNode, node.value, (True, False))
+    tag = Resolver().resolve(ScalarNode, node.value, (True, False))  # type: ignore[no-untyped-call]
     old = SafeConstructor().construct_object(ScalarNode(tag, node.value))
     new = loader.construct_object(node)
     if (type(old), str(old)) != (type(new), str(new)):
@@ -198,8 +197,8 @@ def _check_alike(loader: _Loader, name: str, node: ScalarNode) -> None:
         raise InputError(f"{_line(node)}: {fault}: {advice}")
 
 
-def _line(node: Node) -> str:
-    return f"line {node.start_mark.line + 1}"
+def _line(part: Node | yaml.Event) -> str:
+    return f"line {part.start_mark.line + 1}" if part.start_mark else "a line"
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:

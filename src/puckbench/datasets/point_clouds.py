@@ -43,8 +43,8 @@ class PointClouds(FileSet):
             about["dropped_points"] = len(cloud) - len(finite)
             cloud = finite
         _check(cloud, path)
-        if self.metres_per_unit != 1:
-            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+        if (unit := self._unit(path)) != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * unit)
         return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)
 
     def _takes(self, path: Path) -> bool:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.cloud import Floats, PointCloud, bounds, check_points
+from puckbench.geometry.extent import remark_extent
 from puckbench.io.clouds import read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
@@ -28,7 +29,7 @@ class Prepare(Job):
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
     coordinates. peak: of PSNRs of a cloud in metres, in m. drop_invalid: leave out points of a
-    cloud that are not finite; else it is refused.
+    cloud that are not finite; else it is refused. metres_per_unit: of a cloud.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -38,6 +39,7 @@ class Prepare(Job):
     clean: bool = False
     peak: float | None = Field(None, gt=0)
     drop_invalid: bool = False
+    metres_per_unit: PositiveFloat = 1.0
 
     def run(
         self,
@@ -60,7 +62,9 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        returns = _returns(source, self.clean, self.drop_invalid)
+        returns = _returns(source, self.clean, self.drop_invalid, self.metres_per_unit)
+        if self.size == 0 and source.suffix != ".parquet":
+            remark_extent(source, bounds(returns.cloud.xyz))
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)
@@ -86,9 +90,11 @@ class Prepare(Job):
         return np.asarray(box, dtype=np.float64)
 
 
-def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
+def _returns(path: Path, clean: bool, drop_invalid: bool, metres_per_unit: float) -> Returns:
     from puckbench.jobs.preparation import Returns
 
+    if path.suffix == ".parquet" and metres_per_unit != 1:
+        raise InputError(f"{path}: a scan is in metres: leave out --metres-per-unit")
     if path.suffix != ".parquet":
         cloud = read_points(path)
         cloud = cloud.finite() if drop_invalid else cloud
@@ -96,6 +102,8 @@ def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
         # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
+        if metres_per_unit != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * metres_per_unit)
         return Returns(cloud, clean=cloud)
     from puckbench.lidar.export import read_source
     from puckbench.lidar.scan_table import ScanTable

@@ -10,11 +10,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.units import check_units, is_named
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
@@ -102,6 +103,7 @@ class OwnRun:
         """The configuration; reads the files, and InputError says what cannot be used."""
         found = self._sorted_paths()
         self._check_results(found)
+        self._check_units(found)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
         usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
@@ -160,9 +162,21 @@ class OwnRun:
                     f"--out {self.results}: lies in {text}, which is read: take another"
                 )
 
+    def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
+        """InputError where a unit is named for what is neither a cloud nor a mesh."""
+        texts = {text for paths in found.values() for text in paths}
+        files = (path for text in texts for path in _files(text))
+        scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
+        with naming("--metres-per-unit"):
+            check_units(self.options.get("metres_per_unit", 1.0), scaled)
+
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         known = {"clouds": ("drop_invalid", "metres_per_unit"), "meshes": ("up", "metres_per_unit")}
         options = {key: value for key, value in self.options.items() if key in known.get(kind, ())}
+        if isinstance(units := options.get("metres_per_unit"), dict):
+            files = [path for text in paths for path in _files(text) if _kind(path) == kind]
+            named = {name for name in units if any(is_named(path, name) for path in files)}
+            options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":

@@ -15,7 +15,9 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, write_json
 from puckbench.core.models import Model
 from puckbench.core.progress import Progress
-from puckbench.datasets.scene import SceneSet, read_first
+from puckbench.datasets.scene import Scene, SceneSet, read_first
+from puckbench.geometry.cloud import bounds
+from puckbench.geometry.extent import remark_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -82,11 +84,10 @@ def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
-    if settings.make == "cloud":
-        options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
-        job: object = (settings.make, options)
-    else:
-        job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
+    options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
+    job: tuple[object, ...] = (settings.make, settings.is_metric, options)
+    if settings.is_scan:
+        job += (planned(scan_record(settings, name, seed=0)),)
     every = [one for path in files for one in (sorted(path.iterdir()) if path.is_dir() else [path])]
     stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in every if (stat := path.stat())]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
@@ -98,6 +99,8 @@ def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | 
 
     try:
         scene = scenes.load(name)
+        if isinstance(scenes, Model) and "metres_per_unit" in type(scenes).model_fields:
+            _remark_extent(scenes, scene, settings)
         points = scene.returns if scene.cloud is None else scene.cloud
         if points is not None and settings.make == "cloud":
             return None, len(points)
@@ -110,3 +113,12 @@ def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | 
     except InputError as error:
         return " ".join(str(error).split()), None
     return None, None
+
+
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
+    """Remark on a user's file whose size in metres matters, and tells of another unit."""
+    path = scenes.files(scene.name)[0]
+    if scene.mesh is not None and settings.is_scan:
+        remark_extent(path, scene.mesh.bounds())
+    if scene.cloud is not None and settings.is_metric:
+        remark_extent(path, bounds(scene.cloud.xyz))

@@ -47,7 +47,7 @@ def fan_fails(vertices: Floats, triangles: Integers, face: Integers, faces: int)
         along = np.einsum("ij,ij->i", areas, normal[place])
         fails = np.minimum.reduceat(along, starts) < -_NOTHING * size * length
         fails |= length < _NOTHING * size
-    return face[starts[fails]]
+    return np.asarray(face[starts[fails]])
 
 
 def clip_ears(points: Floats) -> Integers:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh
-from puckbench.io.meshes.concave import Integers, clip_ears, fan_fails
+from puckbench.io.meshes.concave import clip_ears, fan_fails
+
+Integers = NDArray[np.int64]
 
 MOST_CORNERS = 5000
 """Of a concave face: the time of clipping ears may grow with the square."""
