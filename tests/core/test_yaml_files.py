@@ -127,6 +127,15 @@ def test_a_hundred_levels_are_read(tmp_path: Path) -> None:
     assert read_yaml(written(tmp_path, "[" * 100 + "]" * 100))
 
 
+def test_aliases_may_stand_for_a_hundred_thousand_nodes_and_ten_for_each(tmp_path: Path) -> None:
+    def often(count: int) -> Path:
+        return written(tmp_path, f"a: &a []\nb: [{', '.join(['*a'] * count)}]")
+
+    assert read_yaml(often(100_045))  # five nodes, and with the aliases 100,050
+    with pytest.raises(InputError, match="line 1: its aliases multiply"):
+        read_yaml(often(100_046))
+
+
 def test_a_large_file_may_use_an_alias_often(tmp_path: Path) -> None:
     items = ", ".join(["*a"] * 20_000)
     assert len(read_yaml(written(tmp_path, f"a: &a [1, 2, 3]\nb: [{items}]"))["b"]) == 20_000
@@ -181,6 +190,14 @@ def test_what_is_written_is_read_alike_by_both_versions(content: dict[str, Any])
         path = written(Path(folder), yaml_text(content))
         assert read_yaml(path, alike=True) == content
     assert yaml.safe_load(yaml_text(content)) == content
+
+
+def test_mappings_are_written_in_their_order_and_lists_on_lines_of_a_hundred() -> None:
+    content = {"b": {"z": 1, "y": [1, 2]}, "a": list(range(60))}
+    lines = yaml_text(content).splitlines()
+    assert lines[:3] == ["b:", "  z: 1", "  y: [1, 2]"]
+    assert lines[3].startswith("a: [0, 1, 2, ")
+    assert [len(line) for line in lines[3:-1]] == [101, 101]
 
 
 def test_a_key_that_json_has_twice_is_refused(tmp_path: Path) -> None:

@@ -127,8 +127,8 @@ def _check_levels(data: bytes) -> None:
 def _check(loader: _Loader, root: Node, alike: bool) -> None:
     """InputError, one line without the file's name, where a tree of nodes cannot be used."""
     sizes: dict[int, int] = {}
-    for written, node in enumerate(_nodes(root, sizes), start=1):
-        if sizes[id(node)] > _MOST_NODES + _MOST_REPEATS * written:
+    for node in _nodes(root, sizes):
+        if sizes[id(node)] > _MOST_NODES + _MOST_REPEATS * len(sizes):
             raise InputError(f"{_line(node)}: its aliases multiply the content too often")
         if isinstance(node, MappingNode):
             _check_keys(loader, node)
