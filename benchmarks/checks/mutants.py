@@ -33,7 +33,10 @@ LIBRARIES = ("open3d", "trimesh", "pandas", "pyarrow.parquet", "numba", "hypothe
 LIBRARIES += ("scipy.interpolate", "scipy.spatial", "scipy.stats", "scipy.optimize", "pytest")
 MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
+_MESHES = "io/test_meshes_text io/test_glb io/test_concave_faces corpus/test_corpus"
 TESTS = {
+    "datasets/units": "cli/test_units",
+    "geometry/extent": "cli/test_units",
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
     "io": "corpus/test_corpus io/test_cloud_formats",
     "io/clouds": "io/test_clouds corpus/test_corpus io/test_cloud_formats",
@@ -47,6 +50,8 @@ TESTS = {
     "io/las_units": "corpus/test_corpus",
     "io/recordings/ros_bags": "corpus/test_corpus io/test_recordings",
     "io/recordings/sqlite_bags": "corpus/test_corpus",
+    "io/meshes": f"io/test_meshes {_MESHES}",
+    "io/meshes/concave": "io/test_concave_faces",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",

@@ -15,6 +15,7 @@ if SOURCE.is_dir():
 from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
+from puckbench.planning.config import check_config_files
 from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.run_bar import show_bar
@@ -78,6 +79,9 @@ def priority_of(curve):
     return 1 if curve.codec == outputs.first_codec else 0
 
 
+if workflow.is_main_process:
+    # Snakemake reads YAML 1.1, and takes the last of keys that are there twice.
+    or_stop(check_config_files, workflow.configfiles)
 bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM
-from puckbench.cli.types import chosen, whole
+from puckbench.cli.types import chosen, positive, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -69,6 +69,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument(
+        "--metres-per-unit", type=positive, default=1.0, help="of the cloud (0.001: millimetres)"
+    )
+    parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
     )
     parser.add_argument(
@@ -96,6 +99,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
     if options.turns or options.stream or is_recording(options.cloud):
+        if options.metres_per_unit != 1:
+            raise InputError("--metres-per-unit: recordings are in metres")
         return _told(_returns(options), options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
@@ -107,7 +112,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         clean=options.clean,
         drop_invalid=options.drop_invalid,
         keep_missing=options.keep_missing,
-        **chosen(options, "peak", "bin_columns"),
+        **chosen(options, "peak", "bin_columns", "metres_per_unit"),
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, whole
+from puckbench.cli.types import chosen, units, whole
 from puckbench.core.errors import InputError
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
@@ -34,7 +34,7 @@ _OF_CONFIG = (
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
 )
 """Options that a configuration has keys for."""
-_OF_LOADERS = ("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns")
+_OF_LOADERS = ("up", "drop_invalid", "keep_missing", "bin_columns")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +67,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="scaled to a cube of 1024, rates r1, r2, ...; or in metres, rates 100mm, 10mm, ... "
         "(default: metric for clouds that are all LAS, LAZ, E57 or .bin, and recordings)",
     )
-    add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
+    add(
+        "--metres-per-unit",
+        nargs="+",
+        metavar="NUMBER",
+        help="length of the files' unit (0.001: millimetres; default: 1), or of some files' alone: "
+        "FILE=NUMBER ...",
+    )
     add(
         "--peak",
         type=float,
@@ -165,6 +171,7 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
         _refuse(options, _OF_CONFIG, f"the configuration says that: edit {first}")
         if not Path(first).is_file():
             raise InputError(f"{first}: no such file")
+        read_config(Path(first))  # what is wrong with it is said before Snakemake reads it
         return Path(first), others
     return _of_files(options), []
 
@@ -215,10 +222,15 @@ def _of_files(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, *_OF_LOADERS),
+        options=_given(options, *_OF_LOADERS) | _units(options),
         **wanted,
     )
     return _written(out, asked.configuration())
+
+
+def _units(options: argparse.Namespace) -> dict[str, Any]:
+    words = options.metres_per_unit
+    return {} if words is None else {"metres_per_unit": units(words)}
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -118,14 +118,14 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file; InputError when it is missing, not JSON, or nested too deeply."""
+    """Read a JSON file; InputError when it is missing, not JSON, too deep, or has a key twice."""
     return json_of(read_bytes(path), str(path))
 
 
 def json_of(data: bytes, what: str) -> Any:
     """The value of a JSON text; InputError begins with `what` it is, as of `read_json`."""
     try:
-        value = json.loads(data)
+        value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
     except RecursionError:
         deep = True
@@ -151,6 +151,16 @@ def read_object(path: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError(f"{path}: not a JSON object")
     return value
+
+
+def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of a JSON text; ValueError where a key is there twice."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"the key {name!r} is there twice")
+        found[name] = value
+    return found
 
 
 def read_bytes(path: Path) -> bytes:

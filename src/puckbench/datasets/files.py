@@ -12,13 +12,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pydantic import PositiveFloat
-
 from puckbench.core.content import plain_name, plain_suffix
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.datasets.base import DataSet, found
 from puckbench.datasets.scene import safe_name, unique_names
-from puckbench.io.ply import has_faces
+from puckbench.datasets.units import Units, check_units, unit_of
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,8 +34,8 @@ class FileSet(DataSet):
     path: str | tuple[str, ...] | dict[str, str]
     """A file, a folder with all below it, a pattern (``data/*.las``), a list of such, or a table of
     names and files."""
-    metres_per_unit: PositiveFloat = 1.0
-    """Length of the files' unit."""
+    metres_per_unit: Units = 1.0
+    """Length of the files' unit: a number, or a table of files and numbers (1 for the others)."""
     licence: str = ""
     """Licence noted with every scene."""
     credit: str = ""
@@ -53,7 +51,11 @@ class FileSet(DataSet):
 
     def options_of(self, name: str) -> dict[str, Any]:
         """Options of a set of this scene alone, which do not change with the other scenes."""
-        return {**self.model_dump(exclude_defaults=True), "path": {name: str(self._file(name))}}
+        path = self._file(name)
+        options = self.model_dump(exclude_defaults=True) | {"path": {name: str(path)}}
+        if "metres_per_unit" in options:
+            options["metres_per_unit"] = self._unit(path)
+        return options
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
@@ -65,13 +67,23 @@ class FileSet(DataSet):
     def _group(self, path: Path) -> str:
         return safe_name(path.resolve().parent.name)
 
+    def _unit(self, path: Path) -> float:
+        return unit_of(path, self.metres_per_unit)
+
     def _about(self, path: Path) -> dict[str, object]:
-        unit = {} if self.metres_per_unit == 1 else {"metres_per_unit": self.metres_per_unit}
-        about = {"source": path.name, "format": plain_suffix(path)[1:], **unit}
+        unit = self._unit(path)
+        about = {"source": path.name, "format": plain_suffix(path)[1:]}
+        about |= {} if unit == 1 else {"metres_per_unit": unit}
         return {**about, "licence": self.licence, "credit": self.credit}
 
     @cached_property
     def _table(self) -> Mapping[str, Path]:
+        table = self._listed()
+        with naming("metres_per_unit"):
+            check_units(self.metres_per_unit, table.values())
+        return table
+
+    def _listed(self) -> Mapping[str, Path]:
         if isinstance(self.path, dict):
             return {name: self._chosen(name, text) for name, text in self.path.items()}
         given = (self.path,) if isinstance(self.path, str) else self.path
@@ -118,14 +130,6 @@ class FileSet(DataSet):
 def is_file_or_lost(path: Path) -> bool:
     """Whether a path is a file, or a link to one that is gone, which no run should overlook."""
     return path.is_file() or (path.is_symlink() and not path.exists())
-
-
-def announces_faces(path: Path) -> bool:
-    """Whether a PLY file is a mesh's; one that cannot be read is taken for a cloud's."""
-    try:
-        return has_faces(path)
-    except InputError:
-        return False
 
 
 def distinct(paths: Iterable[Path]) -> list[Path]:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import ClassVar
 
 from puckbench.core.content import plain_suffix
-from puckbench.datasets.files import FileSet, announces_faces
+from puckbench.datasets.files import FileSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.cloud import check_extent
 from puckbench.io.clouds import SUFFIXES, check_cloud, counted, read_points
+from puckbench.io.ply import has_faces
 
 
 @LOADERS.register("point_clouds")
@@ -41,10 +42,10 @@ class PointClouds(FileSet):
         cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
         about = {**self._about(path), **counted(cloud.about)}
         check_cloud(cloud, path)
-        if self.metres_per_unit != 1:
-            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+        if (unit := self._unit(path)) != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * unit)
         check_extent(cloud.xyz, str(path))
         return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)
 
     def _takes(self, path: Path) -> bool:
-        return plain_suffix(path) != ".ply" or not announces_faces(path)
+        return plain_suffix(path) != ".ply" or not has_faces(path)

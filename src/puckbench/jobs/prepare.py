@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import Floats, PointCloud, bounds
+from puckbench.geometry.extent import remark_extent
 from puckbench.io.clouds import check_cloud, read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
@@ -38,7 +39,7 @@ class Prepare(Job):
     coordinates. peak: of PSNRs of a cloud in metres, in m, by default
     `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a cloud that are not finite;
     else it is refused. keep_missing: keep missing returns. bin_columns: of a frame (.bin), see
-    `puckbench.io.frames.read_frame`.
+    `puckbench.io.frames.read_frame`. metres_per_unit: of a cloud.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -50,6 +51,7 @@ class Prepare(Job):
     drop_invalid: bool = False
     keep_missing: bool = False
     bin_columns: str | None = None
+    metres_per_unit: PositiveFloat = 1.0
 
     def run(
         self,
@@ -73,6 +75,8 @@ class Prepare(Job):
         from puckbench.jobs.preparation import prepare
 
         peak, returns = self._peak(), self._returns(source)
+        if self.size == 0 and source.suffix != ".parquet":
+            remark_extent(source, bounds(returns.cloud.xyz))
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)
@@ -95,6 +99,8 @@ class Prepare(Job):
 
     def _returns(self, path: Path) -> Returns:
         if path.suffix == ".parquet":
+            if self.metres_per_unit != 1:
+                raise InputError(f"{path}: a scan is in metres: leave out --metres-per-unit")
             return _of_scan(path, self.clean)
         from puckbench.jobs.preparation import Returns
 
@@ -103,6 +109,8 @@ class Prepare(Job):
         # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
+        if self.metres_per_unit != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
         return Returns(cloud, clean=cloud)
 
     def _corners(self, path: Path | None) -> Floats | None:

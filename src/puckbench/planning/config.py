@@ -7,15 +7,17 @@ tables of `config/README.md` are generated from them (`puckbench.planning.config
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
 from puckbench.core.models import Model, among, checked_model
 from puckbench.core.registry import is_place, trust
+from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.scaling import METRIC
 
 Options = dict[str, Any]
@@ -534,21 +536,29 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a configuration file, unchecked.
+    """Read a configuration file (YAML or JSON), unchecked.
 
     Raises
     ------
     InputError
-        The file is missing, or is no YAML mapping.
+        The file is missing, is not a mapping, has a key twice, or has a value that Snakemake, which
+        reads YAML 1.1, takes for another.
     """
-    import yaml
+    return _read(path, alike=True)
 
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+
+def check_config_files(paths: Iterable[str | Path]) -> None:
+    """Raise InputError where a file that Snakemake has read by itself cannot be used.
+
+    Of a workflow that uses this one as a module, only files with keys of ours are looked at.
+    """
+    for path in map(Path, paths):
+        if set(Config.model_fields) & set(_read(path, alike=False)):
+            _read(path, alike=True)
+
+
+def _read(path: Path, alike: bool) -> Options:
+    values = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path, alike)
     if not isinstance(values, dict):
         raise InputError(f"{path}: not a mapping of keys to values")
     return values

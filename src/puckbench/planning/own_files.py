@@ -11,14 +11,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import NARROWER, InputError
+from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.files import write_bytes
+from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
-from puckbench.datasets.files import announces_faces, is_file_or_lost
+from puckbench.datasets.files import is_file_or_lost
 from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.units import check_units, is_named
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
+from puckbench.io.ply import has_faces
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
@@ -111,6 +114,7 @@ class OwnRun:
         """The configuration; reads the files, and InputError says what cannot be used."""
         found = self._sorted_paths()
         self._check_results(found)
+        self._check_units(found)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
         self._set_peak(datasets)
@@ -169,8 +173,20 @@ class OwnRun:
                     f"--out {self.results}: lies in {text}, which is read: take another"
                 )
 
+    def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
+        """InputError where a unit is named for what is neither a cloud nor a mesh."""
+        texts = {text for paths in found.values() for text in paths}
+        files = (path for text in texts for path in _files(text))
+        scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
+        with naming("--metres-per-unit"):
+            check_units(self.options.get("metres_per_unit", 1.0), scaled)
+
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
+        if isinstance(units := options.get("metres_per_unit"), dict):
+            files = [path for text in paths for path in _files(text) if _kind(path) == kind]
+            named = {name for name in units if any(is_named(path, name) for path in files)}
+            options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
@@ -276,7 +292,7 @@ def _kind(path: Path) -> Kind | None:
     if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
     if suffix == ".ply":
-        return "meshes" if announces_faces(path) else "clouds"
+        return "meshes" if has_faces(path) else "clouds"
     if suffix in clouds.SUFFIXES:
         return "clouds"
     is_mesh = suffix in meshes.SUFFIXES or (suffix == ".json" and captured_rooms.is_capture(path))
@@ -356,10 +372,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
 
     Its first line has a digest of the others: where that does not fit, its user has edited it.
     """
-    import yaml
-
-    text = yaml.safe_dump(dict(config), sort_keys=False, default_flow_style=None, width=100)
-    body = f"# {command}\n{text}"
+    body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
             f"{path}: has been edited: run that (puckbench run {path}), or take another --out"

@@ -16,8 +16,9 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_object, write_json
 from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
-from puckbench.datasets.scene import SceneSet, read_first
+from puckbench.datasets.scene import Scene, SceneSet, read_first
 from puckbench.geometry.cloud import Floats, bounds, check_extent
+from puckbench.geometry.extent import remark_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -106,12 +107,10 @@ def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
-    if settings.make == "cloud":
-        options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
-        job: object = (settings.make, options)
-    else:
-        job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
-    job = (job, "extent_m")
+    options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
+    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "extent_m")
+    if settings.is_scan:
+        job += (planned(scan_record(settings, name, seed=0)),)
     stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
@@ -137,6 +136,8 @@ def _found(
 
     try:
         scene = scenes.load(name)
+        if isinstance(scenes, Model) and "metres_per_unit" in type(scenes).model_fields:
+            _remark_extent(scenes, scene, settings)
         cloud = scene.cloud
         points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz
         if points is not None and settings.make == "cloud":
@@ -159,3 +160,12 @@ def _found(
 def _extent(points: Floats) -> float:
     low, high = bounds(points)
     return float((high - low).max())
+
+
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
+    """Remark on a user's file whose size in metres matters, and tells of another unit."""
+    path = scenes.files(scene.name)[0]
+    if scene.mesh is not None and settings.is_scan:
+        remark_extent(path, scene.mesh.bounds())
+    if scene.cloud is not None and settings.is_metric:
+        remark_extent(path, bounds(scene.cloud.xyz))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from puckbench.io.meshes.ply import read_ply
 from puckbench.io.meshes.polygons import Polygons, select_triangles, triangulate
 from puckbench.io.meshes.stl import read_stl
 
+_LOG = logging.getLogger(__name__)
 _READERS: dict[str, Callable[[Path], Polygons]] = {
     ".glb": read_glb,
     ".obj": read_obj,
@@ -37,7 +39,16 @@ def read_mesh(path: Path, up: str = "z") -> Mesh:
     Raises InputError, one line that names the file, when it is missing, damaged, empty, has no
     faces, no face with an area, or a face without finite vertices.
     """
-    return read_mesh_report(path, up)[0]
+    mesh, report = read_mesh_report(path, up)
+    remark_skipped(path, report["skipped"])
+    return mesh
+
+
+def remark_skipped(path: Path, skipped: Mapping[str, int]) -> None:
+    """Say in one line what a reader left out of a mesh file."""
+    if skipped:
+        parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
+        _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
