@@ -72,7 +72,7 @@ class FileSet(DataSet):
 
     def _about(self, path: Path) -> dict[str, object]:
         unit = self._unit(path)
-        about = {"source": path.name, "format": plain_suffix(path)[1:]}
+        about: dict[str, object] = {"source": path.name, "format": plain_suffix(path)[1:]}
         about |= {} if unit == 1 else {"metres_per_unit": unit}
         return {**about, "licence": self.licence, "credit": self.credit}
 
