@@ -138,8 +138,8 @@ class Recordings(DataSet):
             if not firsts:
                 faulty[name] = (path, None)
         if not table:
-            more = f" (faults of {len(faults) - 1} more recordings are not shown)"
-            raise InputError(f"{faults[0]}{more if len(faults) > 1 else ''}")
+            more = f" ({len(faults) - 1} more cannot be used either)" if len(faults) > 1 else ""
+            raise InputError(f"{faults[0]}{more}")
         return faulty | table
 
 
