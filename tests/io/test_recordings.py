@@ -26,6 +26,7 @@ from puckbench.lidar.recordings.data_packets import packets_of_capture
 from puckbench.lidar.recordings.packets import PACKET, PacketLog
 from puckbench.lidar.recordings.reading import MESSAGES, SCAN, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
+from tests.support.capture_bytes import ethernet, ipv4, payload, pcap, udp
 from tests.support.capture_lookalike import box_capture, scan_message
 
 LOG = box_capture(3)
@@ -99,6 +100,29 @@ def test_fragments_and_other_protocols_are_no_datagrams() -> None:
 def test_packets_of_other_sizes_are_counted() -> None:
     position = struct.pack("<IIII", 0, 0, 60, 60) + PCAP[40:100]
     assert log_of(PCAP + position).about["other_packets"] == 1
+
+
+def test_all_that_is_no_data_packet_is_counted() -> None:
+    others = [
+        *(ethernet(bytes(40), 0x0806) for _ in range(2)),
+        *(ethernet(ipv4(bytes(40), fragment=3)) for _ in range(3)),
+        *(ethernet(ipv4(udp(bytes(48 + k)))) for k in range(4)),
+        *(ethernet(ipv4(udp(bytes(1206)))) for _ in range(5)),
+        *(ethernet(ipv4(udp(payload(k)))) for k in (1, 1, 2)),
+        *(ethernet(ipv4(udp(bytes(1207)))) for _ in range(6)),
+        *(ethernet(ipv4(udp(payload(k))))[:-1] for k in range(7)),
+    ]
+    log = log_of(pcap(*others))
+    assert log.received.tolist() == [15, 17]
+    assert log.about == {
+        "format": "pcap",
+        "other_packets": 2 + 3 + 4 + 5 + 6 + 7,
+        "bytes_cut_off": 0,
+        "foreign_packets": 5,
+        "cut_packets": 7,
+        "fragments": 3,
+        "repeated_packets": 1,
+    }
 
 
 def test_two_sensors_in_one_capture_are_refused() -> None:

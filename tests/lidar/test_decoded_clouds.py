@@ -51,6 +51,7 @@ def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
     table = read_recording(DATA / "single.pcap")
     export(tmp_path / f"a{suffix}", table)
     again = read_recording(tmp_path / f"a{suffix}")
+    assert again.about["format"] == suffix[1:]
     # PCD has single precision, and neither knows the vertical correction's share of z.
     assert again.xyz == pytest.approx(table.xyz, abs=1e-6)
     assert again["distance"] == pytest.approx(table["distance"], abs=1e-6)

@@ -131,7 +131,7 @@ def test_recordings_of_which_none_can_be_used_do_not_end_a_run(
     assert list(config["scenes"]) == ["clouds"]
     line = "left out: torn.pcap: not a packet capture"
     assert any(message.startswith(line) for message in caplog.messages)
-    assert caplog.messages[0].endswith("(faults of 1 more recordings are not shown)")
+    assert caplog.messages[0].endswith("(1 more cannot be used either)")
     for paths, strict in ((("torn.pcap",), False), (("mine/a.npy", "torn.pcap"), True)):
         with pytest.raises(InputError, match=r"^torn\.pcap: not a packet capture"):
             made(*paths, strict=strict)

@@ -60,11 +60,11 @@ class Frames:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self.end = 0
+        self.end = self.unreadable = 0
         self.links: set[int] = set()
-        self.unreadable = 0
 
     def __iter__(self) -> Iterator[Frame]:
+        self.end = self.unreadable = 0
         layout = pcap_layout(self._data)
         return self._pcapng() if layout is None else self._pcap(*layout)
 
