@@ -165,6 +165,13 @@ def test_units_of_some_files_go_to_their_sets() -> None:
     assert scenes["meshes"]["options"]["metres_per_unit"] == {"mm.off": 0.002}
 
 
+def test_a_number_holds_for_all_files() -> None:
+    clouds = open_scene_set("point_clouds", {"path": ["m.xyz", "mm.xyz"], "metres_per_unit": 0.5})
+    for name, points in (("m", GRID / 1000), ("mm", GRID)):
+        np.testing.assert_allclose(clouds.load(name).cloud.xyz, points / 2, atol=1e-9)
+        assert clouds.options_of(name)["metres_per_unit"] == 0.5
+
+
 def test_a_table_of_units_holds_for_the_files_that_it_names() -> None:
     Path("sub").mkdir()
     Path("sub/mm.xyz").write_bytes(Path("mm.xyz").read_bytes())

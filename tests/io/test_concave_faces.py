@@ -131,6 +131,14 @@ def test_crossing_edges_leave_no_more_than_one_half() -> None:
     assert 0.25 <= cut(bow).areas().sum() <= 0.5
 
 
+def test_crossing_edges_on_any_plane() -> None:
+    bow = np.array([[0, 0, 0], [0, 1, 1], [0, 1, 0], [0, 0, 1.0]])
+    for points in (bow, bow[:, [1, 0, 2]], bow[:, [1, 2, 0]], bow[[1, 2, 3, 0]]):
+        mesh = cut(points)
+        assert 0.25 <= mesh.areas().sum() <= 0.5
+        assert np.isfinite(mesh.vertices).all()
+
+
 def test_a_face_without_area_gives_triangles_without_area() -> None:
     line = np.array([[0, 0], [1, 0], [3, 0], [2, 0.0]])
     assert cut(line).areas().sum() == 0

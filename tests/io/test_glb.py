@@ -66,11 +66,11 @@ def test_a_fan_begins_with_its_second_corner(tmp_path: Path) -> None:
 
 def test_signed_bytes_are_numbers_from_minus_one_to_one(tmp_path: Path) -> None:
     path = tmp_path / "bytes.glb"
-    rows = struct.pack("<9b", 127, 0, 0, -128, 0, 0, 0, 127, -127)
+    rows = struct.pack("<9b", 127, 0, 0, -128, 0, 0, 64, 127, -127)
     glb(rows, accessors=[vec3(0, kind=5120, normalized=True)])(path)
-    assert read_mesh(path).vertices.tolist() == [[1, 0, 0], [-1, 0, 0], [0, 1, 1]]
+    assert read_mesh(path).vertices.tolist() == [[1, 0, 0], [-1, 0, 0], [64 / 127, 1, 1]]
     glb(rows, accessors=[vec3(0, kind=5120)])(path)
-    assert read_mesh(path).vertices.tolist() == [[127, 0, 0], [-128, 0, 0], [0, 127, 127]]
+    assert read_mesh(path).vertices.tolist() == [[127, 0, 0], [-128, 0, 0], [64, 127, 127]]
 
 
 def test_offsets_of_view_and_accessor_add_up(tmp_path: Path) -> None:

@@ -86,9 +86,9 @@ def _on_best_plane(points: Floats) -> Floats:
     """Coordinates (n, 2) on the plane with the polygon's normal, counter-clockwise seen from it."""
     centred = points - points[0]
     areas = np.cross(centred[1:-1], centred[2:])
-    normal = areas.sum(axis=0)
-    if np.linalg.norm(normal) < _NOTHING * np.linalg.norm(areas, axis=1).sum():
-        normal = areas[np.argmax((areas**2).sum(axis=1))]  # its parts cancel each other
+    normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)
+    if np.linalg.norm(normal) < _NOTHING * sizes.sum():
+        normal = areas[np.argmax(sizes)]  # its parts cancel each other
     normal = normal / np.linalg.norm(normal)
     u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     u /= np.linalg.norm(u)
