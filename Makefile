@@ -1,7 +1,7 @@
 # make run    set up .venv, run the default benchmark, write its report
 # make test   set up .venv with the test tools, then run every check
 # make lint   only the static checks         make data      fetch the free real data into data/
-# make fuzz   damaged streams for every decoder, for SECONDS=300 in all; fails on a crash, hang or blow-up
+# make fuzz   damaged streams and files for decoders and readers, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
 # make docs   build the documentation into site/, with the reference results (also: make site)
 # make reference STUDY=default   run a study, if need be, and keep its results as reference results;

@@ -1,13 +1,16 @@
-"""Fuzzing of every decoder: streams must decode or end in one clean error.
+"""Fuzzing of every decoder and reader: what they get must decode or end in one clean error.
 
     python -m benchmarks.checks.fuzz [--seconds 300] [--streams N] [--codecs NAME ...] [--first 0]
                               [--keep FOLDER] [--kind damaged|structured|both] [--unchecked]
+                              [--only codecs|readers]
 
 All decoders share the seconds; with --streams each gets that many streams instead. Every other one
 is structured: fields at their limits, written by the codecs' own writers
 (tests/support/structured_streams.py). The others are small clouds coded at several rates, for
 G-PCC the conformance vectors, damaged by tests/support/stream_damage.py, half of them with check
-sums that fit again. Number N is the same in every run. Each decoder has a process of its own, whose
+sums that fit again. The readers of files ("read las"; tests/support/file_readers.py) get small
+files damaged in the same ways, and structured ones (tests/support/structured_files.py). Number N is
+the same in every run. Each decoder has a process of its own, whose
 compiled loops check every index; that is slow, so that limits of time are CHECKED_FACTOR as long.
 With --unchecked it runs as users run it, with the real limits.
 
@@ -22,6 +25,7 @@ named.
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import resource
 import signal
@@ -33,11 +37,13 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from tests.support.puck_streams import DECODERS as OTHERS
+from tests.support.file_readers import READERS
+from tests.support.puck_streams import DECODERS
 from tests.support.returns import EXAMPLES
 from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
@@ -51,6 +57,9 @@ from puckbench.lidar.returns import Returns
 
 ROOT = Path(__file__).parents[2]
 SECONDS, MIB = 5, 1024
+READER_SECONDS, READER_MIB = 10, 2048
+"""A file of less than a megabyte."""
+OTHERS = {**DECODERS, **{name: partial(dict.get, READERS, name) for name in READERS}}
 LEARNED_SECONDS = 30
 """A network at work on as many voxels as a stream of some thousand bytes may promise."""
 CHECKED_FACTOR = 4
@@ -225,6 +234,8 @@ def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
     if kind == "both":
         kind, number = ("damaged", "structured")[number % 2], number // 2
     writer = decoder if decoder in WRITERS else name
+    if kind == "structured" and decoder in READERS:
+        return READERS[decoder].structured(whole, number)
     if kind == "structured" and writer in WRITERS:
         return structured(writer, whole, number)
     return damaged(whole, number, name)
@@ -232,6 +243,7 @@ def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
 
 def work(decoder: str, first: int, end: int, kind: str) -> None:
     """Decode the streams from `first` on, a line for each; what kills us is seen from outside."""
+    logging.getLogger("puckbench").addHandler(logging.NullHandler())
     codec = opened(decoder)
     whole = streams(decoder, codec)
     for stream in whole:
@@ -248,13 +260,22 @@ def work(decoder: str, first: int, end: int, kind: str) -> None:
         found = outcome(decoder, codec, stream)
         seconds, mib = time.process_time() - start, _peak_mib() - before
         signal.setitimer(signal.ITIMER_PROF, 0)
-        if mib > (DRACO_MIB if decoder.startswith("draco") else MIB):
+        if mib > mib_of(decoder):
             found = f"{mib:.0f} MiB for {len(stream)} bytes"
         print(number, f"{seconds:.4f}", f"{mib:.1f}", found, flush=True)
 
 
+def mib_of(decoder: str) -> int:
+    """The memory that a stream may take."""
+    if decoder in READERS:
+        return READER_MIB
+    return DRACO_MIB if decoder.startswith("draco") else MIB
+
+
 def seconds_of(decoder: str) -> int:
     """The processor's seconds that a stream may take."""
+    if decoder in READERS:
+        return READER_SECONDS
     is_learned = decoder not in OTHERS and _is_network(decoder.partition(" ")[0])
     seconds = LEARNED_SECONDS if is_learned else SECONDS
     return seconds * (CHECKED_FACTOR if os.environ.get(CHECKED) else 1)
@@ -277,7 +298,7 @@ def outcome(decoder: str, codec: Any, stream: bytes) -> str:
     except InputError as error:
         return "error" if "\n" not in str(error) else "an error of several lines"
     except Exception as error:  # noqa: BLE001 (whatever it is, it is a finding)
-        return f"{type(error).__name__}: {error}".replace("\n", " ")
+        return f"{type(error).__name__}: {error}".replace("\n", " ")[:300]
     return "points" if np.isfinite(points).all() else "coordinates that are not finite"
 
 
@@ -324,9 +345,10 @@ def keep(decoder: str, number: int, folder: Path | None, kind: str) -> None:
     """Write the stream of a fault, if there is a folder for it."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        name = decoder.partition(" ")[0]
+        name = decoder.partition(" ")[0] if decoder not in READERS else decoder.replace(" ", "_")
+        suffix = READERS[decoder].suffix if decoder in READERS else ".bin"
         stream = made(decoder, streams(decoder, opened(decoder)), number, kind)
-        (folder / f"{name}_{number}.bin").write_bytes(stream)
+        (folder / f"{name}_{number}{suffix}").write_bytes(stream)
 
 
 def main() -> None:
@@ -338,6 +360,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for the streams of faults")
     parser.add_argument("--kind", choices=("damaged", "structured", "both"), default="both")
     parser.add_argument("--unchecked", action="store_true", help="indices; real limits of time")
+    parser.add_argument("--only", choices=("codecs", "readers"))
     parser.add_argument("--worker", nargs=4, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
@@ -346,7 +369,9 @@ def main() -> None:
         return
     if not options.unchecked:
         os.environ[CHECKED] = "1"  # of the workers, too
-    known = decoders()
+    known = decoders() if options.only != "readers" else dict.fromkeys(READERS, "")
+    if options.only == "codecs":
+        known = {name: why for name, why in known.items() if name not in READERS}
     chosen = options.codecs or [name for name, why in known.items() if not why]
     seconds = float("inf") if options.streams else options.seconds / len(chosen)
     options.streams = options.streams or sys.maxsize // 2

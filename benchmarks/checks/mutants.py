@@ -33,8 +33,25 @@ LIBRARIES = ("open3d", "trimesh", "pandas", "pyarrow.parquet", "numba", "hypothe
 LIBRARIES += ("scipy.interpolate", "scipy.spatial", "scipy.stats", "scipy.optimize", "pytest")
 MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
+_MESHES = "io/test_meshes_text io/test_glb io/test_concave_faces corpus/test_corpus"
 TESTS = {
+    "datasets/units": "cli/test_units",
+    "geometry/extent": "cli/test_units",
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
+    "io": "corpus/test_corpus io/test_cloud_formats",
+    "io/clouds": "io/test_clouds corpus/test_corpus io/test_cloud_formats",
+    "io/descriptions": "io/test_clouds corpus/test_corpus",
+    "io/frames": "io/test_frames corpus/test_corpus",
+    "io/recordings": "io/test_capture_frames io/test_recordings corpus/test_corpus",
+    "io/e57": "corpus/test_corpus io/test_cloud_formats",
+    "io/isolated": "io/test_isolated",
+    "io/las": "corpus/test_corpus io/test_cloud_formats",
+    "io/las_header": "corpus/test_corpus",
+    "io/las_units": "corpus/test_corpus",
+    "io/recordings/ros_bags": "corpus/test_corpus io/test_recordings",
+    "io/recordings/sqlite_bags": "corpus/test_corpus",
+    "io/meshes": f"io/test_meshes {_MESHES}",
+    "io/meshes/concave": "io/test_concave_faces",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
@@ -49,7 +66,9 @@ TESTS = {
     "lidar/raycast": "lidar/test_placement lidar/test_scan lidar/test_trajectory",
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
     "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
-    "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds",
+    "lidar/recordings/data_packets": "io/test_recordings corpus/test_corpus",
+    "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds corpus/test_corpus",
+    "lidar/recordings/times": "corpus/test_corpus lidar/test_decoded_clouds",
     "lidar/recordings/returns": "lidar/test_recordings",
     "lidar/recordings/rings": "datasets/test_rings",
     "lidar/scan": "lidar/test_scan lidar/test_trajectory lidar/test_mirrors",

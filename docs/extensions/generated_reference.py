@@ -96,7 +96,7 @@ def _rank(columns: Sequence[Any], codec: Mapping[str, str]) -> float:
 def _cell(column: Any, codec: str) -> str:
     """A value with its remark below; the best one is bold."""
     cell = column.cells[codec]
-    text = f"<strong>{escape(cell.text)}</strong>" if codec in column.best else escape(cell.text)
+    text = f"<strong>{escape(cell.text)}</strong>" if codec == column.best else escape(cell.text)
     note = f"<small>{escape(cell.note)}</small>" if cell.note else ""
     return f'<td data-head="{escape(column.head)}">{text}{note}</td>'
 

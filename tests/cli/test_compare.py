@@ -13,7 +13,15 @@ from PIL import Image
 
 from puckbench.cli import main
 from puckbench.report.reference_results import read_reference, write_reference
-from tests.support.reference_lookalike import CLOUDS, GPCC, MINE, rows_of, write_run, write_study
+from tests.support.reference_lookalike import (
+    CLOUDS,
+    GPCC,
+    MINE,
+    PEAK,
+    rows_of,
+    write_run,
+    write_study,
+)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +76,7 @@ def test_the_table_is_grey_where_it_is_theirs(
     assert lines[0].startswith("Things, 4 clouds")
     assert lines[1].startswith("mine")
     assert lines[2].startswith("Draco, known")
-    assert "−50.0 % [−50.0 %, −50.0 %]" in lines[2].replace("\N{NO-BREAK SPACE}", " ")
+    assert "−50.0 % (−50.0 % to −50.0 %, 4 clouds)" in lines[2].replace("\N{NO-BREAK SPACE}", " ")
     assert "\x1b" not in out
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     monkeypatch.delenv("NO_COLOR", raising=False)
@@ -183,9 +191,32 @@ def test_a_lossless_rate_has_no_psnr(
         d1_psnr=mine["d1_psnr"].mask(exact),
         d2_psnr=mine["d2_psnr"].mask(exact),
     )
-    status, out, _ = compare(capsys, write_run(tmp_path, kept), "--with", study, "--json")
+    folder = write_run(tmp_path, kept)
+    status, out, _ = compare(capsys, folder, "--with", study, "--json")
     assert status == 0
-    assert json.loads(out)["deltas"][0]["bd_rate_percent"] == pytest.approx(-50, abs=1e-3)
+    answer = json.loads(out)
+    assert answer["deltas"][0]["bd_rate_percent"] == pytest.approx(-50, abs=1e-3)
+    assert (answer["deltas"][0]["lossless"], answer["deltas"][0]["anchor_lossless"]) == (4, 0)
+    _, out, _ = compare(capsys, folder, "--with", study)
+    assert "Lossless rates, without PSNR and in no BD-rate: mine r4 (4 clouds)." in out
+
+
+def test_psnrs_of_another_peak_are_refused(
+    study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The study's own rows name no peak: it follows from their errors and PSNRs."""
+    folder = write_run(tmp_path / "same", mine.assign(peak=PEAK))
+    status, out, _ = compare(capsys, folder, "--with", study)
+    assert status == 0
+    assert "PSNRs D1 and D2: peak 1023." in out
+    other = mine.assign(peak=2 * PEAK, d1_psnr=mine["d1_psnr"] + 20 * np.log10(2))
+    folder = write_run(tmp_path / "other", other)
+    status, out, err = compare(capsys, folder, "--with", study)
+    assert (status, out) == (2, "")
+    assert "PSNRs of objects/thing_0 have the peaks 1023 and 2046" in err
+    assert err.count("\n") == 1
+    status, _, _ = compare(capsys, folder, "--with", study, "--metrics", "d1_mse")
+    assert status == 0
 
 
 def test_tables_without_digests_are_of_an_older_run(

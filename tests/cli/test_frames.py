@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes import read_mesh, write_mesh
-from puckbench.jobs.library import compare, open_codec
+from puckbench.jobs.library import compare, open_codec, prepare
 
 UTM = np.array([500_000.0, 5_000_000.0, 120.0])
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
@@ -87,7 +87,27 @@ def test_a_metric_cloud_is_no_scaled_one(sphere: Path, capsys: pytest.CaptureFix
     assert "the cloud is in metres" in fault
     assert "--frame scaled" not in fault
     assert _json(capsys, "encode", metric, out, "--codec", "draco", "--rate", "r8")["bytes"]
-    assert "d1_psnr" not in _json(capsys, "evaluate", metric, out)
+
+
+@pytest.mark.parametrize(("words", "peak"), [([], 30.0), (["--peak", 59.7], 59.7)])
+def test_a_cloud_in_metres_has_a_psnr_and_says_its_peak(
+    sphere: Path, capsys: pytest.CaptureFixture[str], words: list[object], peak: float
+) -> None:
+    metric, out = sphere.with_name("metric.ply"), sphere.with_suffix(".bin")
+    assert _json(capsys, "prepare", sphere, metric, "--scale", 0, *words)["peak"] == peak
+    _json(capsys, "encode", metric, out, "--codec", "draco", "--rate", "10mm")
+    row = _json(capsys, "evaluate", metric, out)
+    assert row["peak"] == peak
+    assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * peak**2 / row["d1_mse"]))
+    assert _json(capsys, "evaluate", metric, out, "--peak", 7)["peak"] == 7
+
+
+def test_a_scaled_cloud_has_the_peak_of_its_size(
+    sphere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = sphere.with_name("out.ply")
+    assert "peak: of clouds in metres" in _refused(capsys, "prepare", sphere, out, "--peak", 2)
+    assert not out.exists()
 
 
 def test_the_peak_of_a_psnr_is_not_assumed(
@@ -129,6 +149,7 @@ def test_a_library_compares_scaled_clouds_alone_by_rates_in_grid_units() -> None
     draco = [open_codec("draco", {"rates": ["r4"]})]
     assert "d1_psnr" not in compare(PointCloud(points), draco)
     assert "d1_psnr" in compare(PointCloud(points), draco, peak=1.0)
+    assert set(compare(prepare(PointCloud(points), 0), draco)["peak"]) == {30}
 
 
 def test_surveyed_coordinates_keep_their_precision(

@@ -111,16 +111,17 @@ def test_a_bare_stream_is_told_its_codec(cloud: Path, capsys: pytest.CaptureFixt
         codec_of(b"something else")
 
 
-def test_a_codec_of_one_s_own_file_is_found_from_the_record(
+def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (cloud.parent / "own.py").write_text(OWN)
     name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
     Encode.given(codec=name, rate="r1").run(cloud, stream)
     back = cloud.with_name("back.ply")
-    assert main(["decode", str(stream), str(back)]) == 0
+    assert f"say --codec '{name}'" in _refused(capsys, "decode", stream, back)
+    assert main(["decode", str(stream), str(back), "--codec", name]) == 0
     assert np.array_equal(read_cloud(back).xyz, read_cloud(cloud).xyz)
-    assert main(["evaluate", str(cloud), str(stream), "--json"]) == 0
+    assert main(["evaluate", str(cloud), str(stream), "--json", "--codec", name]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["codec"] == name
 
 

@@ -21,6 +21,7 @@ from puckbench.codecs.learned.weights_file import read_weights
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
+from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from tests.support.learned_codecs import LMBDAS, TINY2
@@ -206,6 +207,7 @@ def test_a_training_of_ones_own_is_named_in_the_codecs_entry(cloud: Path) -> Non
         "class Mine(Training):\n    pass\n"
     )
     entry = {"training": f"{cloud.parent}/mine.py:Mine"}
+    trust(entry.values())
     assert type(open_training("draco", entry, {"steps": 7})).__name__ == "Mine"
 
 

@@ -12,13 +12,23 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.puck import recording
+from puckbench.codecs.puck import recording, stream
 from puckbench.codecs.puck.recording import Account, compress, decompress
 from puckbench.codecs.puck.stream import decode
 from puckbench.codecs.puck.turns import Settings
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
-from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
+from puckbench.lidar.recordings.reading import read_packets
+from tests.support.spinning import (
+    DUAL,
+    HDL32E,
+    STRONGEST,
+    VLP16,
+    nothing_seen,
+    pcap,
+    rows,
+    spin,
+)
 
 POSITION = b"$GPRMC,223123,A,3707.8178,N,12139.2690,W,000.0,182.4,160516,013.7,E,D*05\r\n"
 
@@ -145,8 +155,8 @@ def test_turns_without_packets_are_no_recording(tmp_path: Path) -> None:
     from puckbench.codecs.puck.stream import encode
 
     kind, payloads = next(split_turns(spin(packets=9)))
-    stream = encode([turn_of(kind, payloads)], kind.layout, Settings(times=False))
-    (tmp_path / "turns.puck").write_bytes(stream)
+    turns = encode([turn_of(kind, payloads)], kind.layout, Settings(times=False))
+    (tmp_path / "turns.puck").write_bytes(turns)
     with pytest.raises(InputError, match=r"turns\.puck"):
         decompress(tmp_path / "turns.puck", tmp_path / "out.pcap")
 
@@ -232,16 +242,117 @@ def test_bad_input_is_one_line(
         assert not (tmp_path / "out").exists()
 
 
-def test_a_recording_of_turns_without_information_is_refused(
+def covered(packets: int) -> list[bytes]:
+    """Packets of a sensor that sees nothing: some hundred ranges a byte."""
+    return rows(nothing_seen(packets))
+
+
+def tight_limits(
+    monkeypatch: pytest.MonkeyPatch, *, recording_bytes: int, per_byte: int, ranges: int
+) -> None:
+    """Let streams hold so much, and windows of the encoder be short."""
+    monkeypatch.setattr(recording, "_WINDOW", 9001)
+    monkeypatch.setattr(recording, "_MANY_BYTES", recording_bytes)
+    monkeypatch.setattr(recording, "_BYTES_PER_BYTE", per_byte)
+    for name, number in (("_FEW_RANGES", ranges), ("_RANGES_PER_BYTE", 4), ("_SMALL", 0)):
+        monkeypatch.setattr(stream, name, number)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_the_encoder_writes_the_decoder_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Whatever the limits: what would be smaller than they allow is written larger."""
+    random = np.random.default_rng(seed)
+    few, per_byte, ranges = random.integers([0, 1, 0], [40_000, 30, 30_000]).tolist()
+    tight_limits(monkeypatch, recording_bytes=9017 + few, per_byte=per_byte, ranges=ranges)
+    parts = [covered(60), recorded(), [b"", bytes(5000)] * 9, [random.bytes(700)] * 3]
+    chosen = [parts[k] for k in random.permutation(len(parts))[: random.integers(1, 5)]]
+    data = pcap([packet for part in chosen for packet in part])
+    account = there_and_back(tmp_path, data)
+    assert len(data) <= 9017 + few + per_byte * account.compressed
+    assert account.ranges <= stream.most_ranges(account.compressed)
+
+
+def test_pages_of_nothing_come_back_within_tight_limits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    account = there_and_back(tmp_path, pcap(recorded()))
-    assert account.ranges == account.packets * 384 + account.turns * 256
-    monkeypatch.setattr(recording, "_MANY_RANGES", account.ranges - account.compressed - 1)
-    monkeypatch.setattr(recording, "_RANGES_PER_BYTE", 1)
-    refusal = f"{account.ranges} ranges in {account.compressed} bytes"
-    with pytest.raises(InputError, match=refusal):
-        decompress(tmp_path / "small.puck", tmp_path / "again")
-    with pytest.raises(InputError, match=refusal):
-        compress(tmp_path / "recording", tmp_path / "again")
+    tight_limits(monkeypatch, recording_bytes=9100, per_byte=3, ranges=0)
+    with closing(sqlite3.connect(tmp_path / "bag.db3")) as bag, bag:
+        bag.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, data BLOB)")
+        bag.execute("INSERT INTO messages(data) VALUES (zeroblob(200000))")
+    there_and_back(tmp_path, (tmp_path / "bag.db3").read_bytes())
+
+
+def bomb(folder: Path, data: bytes, monkeypatch: pytest.MonkeyPatch, name: str) -> Path:
+    """A stream of an encoder that knows no limits."""
+    (folder / "recording").write_bytes(data)
+    with monkeypatch.context() as patches:
+        patches.setattr(recording, "_fits", lambda *_: True)
+        compress(folder / "recording", folder / name)
+    return folder / name
+
+
+def test_a_recording_of_turns_without_information_is_refused_before_it_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording.TurnDecoder, "decode", None)
+    packets = covered(18)
+    small = bomb(tmp_path, pcap(packets * 1500), monkeypatch, "small.puck")
+    assert small.stat().st_size < 50_000
+    with pytest.raises(InputError, match=r"small\.puck: \d+ ranges in \d+ bytes: more than they"):
+        decompress(small, tmp_path / "again")
     assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("is_sqlite", [False, True])
+def test_a_recording_of_too_many_bytes_is_refused_and_can_be_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_sqlite: bool,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    data = bytes(60 << 20)
+    if is_sqlite:
+        data = b"SQLite format 3\0\2\0" + data[18:]  # pages of 512 bytes
+    small = bomb(tmp_path, data, monkeypatch, "small.puck")
+    assert small.stat().st_size < 20_000
+    back = tmp_path / "back"
+    with pytest.raises(InputError, match=r"small\.puck: \d+ bytes in \d+ bytes.*--trusted"):
+        decompress(small, back)
+    assert not back.exists()
+    assert main(["decompress", str(small), str(back)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert main(["decompress", str(small), str(back), "--trusted"]) == 0
+    assert back.read_bytes() == data
+    compress(back, small)  # by the encoder as it is
+    decompress(small, back)
+
+
+def test_links_of_pages_stand_once(tmp_path: Path) -> None:
+    """Each record of a few bytes would unpack to 64 MiB."""
+    from puckbench.codecs.puck.records import Kind, Record, stream_of
+
+    links = Record(Kind.PAGES, recording.base_128(512) + recording._packed(bytes(4)))
+    (tmp_path / "links.puck").write_bytes(stream_of([links, links]))
+    with pytest.raises(InputError, match=r"links\.puck: the stream is damaged"):
+        decompress(tmp_path / "links.puck", tmp_path / "out")
+
+
+def test_a_compressed_recording_within_another_is_not_read(tmp_path: Path) -> None:
+    """Each layer would multiply what the file unpacks to."""
+    (tmp_path / "a.pcap").write_bytes(pcap(recorded()))
+    compress(tmp_path / "a.pcap", tmp_path / "b.puck")
+    assert len(read_packets(tmp_path / "b.puck")) == 50
+    compress(tmp_path / "b.puck", tmp_path / "c.puck")
+    with pytest.raises(InputError, match="a compressed recording within another"):
+        read_packets(tmp_path / "c.puck")
+
+
+def test_turns_of_a_stream_are_refused_before_they_are_decoded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    small = bomb(tmp_path, pcap(covered(400)), monkeypatch, "small.puck").read_bytes()
+    monkeypatch.setattr(stream, "_FEW_RANGES", 150 * 384 + 1024)
+    monkeypatch.setattr(stream, "_RANGES_PER_BYTE", 0)
+    assert len(decode(small, 0, 1)) == 1
+    with pytest.raises(InputError, match="ranges in"):
+        decode(small)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import platform
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from puckbench.codecs.puck.smoothing import smoothed_distances, smoothed_ranges
+from puckbench.codecs.puck.smoothing import (
+    _eliminate,
+    _solve,
+    smoothed_distances,
+    smoothed_ranges,
+)
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.returns import range_errors
+from tests.support.processors import printed_on_processors
 from tests.support.returns import dual, homemade, recorded
 
 COLUMN = np.radians(0.2)
@@ -225,3 +232,44 @@ def test_azimuths_of_no_turn_are_survived() -> None:
         )
         returns = Returns(beams, layout, (turn,), 0.002)
         assert np.isfinite(smoothed_distances(returns, turn, 0.01)).all()
+
+
+_SMOOTH = """
+import hashlib
+from puckbench.codecs.registry import open_codec
+from tests.support.returns import recorded
+digest = hashlib.sha256()
+for name in ("puck", "puck_smoothed"):
+    codec = open_codec(name)
+    for rate in ("50mm", "2mm"):
+        stream = codec.encode_returns(recorded(), rate)
+        digest.update(stream + codec.decode(stream).tobytes())
+print(digest.hexdigest())
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names instructions of x86-64")
+def test_streams_and_points_do_not_depend_on_the_instructions_of_libraries() -> None:
+    assert len(printed_on_processors(_SMOOTH)) == 1
+
+
+def test_biases_minimise_the_squares_of_planes_and_biases_together() -> None:
+    """As a dense solver finds them, of planes and biases at once."""
+    lasers, planes, random = 5, 3, np.random.default_rng(6)
+    rows = random.normal(size=(planes, lasers, 40, 3))
+    targets = rows @ random.normal(size=3) + random.normal(0, 0.1, rows.shape[:3])
+    products = np.zeros((planes, 3, 4))
+    products[:, :, :3] = np.einsum("plni,plnj->pij", rows, rows)
+    products[:, :, 3] = np.einsum("plni,pln->pi", rows, targets)
+    mixed = rows.sum(axis=2)
+    matrix, right = np.diag(np.full(lasers, 40.0 * planes)), targets.sum(axis=(0, 2))
+    design = np.zeros((*targets.shape, 3 * planes + lasers))
+    for plane in range(planes):
+        design[plane, ..., 3 * plane : 3 * plane + 3] = rows[plane]
+    for laser in range(lasers):
+        design[:, laser, :, 3 * planes + laser] = 1
+    design = design.reshape(-1, design.shape[-1])
+    expected = np.linalg.lstsq(design, targets.ravel(), rcond=None)[0][3 * planes :]
+    _eliminate(products, mixed, matrix, right)
+    _solve(matrix, right)
+    np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-8)

@@ -12,10 +12,10 @@ from puckbench.codecs.registry import (
     codecs,
     entry,
     memory_mb,
-    open_codec,
 )
 from puckbench.core.errors import InputError
-from puckbench.core.registry import load
+from puckbench.core.registry import load, trust
+from puckbench.jobs.library import open_codec
 
 OWN = """
 from puckbench.codecs.base import Codec
@@ -60,7 +60,8 @@ def test_a_data_class_in_a_file_may_postpone_its_annotations(tmp_path: Path) -> 
         "    kind: ClassVar[str] = 'a'\n"
         "    value: int = 1\n"
     )
-    assert load(f"{tmp_path}/one.py:One", "test")().value == 1
+    trust([place := f"{tmp_path}/one.py:One"])
+    assert load(place, "test")().value == 1
 
 
 def test_rates_are_chosen_in_the_tables_order() -> None:

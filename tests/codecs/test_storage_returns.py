@@ -225,12 +225,22 @@ def test_a_stream_of_turns_without_information_is_refused(
     codec = _opened(name)
     whole = codec.encode_returns(returns, "2mm")
     size = len(whole) - 6 * (name != "puck")  # without the magic of the smoothed one
-    most = 3 * (16384 + 256) - 32 * size
-    monkeypatch.setattr(stream.check_ranges, "__defaults__", (most, 32))
+    most = 3 * (16384 + 1024) - 32 * size
+    monkeypatch.setattr(stream, "_FEW_RANGES", most)
     assert len(codec.decode_returns(whole).turns) == 3
-    monkeypatch.setattr(stream.check_ranges, "__defaults__", (most - 1, 32))
-    refusal = f"codec {name}: 49920 ranges in {size} bytes"
+    monkeypatch.setattr(stream, "_FEW_RANGES", most - 1)
+    refusal = f"codec {name}: 52224 ranges in {size} bytes"
     with pytest.raises(InputError, match=refusal):
         codec.decode_returns(whole)
     with pytest.raises(InputError, match=refusal):
         codec.encode_returns(returns, "2mm")
+
+
+def test_the_most_ranges_of_a_stream_grow_with_its_length() -> None:
+    """Few bytes may hold 4 Mi ranges, 1 MB at most 6 Mi, each further byte 32."""
+    sizes = [0, 100, 1 << 16, (1 << 16) + 1, 1 << 20, (1 << 20) + 1, 1 << 24]
+    found = [stream.most_ranges(size) for size in sizes]
+    assert found == sorted(found)
+    assert found[0] == 1 << 22
+    assert found[2] == found[3] == found[4] == 6 << 20
+    assert found[-1] == (6 << 20) + 32 * (15 << 20)

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.core.registry import Registry
+from puckbench.core.registry import Registry, load, trust
 
 
 def test_an_added_plugin_is_listed_and_found_by_its_name(tmp_path: Path) -> None:
     registry: Registry[int] = Registry("number")
     (tmp_path / "numbers.py").write_text("seven = 7\n")
     place = f"{tmp_path / 'numbers.py'}:seven"
+    trust([place])
     registry.add(place)
     registry.add(place)
     assert registry.names() == ["seven"]
@@ -24,3 +25,27 @@ def test_an_added_plugin_is_listed_and_found_by_its_name(tmp_path: Path) -> None
         registry.add("other.py:seven")
     with pytest.raises(InputError, match=r"must be module:Name or file.py:Name"):
         registry.add("seven")
+
+
+def test_a_place_that_no_user_named_is_not_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "unnamed_numbers.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry: Registry[int] = Registry("number")
+    trust(["unnamed_numbers", None, ""])
+    for place in ("unnamed_numbers.py:eight", "unnamed_numbers:eight"):
+        for use in (
+            registry.get,
+            registry.add,
+            registry.module_of,
+            lambda one: load(one, "number"),
+        ):
+            with pytest.raises(InputError, match=rf"^number.*'{place}' is code, which is not load"):
+                use(place)
+    assert not Path("ran").exists()
+
+
+def _load(place: str) -> object:
+    return load(place, "number")

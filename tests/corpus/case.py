@@ -35,6 +35,8 @@ class Case:
         Regular expression of a line that is logged while the file is read.
     fields
         Some of the cloud's fields by name, (n,) each, with their right values.
+    area
+        The area of a mesh.
     options
         Keyword arguments of the reader.
     """
@@ -46,6 +48,7 @@ class Case:
     line: str | None = None
     remark: str | None = None
     fields: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    area: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -27,7 +27,7 @@ def _read(case: Case, path: Path) -> tuple[Any, Any]:
         from puckbench.io.meshes import read_mesh
 
         mesh = read_mesh(path, **case.options)
-        return mesh.vertices, {}
+        return mesh.vertices, {"area": mesh.areas().sum()}
     if case.reader == "returns":
         from puckbench.lidar.recordings import read_recording
 
@@ -58,6 +58,8 @@ def test_file_gives_its_points_or_its_line(
     np.testing.assert_allclose(points, np.asarray(case.points, dtype=float), rtol=0, atol=1e-9)
     for name, values in case.fields.items():
         np.testing.assert_array_equal(columns[name], values)
+    if case.area is not None:
+        assert columns["area"] == pytest.approx(case.area, rel=1e-6)
     lines = [record.getMessage() for record in caplog.records]
     if case.remark is None:
         assert not lines

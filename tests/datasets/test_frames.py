@@ -48,6 +48,32 @@ def test_points_that_are_not_finite_are_dropped_and_counted(tmp_path: Path) -> N
     assert scene.about["dropped_points"] == 2
 
 
+def _frame(columns: int) -> bytes:
+    """Sixty points, of which the last twenty are firings without a return."""
+    random = np.random.default_rng(2)
+    rows = np.column_stack([random.uniform(-40, 40, (60, 3)), np.full(60, 0.5), np.arange(60) % 32])
+    rows[40:, :3] = 0
+    return rows[:, :columns].astype("<f4").tobytes()
+
+
+def test_missing_returns_of_a_frame_are_left_out_and_counted(tmp_path: Path) -> None:
+    put(tmp_path / "training" / "velodyne" / "000000.bin", _frame(4))
+    scene = Kitti(path=str(tmp_path)).load("training_000000")
+    assert scene.cloud is not None
+    assert len(scene.cloud) == 40
+    assert (scene.about["missing_returns"], scene.about["dropped_points"]) == (20, 20)
+    kept = Kitti(path=str(tmp_path), keep_missing=True).load("training_000000")
+    assert kept.cloud is not None
+    assert len(kept.cloud) == 60
+    assert kept.about["dropped_points"] == 0
+
+
+def test_frames_of_five_values_are_not_those_of_kitti(tmp_path: Path) -> None:
+    put(tmp_path / "training" / "velodyne" / "000000.bin", _frame(5))
+    with pytest.raises(InputError, match=r"000000\.bin: its points have 5 values each, not 4"):
+        Kitti(path=str(tmp_path)).load("training_000000")
+
+
 @pytest.mark.parametrize(("data", "message"), [(FRAME.tobytes()[:-3], "truncated"), (b"", "empty")])
 def test_a_damaged_frame_is_named(tmp_path: Path, data: bytes, message: str) -> None:
     put(tmp_path / "training" / "velodyne" / "000000.bin", data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 from typing import Any
 
@@ -171,3 +172,29 @@ def test_a_shift_loses_nothing(low: float) -> None:
     assert np.array_equal((points - shift) + shift, points)
     assert (shift == np.trunc(shift)).all()
     assert shift.any() == (abs(low) > 1000)
+
+
+@pytest.mark.usefixtures("mine")
+def test_compressed_clouds_are_named_and_read_like_others() -> None:
+    text = Path("mine/north/a.xyz").read_bytes()
+    Path("mine/c.xyz.gz").write_bytes(gzip.compress(text))
+    Path("mine/north/a.txt.gz").write_bytes(gzip.compress(text))
+    found = clouds("mine")
+    assert found.names() == ["b", "c", "north-a_txt", "north-a_xyz", "south-a"]
+    scene = found.load("c")
+    assert np.array_equal(scene.cloud.xyz, POINTS)
+    assert scene.about["format"] == "xyz"
+    assert clouds("mine/c.xyz.gz").names() == ["c"]
+
+
+@pytest.mark.usefixtures("mine")
+def test_missing_returns_and_columns_of_frames_are_options() -> None:
+    np.save("mine/zeros.npy", np.vstack([POINTS + 1, np.zeros((9, 3))]))
+    scene = clouds("mine/zeros.npy").load("zeros")
+    assert len(scene.cloud) == 60
+    assert scene.about["missing_returns"] == scene.about["dropped_points"] == 9
+    assert len(clouds("mine/zeros.npy", keep_missing=True).load("zeros").cloud) == 69
+    POINTS.astype("<f4").tofile("mine/unit.bin")
+    with pytest.raises(InputError, match="values each"):
+        clouds("mine/unit.bin").load("unit")
+    assert len(clouds("mine/unit.bin", bin_columns="x,y,z").load("unit").cloud) == 60

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from puckbench.codecs.puck.recording import compress
 from puckbench.core.errors import InputError
 from puckbench.datasets import recordings
 from puckbench.datasets.registry import open_scene_set
-from puckbench.lidar.recordings import reading
+from puckbench.lidar.recordings import read_recording, read_returns, reading
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.recordings.reading import read_packets
 from puckbench.lidar.returns import Returns, read_firings
 from tests.io.test_recordings import bag, scan_message
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
@@ -69,7 +71,7 @@ def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
         (folder / "notes.txt", "notes.txt"),
     ):
         with pytest.raises(InputError, match=why):
-            open_scene_set("recordings", {"path": str(path)}).names()
+            open_scene_set("recordings", {"path": str(path)}).load("notes")
     (tmp_path / "again").symlink_to(folder / "a.pcap")
     with pytest.raises(InputError, match="named twice"):
         open_scene_set(
@@ -77,8 +79,10 @@ def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
         ).names()
     short = tmp_path / "short.pcap"
     short.write_bytes(pcap([bytes(one) for one in spin(packets=4)]))
-    with pytest.raises(InputError, match="no whole turn"):
-        open_scene_set("recordings", {"path": str(short)}).names()
+    unusable = open_scene_set("recordings", {"path": str(short)})
+    assert unusable.names() == ["short"]
+    with pytest.raises(InputError, match=r"short\.pcap: no whole turn"):
+        unusable.load("short")
     with pytest.raises(InputError, match="no scene 'a_0009'"):
         open_scene_set("recordings", {"path": str(folder)}).load("a_0009")
 
@@ -88,9 +92,9 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the recordings that are read."""
     found: list[str] = []
 
-    def counted(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int]]:
+    def counted(path: Path, *options: Any) -> tuple[Returns, dict[str, int]]:
         found.append(path.name)
-        return reading_turns(path, start_s)
+        return reading_turns(path, *options)
 
     reading_turns = reading.read_turns
     monkeypatch.setattr(reading, "read_turns", counted)
@@ -191,7 +195,7 @@ def test_a_compressed_recording_is_read_as_the_one_it_was_made_of(
     (tmp_path / "small.pcap").unlink()
     (tmp_path / "small.puck").write_bytes((tmp_path / "small.puck").read_bytes()[:-9])
     with pytest.raises(InputError, match=r"small\.puck: the stream is damaged"):
-        open_scene_set("recordings", {"path": str(tmp_path)}).names()
+        open_scene_set("recordings", {"path": str(tmp_path)}).load("small")
 
 
 @pytest.mark.parametrize("product", [VLP16, HDL32E])
@@ -243,6 +247,83 @@ def test_turns_of_a_recording_are_prepared_by_the_command(tmp_path: Path, suffix
     assert about["source"] == f"a.{suffix}"
 
 
+def mixed(folder: Path) -> tuple[str, list[str]]:
+    """A capture of two sensors with one address that send to two ports, and these streams."""
+    near, far = rows(spin(packets=60)), rows(spin(packets=60, seed=1))
+    data = pcap([one for pair in zip(near, far, strict=True) for one in pair])
+    size = 16 + 42 + 1206
+    frames = [data[at : at + size] for at in range(24, len(data), size)]
+    port = (2369).to_bytes(2, "big")
+    moved = [one[:52] + port + one[54:] if number % 2 else one for number, one in enumerate(frames)]
+    (folder / "two.pcap").write_bytes(data[:24] + b"".join(moved))
+    (folder / "near.pcap").write_bytes(pcap(near))
+    (folder / "far.pcap").write_bytes(pcap(far))
+    names = [f"192.168.1.201:2368 to 255.255.255.255:{number}" for number in (2368, 2369)]
+    return str(folder / "two.pcap"), names
+
+
+def test_one_of_two_sensors_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, streams = mixed(tmp_path)
+    with pytest.raises(InputError, match="data packets of 2 streams"):
+        open_scene_set("recordings", {"path": path}).names()
+    for stream, name in zip(streams, ("near", "far"), strict=True):
+        alone = read_packets(tmp_path / f"{name}.pcap").payloads
+        found = open_scene_set("recordings", {"path": path, "stream": stream}).load("two_0001")
+        assert found.returns is not None
+        turn = returns_of_packets(alone).turns[1]
+        np.testing.assert_array_equal(found.returns.turns[0].ranges, turn.ranges)
+        out = tmp_path / f"{name}.parquet"
+        assert main(["capture", path, str(out), "--stream", stream]) == 0
+        assert len(read_returns(out)) == len(read_recording(tmp_path / f"{name}.pcap"))
+        assert main(["prepare", path, str(tmp_path / "c.ply"), "--stream", stream]) == 0
+        ranges = read_firings(tmp_path / "c.parquet").turns[0].ranges
+        np.testing.assert_array_equal(ranges, turn.ranges)
+    capsys.readouterr()
+    assert main(["capture", path, str(tmp_path / "none.parquet")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert all(f"{stream}, 60 packets of VLP-16" in line for stream in streams)
+    assert not (tmp_path / "none.parquet").exists()
+
+
+def test_a_bag_has_no_streams(tmp_path: Path) -> None:
+    bag(tmp_path / "a.db3", [scan_message(spin(packets=4))])
+    with pytest.raises(
+        InputError, match=r"a\.db3: stream '10\.0\.0\.1': only packet captures have streams"
+    ):
+        read_packets(tmp_path / "a.db3", "10.0.0.1")
+
+
+def test_a_bag_is_sifted_as_a_capture(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    packets = spin(packets=40)
+    faulty = np.concatenate(
+        [packets, packets[:3], packets[:1] * 0, altered(packets[:1], {(0, 0): 0})]
+    )
+    log = read_packets(bag(tmp_path / "a.db3", [scan_message(faulty)]))
+    np.testing.assert_array_equal(log.payloads, packets)
+    parts = {"repeated_packets": 3, "damaged_packets": 1, "foreign_packets": 1}
+    assert parts.items() <= log.about.items()
+    assert "repeat one before, byte by byte (3), damaged packets (1), datagrams" in caplog.text
+    with pytest.raises(InputError, match=r"no whole data packet of a Velodyne: 3 damaged$"):
+        read_packets(bag(tmp_path / "b.db3", [scan_message(altered(packets[:3], DAMAGE))]))
+
+
+DAMAGE = {(number, 0): 0 for number in range(3)}
+
+
+def test_a_part_of_a_turn_is_prepared_with_a_remark(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "short.pcap"
+    path.write_bytes(pcap(rows(spin(packets=8))))
+    assert main(["prepare", str(path), str(tmp_path / "a.ply")]) == 0
+    remark = f"puckbench: {path}: has no whole turn: takes a part of one"
+    assert capsys.readouterr().err.splitlines() == [remark]
+    assert main(["prepare", str(path), str(tmp_path / "a.ply"), "--turns", "0"]) == 0
+    assert not capsys.readouterr().err
+    with pytest.raises(InputError, match=r"no whole turn among the turns .*, 1, which are cut"):
+        open_scene_set("recordings", {"path": str(path)}).names()
+
+
 def replace_turns(returns: Returns, number: int) -> Returns:
     return list(returns.split())[number]
 
@@ -271,8 +352,8 @@ def altered(packets: np.ndarray, changes: dict[tuple[int, int], int]) -> np.ndar
         (np.concatenate([spin(packets=60), spin(HDL32E, packets=60)]), "more than one sensor"),
         (np.concatenate([spin(packets=60), spin(mode=DUAL, packets=60)]), "or return mode"),
         (altered(spin(packets=60), {(9, 1205): 0x28}), "packets of VLP-32C"),
-        (altered(spin(packets=60), {(9, 1204): 0x99}), "return mode 0x99"),
-        (spin(packets=60) * 0, "none of its 60 data packets"),
+        (altered(spin(packets=60), {(9, 1204): 0x38}), "or return mode"),
+        (spin(packets=60) * 0, "60 datagrams of 1,206 bytes to port 2368 .60 without the flags"),
     ],
 )
 def test_packets_of_several_or_other_sensors_are_refused_in_one_line(
@@ -309,6 +390,17 @@ def test_pairs_of_returns_with_two_azimuths_are_damaged(tmp_path: Path) -> None:
     packets = altered(spin(mode=DUAL, packets=150), {(30, 102): 1, (30, 103): 0})
     _, about = loaded(tmp_path, pcap(rows(packets)))
     assert about["damaged_packets"] == 1
+
+
+@pytest.mark.parametrize("change", [(1204, 0x99), (1205, 0x7F)])
+def test_packets_of_unknown_modes_and_products_are_counted(
+    tmp_path: Path, change: tuple[int, int]
+) -> None:
+    byte, value = change
+    found, about = loaded(tmp_path, pcap(rows(altered(spin(packets=100), {(30, byte): value}))))
+    assert about["unknown_packets"] == 1
+    expected = returns_of_packets(np.delete(spin(packets=100), 30, axis=0))
+    assert len(found) == sum(turn.returns for turn in expected.turns[1:-1])
 
 
 def test_a_gap_moves_no_point(tmp_path: Path) -> None:

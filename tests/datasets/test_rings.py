@@ -223,9 +223,25 @@ def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: P
     rows[5, 0] = np.nan
     scene = of_nuscenes(tmp_path, rows, returns=False)
     assert scene.cloud is not None
-    assert scene.about["dropped_points"] == 1
+    missing = np.count_nonzero(hdl32(40).turns[0].ranges == 0)
+    assert scene.about["missing_returns"] in (missing, missing - 1)  # one may be that of nan
+    assert scene.about["dropped_points"] == scene.about["missing_returns"] + 1
+    assert len(scene.cloud) == len(rows) - scene.about["dropped_points"]
     with pytest.raises(InputError, match=r"bin: not 32 rings in order"):
         of_nuscenes(tmp_path, rows)
+
+
+def test_firings_without_return_are_left_out_wherever_the_car_was(tmp_path: Path) -> None:
+    known = hdl32(120)
+    scene = of_nuscenes(tmp_path, as_nuscenes(known), returns=False)
+    assert scene.cloud is not None
+    ranges = known.turns[0].ranges
+    assert scene.about["missing_returns"] == np.count_nonzero(ranges == 0)
+    assert len(scene.cloud) == np.count_nonzero(ranges)
+    sweeps = NuScenes(path=str(tmp_path), keep_missing=True)
+    kept = sweeps.load(sweeps.names()[0]).cloud
+    assert kept is not None
+    assert len(kept) == ranges.size
 
 
 def test_sweeps_that_cannot_be_read_are_named(tmp_path: Path) -> None:

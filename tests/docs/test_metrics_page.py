@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.jobs.prepare_returns import PEAK_M
+from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.returns import keeping_up, range_errors_of_points
 from puckbench.metrics.units import in_square_millimetres
 

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.core import content
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import SUFFIXES, read_cloud, write_cloud
+from puckbench.io.e57 import parse_e57
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.random((40, 3)) * [50, 30, 10]
@@ -115,6 +117,8 @@ def test_text_of_numpy_is_read_to_the_last_bit(tmp_path: Path) -> None:
         ("# made by hand\ny;x;z;who\n2;1;3;Ann\n5;4;6;Bob\n", None, {}),
         ("\ufeffx, y, z\n1, 2, 3\n4, 5, 6", None, {}),
         ("1 2 3 \r\n4 5 6 \r\n", None, {}),
+        ("1,2,3,\n4,5,6,\n", None, {}),
+        ("x,y,z,\n1,2,3,\n4,5,6,\n", None, {}),
     ],
 )  # fmt: skip
 def test_kinds_of_text(tmp_path: Path, text: str, colours: object, fields: object) -> None:
@@ -140,6 +144,46 @@ def test_arrays_of_numpy(tmp_path: Path) -> None:
     named["x"] = UTM[:, 0]
     np.save(tmp_path / "b.npy", named)
     assert np.array_equal(read_cloud(tmp_path / "b.npy").xyz[:, 0], UTM[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "is_read"),
+    [(15, 16, True), (16, 17, False), (17, 17, True), (300, 256, True), (300, 257, False)],
+)
+def test_points_stand_in_rows(tmp_path: Path, rows: int, columns: int, is_read: bool) -> None:
+    np.save(tmp_path / "a.npy", RNG.random((rows, columns)))
+    if is_read:
+        cloud = read_cloud(tmp_path / "a.npy")
+        assert len(cloud) == rows
+        assert len(cloud.fields) == columns - 3
+    else:
+        with pytest.raises(InputError, match=f"{columns} columns: points stand in rows"):
+            read_cloud(tmp_path / "a.npy")
+
+
+def test_an_archive_unpacks_to_no_more_than_its_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.savez(tmp_path / "a.npz", xyz=POINTS)
+    size = len(_npy(POINTS))
+    monkeypatch.setattr(content, "MOST_TIMES", 0)
+    monkeypatch.setattr(content, "LEAST_LIMIT", size)
+    assert np.array_equal(read_cloud(tmp_path / "a.npz").xyz, POINTS)
+    monkeypatch.setattr(content, "LEAST_LIMIT", size - 1)
+    with pytest.raises(InputError, match="unpacks to more than"):
+        read_cloud(tmp_path / "a.npz")
+
+
+def test_coordinates_in_single_precision_are_remarked_where_it_shows(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """17 km away a step is 2 ** -9 m: a hundred-thousandth of 195 m."""
+    for width, kind, is_told in [(190, "f4", True), (200, "f4", False), (190, "f8", False)]:
+        caplog.clear()
+        points = np.vstack([POINTS * 2, [[0, 0, 0], [width, 0, 0]]]) + np.array([17_000, 0, 0])
+        np.save(tmp_path / "a.npy", points.astype(kind))
+        read_cloud(tmp_path / "a.npy")
+        assert ("in single precision" in caplog.text) == is_told
 
 
 def test_frames_of_kitti_and_nuscenes(tmp_path: Path) -> None:
@@ -181,7 +225,7 @@ def test_without_pye57_one_line_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "pye57", None)
     (tmp_path / "a.e57").write_bytes(b"ASTM-E57")
     with pytest.raises(InputError, match=r"a\.e57: .*pip install 'puckbench\[e57\]'"):
-        read_cloud(tmp_path / "a.e57")
+        parse_e57(tmp_path / "a.e57")
 
 
 def _npy(array: np.ndarray) -> bytes:

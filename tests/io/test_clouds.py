@@ -1,9 +1,11 @@
+import gzip
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import read_json, write_json
 from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.io.clouds import read_cloud, sidecar, write_cloud
 
@@ -85,6 +87,54 @@ def test_truncated_files_are_named(tmp_path: Path, keep: int) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.ply: no such file"):
         read_cloud(tmp_path / "none.ply")
+
+
+def test_a_description_says_that_it_is_ours(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", _cloud())
+    about = read_json(tmp_path / "a.json")
+    assert about["puckbench"] == "cloud"
+    assert about["points"] == 50
+
+
+@pytest.mark.parametrize(
+    ("about", "is_read"),
+    [
+        ({"source": "a", "points": 50, "scale": 9.0}, True),  # of the first version, without a mark
+        ({"points": 50, "scale": 9.0}, False),
+        ({"source": "a", "points": [50], "scale": 9.0}, False),
+        ({"source": "a", "points": 49, "scale": 9.0}, False),
+        ({"puckbench": "cloud", "scale": 9.0}, True),
+        ({"vertices": 50, "triangles": 1, "scale": 9.0}, True),
+        ({"vertices": 50, "triangles": "1", "scale": 9.0}, False),
+    ],
+)
+def test_only_our_descriptions_count(
+    tmp_path: Path, about: dict[str, object], is_read: bool
+) -> None:
+    write_cloud(tmp_path / "a.ply", _cloud(), describe=False)
+    write_json(tmp_path / "a.json", about)
+    assert ("scale" in read_cloud(tmp_path / "a.ply").about) == is_read
+
+
+def test_a_compressed_file_has_its_description(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", _cloud())
+    packed = tmp_path / "a.ply.gz"
+    packed.write_bytes(gzip.compress((tmp_path / "a.ply").read_bytes()))
+    assert read_cloud(packed).about == read_cloud(tmp_path / "a.ply").about
+    assert sidecar(packed) == tmp_path / "a.json"
+
+
+def test_counts_add_up_over_several_readings(tmp_path: Path) -> None:
+    points = np.vstack([_cloud().xyz, np.zeros((9, 3)), [[np.inf, 0, 0]]])
+    np.save(tmp_path / "a.npy", points)
+    cloud = read_cloud(tmp_path / "a.npy", drop_invalid=True)
+    assert cloud.about == {"dropped_points": 10, "missing_returns": 9}
+    assert np.array_equal(cloud.xyz, _cloud().xyz)
+    points = np.vstack([cloud.xyz, [[np.nan, 0, 0]]])
+    write_cloud(tmp_path / "b.ply", PointCloud(points, about=cloud.about))
+    again = read_cloud(tmp_path / "b.ply", drop_invalid=True)
+    assert again.about["dropped_points"] == 11
+    assert again.about["missing_returns"] == 9
 
 
 def test_the_description_lies_beside_the_file() -> None:

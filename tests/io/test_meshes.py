@@ -1,5 +1,6 @@
 """Mesh files: round trip of our own format, polygons, orientation, damage."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ def test_a_reader_of_others_reads_our_format(tmp_path: Path) -> None:
 
 def test_ids_that_the_json_does_not_list_are_an_error(tmp_path: Path) -> None:
     write_mesh(tmp_path / "room.ply", labelled())
-    (tmp_path / "room.json").write_text('{"objects": [], "primitives": []}')
+    (tmp_path / "room.json").write_text('{"puckbench": "mesh", "objects": [], "primitives": []}')
     with pytest.raises(InputError, match=r"room\.ply: a face has a label"):
         read_mesh(tmp_path / "room.ply")
 
@@ -227,3 +228,18 @@ def test_a_mesh_that_cannot_be_used_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no faces"):
         write_mesh(tmp_path / "empty.ply", empty)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_compressed_meshes_are_read_like_others(tmp_path: Path) -> None:
+    import trimesh
+
+    for name in ("a.ply", "a.obj", "a.stl", "a.off"):
+        trimesh.Trimesh(TETRAHEDRON.vertices, TETRAHEDRON.triangles).export(tmp_path / name)
+        packed = tmp_path / f"{name}.gz"
+        packed.write_bytes(gzip.compress((tmp_path / name).read_bytes()))
+        mesh, report = read_mesh_report(packed)
+        assert np.array_equal(mesh.corners(), read_mesh(tmp_path / name).corners())
+        assert report["format"] == name[2:]
+    packed.write_bytes(b"none")
+    with pytest.raises(InputError, match=r"a\.off\.gz: damaged compressed file"):
+        read_mesh(packed)

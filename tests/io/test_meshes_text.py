@@ -117,3 +117,23 @@ def test_off_headers_colours_and_comments(tmp_path: Path, head: str, face: str) 
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert report["polygons"] == 1
     assert mesh.areas().sum() == pytest.approx(1)
+
+
+LONG = "9" * 60
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("v 0 0 0 1 1 1\nv 0 0\nv 0 zero 0\n", "not a vertex: '0 0'"),
+        ("v 0 0 0 1 1 1\nv 0 zero 0\n", "not a vertex: '0 zero 0'"),
+        (f"{SQUARE}f 1/2/3 -2//1 3\nf 1 2 x\n", "not a face: '1 2 x'"),
+        (f"{SQUARE}f 1 2 {10**17}\nf 1 2 {10**18}0\n", "not a face: '1 2 10000000000000000000'"),
+        (f"{SQUARE}f 1 2 {LONG}\n", f"not a face: '1 2 {LONG[:56]}'"),
+        (f"{SQUARE}f 1 2 --3\n", "not a face: '1 2 --3'"),
+    ],
+)
+def test_the_line_at_fault_is_shown(text: str, fault: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_obj(text.encode(), "test")
+    assert str(caught.value) == f"test: {fault}"

@@ -15,21 +15,28 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.pcap import udp_datagram
+from puckbench.io.recordings.pcap import read_datagrams, udp_datagram
 from puckbench.lidar.recordings import (
     decode_packets,
     read_recording,
     read_returns,
     write_returns,
 )
-from puckbench.lidar.recordings.packets import PACKET
-from puckbench.lidar.recordings.reading import MESSAGES, SCAN, packets_of_capture, read_packets
+from puckbench.lidar.recordings.data_packets import packets_of_capture
+from puckbench.lidar.recordings.packets import PACKET, PacketLog
+from puckbench.lidar.recordings.reading import MESSAGES, SCAN, read_packets
 from puckbench.lidar.recordings.writing import pcap_bytes
+from tests.support.capture_bytes import ethernet, ipv4, payload, pcap, udp
 from tests.support.capture_lookalike import box_capture, scan_message
 
 LOG = box_capture(3)
 PCAP = pcap_bytes(LOG)
 RECORD = 16 + 42 + 1206
+
+
+def log_of(data: bytes) -> PacketLog:
+    """The data packets of a capture's bytes."""
+    return packets_of_capture(read_datagrams(data))
 
 
 def big_endian(data: bytes) -> bytes:
@@ -60,19 +67,19 @@ def bag(path: Path, messages: list[bytes], kind: str = "velodyne_msgs/msg/Velody
 
 
 def test_packets_come_back_from_a_capture() -> None:
-    log = packets_of_capture(PCAP)
+    log = log_of(PCAP)
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
 
 
 def test_the_other_byte_order_and_nanoseconds_are_read() -> None:
-    log = packets_of_capture(big_endian(PCAP))
+    log = log_of(big_endian(PCAP))
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
 
 
 def test_a_truncated_capture_gives_its_whole_packets_and_tells_the_rest() -> None:
-    log = packets_of_capture(PCAP[:-100])
+    log = log_of(PCAP[:-100])
     assert len(log) == 2
     assert log.about["bytes_cut_off"] == RECORD - 100
 
@@ -87,26 +94,54 @@ def test_fragments_and_other_protocols_are_no_datagrams() -> None:
     frame = bytearray(PCAP[40 : 24 + RECORD])
     assert udp_datagram(bytes(frame[:20] + b"\x20\x00" + frame[22:])) is None
     assert udp_datagram(bytes(frame[:23] + b"\x06" + frame[24:])) is None
-    assert udp_datagram(bytes(frame[:12] + b"\x86\xdd" + frame[14:])) is None
+    assert udp_datagram(bytes(frame[:12] + b"\x08\x06" + frame[14:])) is None
 
 
 def test_packets_of_other_sizes_are_counted() -> None:
     position = struct.pack("<IIII", 0, 0, 60, 60) + PCAP[40:100]
-    assert packets_of_capture(PCAP + position).about["other_packets"] == 1
+    assert log_of(PCAP + position).about["other_packets"] == 1
+
+
+def test_all_that_is_no_data_packet_is_counted() -> None:
+    others = [
+        *(ethernet(bytes(40), 0x0806) for _ in range(2)),
+        *(ethernet(ipv4(bytes(40), fragment=3)) for _ in range(3)),
+        *(ethernet(ipv4(udp(bytes(48 + k)))) for k in range(4)),
+        *(ethernet(ipv4(udp(bytes(1206)))) for _ in range(5)),
+        *(ethernet(ipv4(udp(payload(k)))) for k in (1, 1, 2)),
+        *(ethernet(ipv4(udp(bytes(1207)))) for _ in range(6)),
+        *(ethernet(ipv4(udp(payload(k))))[:-1] for k in range(7)),
+    ]
+    log = log_of(pcap(*others))
+    assert log.received.tolist() == [15, 17]
+    assert log.about == {
+        "format": "pcap",
+        "other_packets": 2 + 3 + 4 + 5 + 6 + 7,
+        "bytes_cut_off": 0,
+        "foreign_packets": 5,
+        "cut_packets": 7,
+        "fragments": 3,
+        "repeated_packets": 1,
+    }
 
 
 def test_two_sensors_in_one_capture_are_refused() -> None:
     other = PCAP[24 : 24 + RECORD].replace(bytes([192, 168, 1, 201]), bytes([192, 168, 1, 202]))
-    with pytest.raises(InputError, match=r"2 senders \(192.168.1.201, 192.168.1.202\)"):
-        packets_of_capture(PCAP + other)
+    with pytest.raises(InputError) as refused:
+        log_of(PCAP + other)
+    assert str(refused.value) == (
+        "data packets of 2 streams (192.168.1.201:2368 to 255.255.255.255:2368, 3 packets of "
+        "VLP-16; 192.168.1.202:2368 to 255.255.255.255:2368, 1 packet of VLP-16): choose one by "
+        "--stream or the option stream"
+    )
 
 
 def test_of_many_sensors_four_are_named() -> None:
     own, packet = bytes([192, 168, 1, 201]), PCAP[24 : 24 + RECORD]
     others = [packet.replace(own, bytes([192, 168, 1, last])) for last in range(202, 206)]
-    names = ", ".join(f"192.168.1.{last}" for last in range(201, 205))
-    with pytest.raises(InputError, match=rf"5 senders \({names}\): keep one of them"):
-        packets_of_capture(PCAP + b"".join(others))
+    names = "; ".join(rf"192.168.1.{last}:2368 to [^;]*" for last in range(201, 205))
+    with pytest.raises(InputError, match=rf"5 streams \({names}; \.\.\.\): choose one"):
+        log_of(PCAP + b"".join(others))
 
 
 @pytest.mark.parametrize(
@@ -116,7 +151,7 @@ def test_of_many_sensors_four_are_named() -> None:
         (b"PK\x03\x04" + bytes(100), "not a packet capture"),
         (b"\x0a\x0d\x0d\x0a" + bytes(100), "not a packet capture"),
         (PCAP[:20] + b"\x69\x00\x00\x00", "link type 105"),
-        (PCAP[:24], "no data packet of a VLP-16"),
+        (PCAP[:24], r"no whole data packet of a Velodyne \(1,206 bytes\), but no packet: "),
     ],
 )
 def test_other_files_are_named_with_their_fault(tmp_path: Path, data: bytes, message: str) -> None:
@@ -256,11 +291,11 @@ def test_a_pcapng_capture_gives_the_same_packets(tmp_path: Path) -> None:
             seconds, micros = struct.unpack_from("<II", PCAP, at)
             writer.writepkt(PCAP[at + 16 : at + RECORD], seconds + micros * 1e-6)
     data = (tmp_path / "a.pcapng").read_bytes()
-    log = packets_of_capture(data)
+    log = log_of(data)
     assert np.array_equal(log.payloads, LOG.payloads)
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
     assert log.about == {"format": "pcap", "other_packets": 0, "bytes_cut_off": 0}
-    cut = packets_of_capture(data[:-100])
+    cut = log_of(data[:-100])
     assert len(cut) == 2
     assert cut.about["bytes_cut_off"] > 0
 
@@ -290,7 +325,7 @@ def test_a_mutated_capture_is_a_table_or_an_error(
 ) -> None:
     data = mutated(PCAP, changes, length)
     try:
-        table = decode_packets(packets_of_capture(data).payloads)
+        table = decode_packets(log_of(data).payloads)
     except InputError:
         return
     assert len(table) <= 3 * 384

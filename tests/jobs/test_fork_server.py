@@ -33,9 +33,9 @@ class Own(Codec):
 
     def _encode(self, points, parameters):
         print("said", file=sys.stderr)
-        if os.environ.get("WAIT"):
+        if os.environ.get("WAIT") and not Path(os.environ["WAIT"]).exists():
             Path(os.environ["WAIT"]).write_text(str(os.getpid()))
-            time.sleep(60)
+            time.sleep(600)
         if os.environ.get("DIE"):
             os.kill(os.getpid(), 9)
         parent = Path(f"/proc/{os.getppid()}")
@@ -52,6 +52,7 @@ class Own(Codec):
     def _decode(self, stream):
         raise NotImplementedError
 """
+KILLED = "puckbench: this job was killed, and runs again\n"
 STARTER = """
 import os, sys
 from puckbench.jobs.fork_server import VARIABLE, start_fork_server
@@ -151,10 +152,29 @@ def test_a_job_s_status_and_errors_come_to_who_asked(job: list[str], tmp_path: P
 
 
 @pytest.mark.usefixtures("server")
-def test_a_job_that_the_system_kills_ends_as_a_shell_says_it(
-    job: list[str], tmp_path: Path
+def test_a_job_that_dies_again_by_itself_has_ended(job: list[str], tmp_path: Path) -> None:
+    done, _ = _run(job, tmp_path, DIE="1")
+    assert done.returncode == -signal.SIGKILL
+    assert done.stderr == f"said\n{KILLED}said\n"
+
+
+@pytest.mark.usefixtures("server")
+@pytest.mark.parametrize(
+    "killed", [["job"], ["watcher"], ["server", "template", "watcher", "job"]], ids=" ".join
+)
+def test_a_job_whose_processes_are_killed_runs_again_by_itself(
+    killed: list[str], job: list[str], tmp_path: Path
 ) -> None:
-    assert _run(job, tmp_path, DIE="1")[0].returncode == 128 + signal.SIGKILL
+    asking, number = _begun(job, tmp_path)
+    numbers = {"job": number}
+    for parent, child in (("watcher", "job"), ("template", "watcher"), ("server", "template")):
+        numbers[parent] = _parent(numbers[child])
+    for name in killed:
+        os.kill(numbers[name], signal.SIGKILL)
+    said = asking.communicate()[1]
+    assert (asking.returncode, said) == (0, f"said\n{KILLED}said\n")
+    assert json.loads((tmp_path / "out.bin").read_bytes())["forked"] is False
+    assert not _lives(number)
 
 
 @pytest.mark.usefixtures("server")
@@ -231,6 +251,10 @@ def _begun(job: list[str], folder: Path) -> tuple[subprocess.Popen[str], int]:
     number = int(begun.read_text())
     assert _lives(number)
     return asking, number
+
+
+def _parent(number: int) -> int:
+    return int(Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[1])
 
 
 def _lives(number: int) -> bool:

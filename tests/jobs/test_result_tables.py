@@ -130,3 +130,27 @@ def test_recovered_primitives_have_a_row_for_each_kind_and_one_where_there_are_n
     assert table.found.tolist()[:2] == [3, 3]
     assert table.found.isna().tolist() == [False, False, True]
     assert list(table)[:5] == ["dataset", "cloud", "codec", "rate", "kind"]
+
+
+def test_the_summary_counts_lossless_clouds_as_the_best_and_names_the_peak() -> None:
+    psnrs = {"r1": [60.0, 61.0, 62.0], "r2": [70.0, 71.0, None], "r3": [80.0, None, None]}
+    rows = [
+        {**_row(f"c{n}", rate, 1.0), "peak": 30.0, "lossless": psnr is None}
+        | ({} if psnr is None else {"d1_psnr": psnr})
+        for rate, values in psnrs.items()
+        for n, psnr in enumerate(values)
+    ]
+    found = summary(table_of(rows, METRIC_KEYS))
+    assert found.d1_psnr.tolist()[:2] == [61, 71]
+    assert found.d1_psnr.isna().tolist() == [False, False, True]
+    assert found.lossless.tolist() == [0, 1, 2]
+    assert found.peak.tolist() == [30] * 3
+
+
+def test_psnrs_of_several_peaks_have_no_median(caplog: pytest.LogCaptureFixture) -> None:
+    rows = [
+        {**_row(c, "r1", 1.0), "d1_psnr": 60.0, "peak": p} for c, p in (("a", 1023), ("b", 511))
+    ]
+    found = summary(table_of(rows, METRIC_KEYS))
+    assert found.d1_psnr.isna().all()
+    assert caplog.messages == ["PSNRs of d have several peaks: no medians of them over clouds"]

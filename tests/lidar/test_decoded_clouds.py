@@ -27,8 +27,9 @@ HEIGHT 1
 VIEWPOINT 0 0 0 1 0 0 0
 POINTS 2
 """
+LOW, HIGH = 5 * np.tan(np.radians(-15)), 2 * np.tan(np.radians(15))
 ROWS = np.array(
-    [(3.0, 4.0, 0.5, 0, 0), (0.0, -2.0, 0.0, 0, 15)],
+    [(3.0, 4.0, LOW, 0, 0), (0.0, -2.0, HIGH, 0, 15)],
     dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("_", "u1", 3), ("ring", "<u2")],
 )
 BINARY = HEADER.encode() + b"DATA binary\n" + ROWS.tobytes()
@@ -42,7 +43,7 @@ COMPRESSED = (
     + len(PLAIN).to_bytes(4, "little")
     + PACKED
 )
-ASCII = HEADER.encode() + b"DATA ascii\n3 4 0.5 0 0 0 0\n0 -2 0 0 0 0 15\n"
+ASCII = HEADER.encode() + b"DATA ascii\n3 4 -1.34 0 0 0 0\n0 -2 0.536 0 0 0 15\n"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".ply", ".pcd"])
@@ -50,6 +51,7 @@ def test_an_exported_capture_comes_back(tmp_path: Path, suffix: str) -> None:
     table = read_recording(DATA / "single.pcap")
     export(tmp_path / f"a{suffix}", table)
     again = read_recording(tmp_path / f"a{suffix}")
+    assert again.about["format"] == suffix[1:]
     # PCD has single precision, and neither knows the vertical correction's share of z.
     assert again.xyz == pytest.approx(table.xyz, abs=1e-6)
     assert again["distance"] == pytest.approx(table["distance"], abs=1e-6)
@@ -89,7 +91,7 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
 def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
     """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
     given = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
-    lines = [f"1,2,3,0,{value}" for value in given]
+    lines = [f"3,4,{LOW},0,{value}" for value in given]
     (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
     found = read_recording(tmp_path / "a.csv")["reflectivity"]
     assert found.tolist() == [0, 0, 100, 255, 255, 255]
@@ -113,25 +115,25 @@ def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [
-        ("a.csv", b"", "not a readable CSV"),
+        ("a.csv", b"", "the cloud is empty"),
         ("a.csv", b"x,y,z\n1,2,3\n", "no laser column"),
         ("a.csv", b"x,y,ring\n1,2,3\n", "no column z"),
-        ("a.csv", b"x,y,z,ring\n1,2,oops,3\n", "no column z"),
+        ("a.csv", b"x,y,z,ring\n1,2,oops,3\n", "column z has 'oops'"),
         ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is no laser"),
         ("a.csv", b"x,y,z,ring\n1,2,,1\n1,2,3,1\n", "not finite"),
-        ("a.csv", b"x,y,z,ring\n", "no column x, y, z"),
+        ("a.csv", b"x,y,z,ring\n", "the cloud is empty"),
         ("a.ply", b"ply\nformat oops\n", "not a readable PLY"),
         ("a.pcd", b"oops", "not a PCD file"),
         ("a.pcd", BINARY[:-10], "tells 2 points and has 1"),
         ("a.pcd", BINARY.replace(b"TYPE F", b"TYPE Q"), "header of the PCD file is damaged"),
-        ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 0"), "header of the PCD file is damaged"),
+        ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 0"), "no column x"),
         ("a.pcd", BINARY.replace(b"COUNT 1", b"COUNT 99999999"), "header of the PCD"),
         ("a.pcd", BINARY.replace(b"binary", b"binary_zipped"), "form binary_zipped"),
         ("a.pcd", COMPRESSED[:-2], "damaged compressed points"),
         ("a.pcd", COMPRESSED.replace(b"POINTS 2", b"POINTS 99999999999"), "bytes for them"),
         ("a.las", b"LASF", "not a readable LAS"),
         ("a.laz", b"LASF" + bytes(400), "not a readable LAS"),
-        ("a.pcd", ASCII.replace(b"0.5", b"0,5"), "damaged line"),
+        ("a.pcd", ASCII.replace(b"1.34", b"1,34"), "damaged line"),
     ],
 )
 def test_damage_is_one_line_that_names_the_file(

@@ -12,7 +12,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
-from puckbench.core.registry import Registry
+from puckbench.core.registry import Registry, trust
 from puckbench.io.meshes import write_mesh
 from puckbench.lidar import error_model_names, open_error_model, read_scan
 from puckbench.lidar.errors import ERROR_MODELS, described, module_of_model
@@ -43,7 +43,8 @@ class TooFar(ErrorModel):
 @pytest.fixture
 def place(tmp_path: Path) -> str:
     (tmp_path / "far.py").write_text(SOURCE)
-    return f"{tmp_path / 'far.py'}:TooFar"
+    trust([named := f"{tmp_path / 'far.py'}:TooFar"])
+    return named
 
 
 def test_a_scan_takes_the_error_model_of_a_users_file(tmp_path: Path, place: str) -> None:
@@ -61,7 +62,8 @@ def test_a_users_model_is_fingerprinted_by_its_file(tmp_path: Path, place: str) 
     model = open_error_model(place)
     before = code_version(module_of_model(model))
     (tmp_path / "other.py").write_text(SOURCE.replace("1 + self", "2 + self"))
-    other = open_error_model(f"{tmp_path / 'other.py'}:TooFar")
+    trust([another := f"{tmp_path / 'other.py'}:TooFar"])
+    other = open_error_model(another)
     assert code_version() != before != code_version(module_of_model(other))
     assert str(model) == "TooFar(share=0.01)"
 
@@ -96,6 +98,7 @@ def test_another_packages_model_has_a_name(
 def test_faults_of_a_users_model_are_one_line(
     place: str, name: str, options: dict[str, object], fault: str
 ) -> None:
+    trust([name.format(place=place)])
     with pytest.raises(InputError) as caught:
         open_error_model(name.format(place=place), options)
     assert fault in str(caught.value)

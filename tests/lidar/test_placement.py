@@ -286,9 +286,9 @@ def test_an_open_scene_is_scanned_from_a_place_that_is_meant(tmp_path: Path) -> 
 def test_a_place_that_the_scenes_description_names_is_taken(tmp_path: Path) -> None:
     mesh, out = tmp_path / "yard.ply", tmp_path / "o.parquet"
     write_mesh(mesh, quad([-20, -20, 0], [40, 0, 0], [0, 40, 0]))
-    mesh.with_suffix(".json").write_text(json.dumps({"origin": [1, 2, 1.5]}))
+    mesh.with_suffix(".json").write_text(json.dumps({"puckbench": "mesh", "origin": [1, 2, 1.5]}))
     assert main(["scan", str(mesh), str(out), "--sweep", '{"preset": "spin"}']) == 0
-    mesh.with_suffix(".json").write_text(json.dumps({"origin": "somewhere"}))
+    mesh.with_suffix(".json").write_text(json.dumps({"puckbench": "mesh", "origin": "somewhere"}))
     assert main(["scan", str(mesh), str(out)]) == 2
     mesh.with_suffix(".json").write_text(json.dumps([1, 2, 3]))
     assert main(["scan", str(mesh), str(out), "--anywhere", "--sweep", '{"preset": "spin"}']) == 0

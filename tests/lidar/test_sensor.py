@@ -122,11 +122,18 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
         ("firing_sequence_us: 55.6\nfiring_offsets_us: [-1, 0]", "that fire at -1 to 0 us"),
         ("min_range_m: 30", "min_range_m 30.0 is not below max_range_m 30.0"),
         ("name: [", "not valid YAML"),
+        (
+            "min_range_m: 1\nmin_range_m: 2",
+            "line 8: the key 'min_range_m' is there twice (see line 7)",
+        ),
+        ("max_range_m: 12:30", "max_range_m is '12:30', but must be a valid number"),
     ],
 )
 def test_a_wrong_entry_is_named_in_one_line(tmp_path: Path, change: str, fault: str) -> None:
     path = tmp_path / "bad.yaml"
-    path.write_text(USERS_OWN + change + "\n")
+    key, _, _ = change.partition(":")
+    lines = [line for line in USERS_OWN.splitlines() if not line.startswith(f"{key}:")]
+    path.write_text("\n".join([*lines, change]))
     with pytest.raises(InputError, match=r"bad\.yaml") as caught:
         load_sensor(path)
     assert fault in str(caught.value)

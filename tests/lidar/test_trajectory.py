@@ -24,7 +24,7 @@ from puckbench.lidar import (
     scan,
     write_scan_portions,
 )
-from puckbench.lidar.trajectory import trajectory_from_rows
+from puckbench.lidar.trajectory import read_rows, trajectory_from_rows
 from tests.support.sensor_scenes import joined, moved, quad, room, wall
 
 VLP16 = load_sensor("vlp16")
@@ -191,8 +191,8 @@ def test_a_trajectory_comes_from_a_csv_or_yaml_file(tmp_path: Path) -> None:
         ([STILL, [1, 0, 0, "up", 0, 0, 0]], "trajectory.1.3 is 'up', but must be a valid number"),
         (5, "trajectory is 5, but must be a list"),
         ("nowhere.csv", "nowhere.csv: no such file"),
-        ("bad.csv", "bad.csv: pose 2 is not a row of numbers"),
-        ("nan.csv", "nan.csv: pose 1 has a number that is not finite"),
+        ("bad.csv", "bad.csv: line 2 is not a row of numbers"),
+        ("nan.csv", "nan.csv: line 1 has a number that is not finite"),
         ("bad.yaml", "bad.yaml: expected a list of poses"),
     ],
 )
@@ -229,3 +229,50 @@ def test_a_long_scan_by_hand_goes_to_disk_in_portions(
     whole, streamed = (read_scan(tmp_path / f"{name}.parquet") for name in ("whole", "streamed"))
     assert len(whole) == 36 * 15 * 16
     assert all(np.array_equal(whole[name], streamed[name]) for name in COLUMNS)
+
+
+CSV = {
+    "heading": ("t,x,y,z,yaw,pitch,roll\n0,0,0,0,0,0,0\n1,2,0,0,0,0,0\n", [0, 1]),
+    "mark": ("\ufeff5,0,0,0,0,0,0\n6,2,0,0,0,0,0\n", [5, 6]),
+    "blank lines": ("\n5,0,0,0,0,0,0\n\n6,2,0,0,0,0,0\n\n", [5, 6]),
+}
+
+
+@pytest.mark.parametrize("name", CSV)
+def test_poses_of_csv_files(tmp_path: Path, name: str) -> None:
+    text, times = CSV[name]
+    path = tmp_path / "way.CSV"
+    path.write_text(text, encoding="utf-8")
+    assert [row[0] for row in read_rows(path)] == times
+
+
+def test_poses_of_yaml_files(tmp_path: Path) -> None:
+    path = tmp_path / "way.yaml"
+    path.write_text("- [0, 0, 0, 0, 0, 0, 0]\n- [1e1, 010, 0, 0, 0, 0, 0]\n")
+    assert read_rows(path)[1] == (10, 10, 0, 0, 0, 0, 0)
+
+
+WRONG = {
+    "short.csv": ("0,0,0,0,0,0\n", "line 1 has 6 numbers"),
+    "long.csv": ("0,0,0,0,0,0,0,1,2\n", "line 1 has 9 numbers"),
+    "mixed.csv": ("t\n0,0,0,0,0,0,0\n1,0,0,0,1,0,0,0\n", "line 3 has 8 numbers"),
+    "back.csv": ("0,0,0,0,0,0,0\n\n0,0,0,0,0,0,0\n", "line 3 is not later than the one before"),
+    "half_heading.csv": ("0,0,zero,0,0,0,0\n", "line 1 is not a row of numbers"),
+    "heading_alone.csv": ("t,x,y,z\n", "has no poses"),
+    "field.csv": ("0," + "1" * 200_000, "line 1: not CSV"),
+    "truth.yaml": ("- [0, 0, 0, 0, 0, 0, 0]\n- [1, true, 0, 0, 0, 0, 0]", "pose 2 is not a row"),
+    "twice.yaml": ("a: 1\na: 2", "line 2: the key 'a' is there twice"),
+    "flat.yaml": ("[1, 2]", "expected a list of poses"),
+    "none.yaml": ("[]", "has no poses"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_file_of_poses_is_named_with_its_line(tmp_path: Path, name: str) -> None:
+    text, fault = WRONG[name]
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_rows(path)
+    assert str(caught.value).startswith(f"{path}: {fault}")
+    assert "\n" not in str(caught.value)

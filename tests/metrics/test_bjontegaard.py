@@ -11,8 +11,21 @@ import pytest
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
-from puckbench.metrics.bjontegaard import NO_COMMON_RANGE, TOO_FEW_POINTS, curve, delta
-from puckbench.metrics.rate_deltas import bd_rate, bd_rate_clouds, bootstrap_interval
+from puckbench.metrics.bjontegaard import (
+    COMPARED,
+    LITTLE_OVERLAP,
+    NO_COMMON_RANGE,
+    TOO_FEW_POINTS,
+    curve,
+    delta,
+)
+from puckbench.metrics.rate_deltas import (
+    bd_rate,
+    bd_rate_clouds,
+    bootstrap_interval,
+    is_below_zero,
+    log_ratios,
+)
 
 RATES = np.array([0.1, 0.3, 0.8, 2.0, 5.0])
 PSNRS = np.array([40.0, 48.0, 55.0, 62.0, 71.0])
@@ -151,13 +164,115 @@ def test_codecs_stand_in_the_order_of_the_results() -> None:
     assert bd_rate(table, "z", ["d1_psnr"])["codec"].tolist() == ["y", "x"]
 
 
-def test_a_cloud_that_the_anchor_lacks_has_no_row_and_a_codec_without_error_no_curve() -> None:
+def test_a_cloud_that_the_anchor_lacks_has_no_row() -> None:
     table = metrics({"a": [1, 1], "b": [0.5, 0.5]})
     fewer = table[(table["codec"] != "a") | (table["cloud"] != "c0")]
     assert bd_rate_clouds(fewer, "a", ["d1_mse"])["cloud"].tolist() == ["c1"]
+
+
+def test_a_codec_without_error_has_no_curve_and_says_so() -> None:
+    table = metrics({"a": [1, 1], "b": [0.5, 0.5]})
     table.loc[table["codec"] == "b", "d1_mse"] = 0.0
-    with pytest.raises(InputError, match="no codec beside the anchor a"):
-        bd_rate_clouds(table, "a", ["d1_mse"])
+    row = bd_rate(table, "a", ["d1_mse"]).iloc[0]
+    assert (row["compared"], row["too_few_points"]) == (0, 2)
+    assert (row["lossless"], row["anchor_lossless"]) == (10, 0)
+    exact = table.assign(d1_mse=0.0).drop(columns="d1_psnr")
+    assert bd_rate(exact, "a", ["d1_psnr"]).iloc[0]["too_few_points"] == 2
+
+
+def exponential(
+    slope: float = 6.0, scale: float = 1.0, steps: int = 6, low: float = 50.0, high: float = 80.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rates and qualities of the curve rate = scale * 2^(quality / slope)."""
+    quality = np.linspace(low, high, steps)
+    return scale * 2 ** (quality / slope) / 1000, quality
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.0, 1.7])
+def test_exponential_curves_have_the_delta_of_their_closed_form(scale: float) -> None:
+    found = delta(curve(*exponential()), curve(*exponential(scale=scale, steps=4)))
+    assert found.rate_percent == pytest.approx(100 * (scale - 1), abs=1e-9)
+    # slopes s and t: the mean of ln 2 * q * (1/t - 1/s) over q from 50 to 80 dB, at q = 65
+    steeper = delta(curve(*exponential(slope=6)), curve(*exponential(slope=5)))
+    assert steeper.log_ratio == pytest.approx(np.log(2) * 65 * (1 / 5 - 1 / 6))
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.49, LITTLE_OVERLAP), (0.51, COMPARED)])
+def test_curves_that_share_less_than_half_of_the_shorter_one_have_no_delta(
+    share: float, status: str
+) -> None:
+    """The shorter curve is 20 dB long, of which `share` lies below the anchor's 80 dB."""
+    low = 80 - 20 * share
+    found = delta(curve(*exponential()), curve(*exponential(scale=2, low=low, high=low + 20)))
+    assert (found.rate_status, found.shared) == (status, pytest.approx(share))
+    assert (found.rate_percent is None) == (status == LITTLE_OVERLAP)
+    # the rates of both span as many octaves as dB over 6, and are twice as large
+    by_rate = 80 - 20 * share - 6
+    alike = curve(*exponential(scale=2, low=by_rate, high=by_rate + 20))
+    assert delta(curve(*exponential()), alike).quality_status == status
+
+
+def rows_of_a_curve(codec: str, rates: np.ndarray, psnrs: np.ndarray) -> list[dict[str, object]]:
+    return [
+        {
+            "dataset": "d",
+            "cloud": "c",
+            "codec": codec,
+            "rate": f"r{i}",
+            "bpp": rate,
+            "d1_psnr": psnr,
+            "d1_mse": 3 * 30**2 * 10 ** (-psnr / 10),
+            "hausdorff_point": 2 * (3 * 30**2 * 10 ** (-psnr / 10)) ** 0.5,
+            "diameter": 150.0,
+        }
+        for i, (rate, psnr) in enumerate(zip(rates, psnrs, strict=True))
+    ]
+
+
+def test_a_rate_whose_errors_are_rounding_moves_no_delta() -> None:
+    """A rate at 164 dB is an error of 1 um in 150 m: of single precision, not of coding."""
+    lossy = [exponential(), exponential(scale=1.25)]
+    exact = [(np.append(r, 12.0 * f), np.append(q, 164.0 + f)) for f, (r, q) in enumerate(lossy, 1)]
+    tables = [
+        pd.DataFrame([*rows_of_a_curve("a", *a), *rows_of_a_curve("b", *b)])
+        for a, b in (lossy, exact, [exact[0], lossy[1]])
+    ]
+    without, both, one = [bd_rate(table, "a", ["d1_psnr", "d1_mse"]) for table in tables]
+    assert without["bd_rate_percent"].tolist() == pytest.approx([25, 25])
+    for table, counts in ((both, [1, 1]), (one, [0, 1])):
+        assert table["bd_rate_percent"].tolist() == without["bd_rate_percent"].tolist()
+        assert table[["lossless", "anchor_lossless"]].to_numpy().tolist() == [counts] * 2
+    marked = tables[1].assign(lossless=tables[1]["d1_psnr"] > 100).drop(columns="diameter")
+    assert bd_rate(marked, "a", ["d1_psnr"])["bd_rate_percent"].tolist() == pytest.approx([25])
+
+
+def test_psnrs_of_several_peaks_on_a_cloud_are_not_compared() -> None:
+    table = metrics({"a": [1], "b": [2]})
+    table["peak"] = np.where(table["codec"] == "a", 30.0, 59.7)
+    with pytest.raises(InputError, match=r"PSNRs of d/c0 have the peaks 30 and 59\.7"):
+        bd_rate(table, "a", ["d1_psnr"])
+    assert bd_rate(table, "a", ["d1_mse"])["bd_rate_percent"].tolist() == pytest.approx([100])
+
+
+@pytest.mark.parametrize(
+    ("differences", "is_below"),
+    [
+        ([-0.2], True),
+        ([0.2], False),
+        ([-0.2, 0.01], False),
+        ([-0.2, -0.3, -0.1, -0.2], True),
+        ([-0.2, 0.3, -0.4, 0.2], False),
+        ([], False),
+    ],
+)
+def test_a_difference_is_told_from_chance(differences: list[float], is_below: bool) -> None:
+    assert is_below_zero(np.array(differences)) == is_below
+
+
+def test_the_ratio_of_two_codecs_is_that_of_each_cloud() -> None:
+    table = metrics({"a": [1, 1, 1], "b": [0.5, 2, 1], "c": [0.25, 0.5, 4]})
+    found = log_ratios(table, "b", "c", "d1_psnr")
+    assert np.exp(found).tolist() == pytest.approx([0.5, 0.25, 4])
 
 
 def test_the_spread_over_clouds_is_told_by_its_quartiles() -> None:

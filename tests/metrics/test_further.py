@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
+from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.density import density
 from puckbench.metrics.further import further_metrics
-from puckbench.planning.config import checked
+from puckbench.planning.config import trusted
 from puckbench.planning.plan import Plan
 
 POINTS = np.random.default_rng(1).random((400, 3)) * 10
@@ -31,7 +32,7 @@ def test_density_of_the_decoded_cloud_is_in_metres() -> None:
 
 def test_a_function_of_ones_own(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN)
-    place = f"{tmp_path / 'own.py'}:moved"
+    trust([place := f"{tmp_path / 'own.py'}:moved"])
     clouds = PointCloud(POINTS), PointCloud(POINTS + 2)
     assert further_metrics([place], *clouds, {})["moved"] == pytest.approx(2)
     with pytest.raises(InputError, match="the column 'moved' is taken"):
@@ -50,6 +51,6 @@ def test_a_metric_that_does_not_exist_is_named_before_anything_runs(name: str, f
         "scenes": {"objects": {"loader": "embedded_objects"}},
         "datasets": {"objects": {"scenes": "objects", "make": "sample"}},
     }
-    Plan(checked({**config, "metrics": ["density"]}))
+    Plan(trusted({**config, "metrics": ["density"]}))
     with pytest.raises(InputError, match=fault):
-        Plan(checked({**config, "metrics": [name]}))
+        Plan(trusted({**config, "metrics": [name]}))

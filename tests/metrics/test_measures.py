@@ -5,9 +5,9 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.jobs.prepare_returns import PEAK_M
 from puckbench.metrics.geometry import DistinctPoints, Reference
 from puckbench.metrics.measures import measures, picture_measures
+from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.truth import Truth
 
 GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)

@@ -5,31 +5,43 @@ from __future__ import annotations
 from pathlib import Path
 
 from puckbench.figures.style import FigureStyle
-from puckbench.planning.closing import closing_lines
+from puckbench.planning.closing import closing_lines, summary_rows
 
 
-def write_tables(results: Path) -> None:
+def write_tables(results: Path, compared: int = 2) -> None:
     folder = results / "tables"
     folder.mkdir(parents=True)
     (folder / "summary.csv").write_text(
-        "dataset,codec,rate,clouds,bpp,d1_psnr,encode_s,decode_s\n"
-        "rooms_raw,draco,r1,2,0.5,40,0.1,0.02\nrooms_raw,draco,r2,2,4,60,0.2,0.05\n"
-        "rooms_raw,gpcc,r1,2,1,50,0.3,0.1\n"
+        "dataset,codec,rate,clouds,bpp,d1_psnr,encode_s,decode_s,lossless,peak,frame\n"
+        "rooms_raw,draco,r1,2,0.5,40,0.1,0.02,0,30.0,metric\nrooms_raw,draco,r2,2,4,60,0.2,0.05,0,30.0,metric\n"
+        "rooms_raw,draco,r3,2,9,,0.2,0.05,2,30.0,metric\nrooms_raw,gpcc,r1,2,1,50,0.3,0.1,0,30.0,metric\n"
     )
     (folder / "bd_rate.csv").write_text(
-        "dataset,metric,codec,bd_rate_percent\nrooms_raw,d2_psnr,draco,7\nrooms_raw,d1_psnr,draco,25.6\n"
+        "dataset,metric,codec,clouds,compared,bd_rate_percent,bd_rate_percent_least,"
+        "bd_rate_percent_most\nrooms_raw,d2_psnr,draco,2,2,7,7,7\n"
+        f"rooms_raw,d1_psnr,draco,2,{compared},25.6,-3.1,55\n"
     )
 
 
 def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     write_tables(tmp_path)
     lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", since=0))
-    assert lines[1].split() == [
-        *("Rooms", "raw", "Draco", "2", "0.5", "to", "4", "40", "to", "60", "+26", "%", "0.25")
+    assert lines[1].replace("\xa0", " ").split() == [
+        *("Rooms", "raw", "Draco", "2", "0.5", "to", "9", "40", "to", "60"),
+        *("+25.6", "%", "(−3.1", "%", "to", "+55.0", "%,", "2", "clouds)", "0.25"),
     ]
     assert lines[2].split()[-4:] == ["50", "to", "50", "0.4"]  # no BD-rate against itself
     assert lines[3].endswith("BD-rate in D1 against G-PCC.")
-    assert lines[4] == f"tables:  {tmp_path / 'tables'}"
+    assert lines[4] == "Peak of the PSNRs: Rooms raw 30 m."
+    assert lines[5] == "Lossless, so without PSNR and in no BD-rate: Rooms raw, Draco r3."
+    assert lines[6] == f"tables:  {tmp_path / 'tables'}"
+
+
+def test_a_bd_rate_that_no_cloud_has_is_no_number(tmp_path: Path) -> None:
+    write_tables(tmp_path, compared=0)
+    row = summary_rows(tmp_path, FigureStyle(), "gpcc")[0]
+    assert (row["bd_rate_percent"], row["bd_rate"]) == (None, "no common range")
+    assert (row["peak"], row["lossless"]) == (30, ["r3"])
 
 
 def test_a_run_that_made_no_table_says_nothing(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from puckbench.planning.config import checked
 from puckbench.planning.own_files import OwnRun, write_configuration
 from puckbench.planning.plan import Plan
 from puckbench.planning.study_run import study_configuration
+from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
-from tests.support.spinning import pcap, spin
+from tests.support.spinning import pcap, rows, spin
 
 POINTS = np.random.default_rng(1).random((50, 3))
 OWN = """
@@ -87,6 +89,19 @@ def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size:
     assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
 
 
+def test_a_peak_is_that_of_clouds_in_metres() -> None:
+    config = made("mine", "utm.las", "drive.pcap", frame="scaled", peak=59.7)
+    peaks = {name: data.get("peak") for name, data in config["datasets"].items()}
+    assert peaks == {"clouds": None, "meshes": None, "recordings": 59.7}
+    jobs = Workflow(config).coding
+    measured = {
+        name: json.loads(jobs.evaluate(name, curve).record).get("peak")
+        for curve in jobs.curves
+        for name in jobs.datasets(curve)
+    }
+    assert measured == {"clouds": 1023, "meshes": 1023, "recordings": 59.7}
+
+
 def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> None:
     assert list(made("drive.pcap", codecs=())["codecs"]) == ["gpcc", "gpcc_predictive", "puck"]
     for paths in (("mine/a.npy",), ("mine/a.npy", "drive.pcap")):
@@ -105,6 +120,21 @@ def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
     assert 5000 < points < 10_000  # of a turn of 225 blocks of 32 firings, four of five returned
     with pytest.raises(InputError, match=r"scene torn: torn\.pcap"):
         made("*.pcap", strict=True)
+
+
+def test_recordings_of_which_none_can_be_used_do_not_end_a_run(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    Path("torn.pcap").write_bytes(b"no capture at all")
+    Path("short.pcap").write_bytes(pcap(rows(spin(packets=4))))
+    config = made("mine/a.npy", "torn.pcap", "short.pcap")
+    assert list(config["scenes"]) == ["clouds"]
+    line = "left out: torn.pcap: not a packet capture"
+    assert any(message.startswith(line) for message in caplog.messages)
+    assert caplog.messages[0].endswith("(1 more cannot be used either)")
+    for paths, strict in ((("torn.pcap",), False), (("mine/a.npy", "torn.pcap"), True)):
+        with pytest.raises(InputError, match=r"^torn\.pcap: not a packet capture"):
+            made(*paths, strict=strict)
 
 
 def test_folders_of_bag_folders_are_recordings() -> None:
@@ -141,7 +171,8 @@ def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
     asked = OwnRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
     assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
-    assert asked.unused() == ["mine.py"]
+    assert config["unused"].keys() == {"mine.py"}
+    assert config["unused"]["mine.py"].startswith("no cloud, mesh or recording there (.ply")
 
 
 def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
@@ -208,6 +239,8 @@ BAD = {
     ],
     "--codecs draco": ["name files, a configuration, or a study (--study)"],
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
+    "mine/a.npy --peak 30": ["--peak: in m, of clouds in metres alone (--frame metric)"],
+    "utm.las --peak -1": ["peak", "greater than 0"],
     "mine --out mine/out": ["--out mine/out: lies in mine"],
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
     "mine/a.npy empty.xyz --strict": ["empty.xyz: the cloud is empty"],

@@ -38,8 +38,8 @@ def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
 def test_scenes_that_cannot_be_scanned_are_left_out_and_named(meshes: Path) -> None:
     planned = plan(meshes)
     assert planned.clouds == (("scanned", "room"),)
-    solid, torn = left_out_lines(planned.left_out)
-    assert solid.startswith("puckbench: left out: scanned/solid: the scene has no free spot 1.3 m")
+    solid, torn = left_out_lines(planned.left_out_rows())
+    assert solid.startswith(f"left out: {meshes}/solid.off: the scene has no free spot 1.3 m")
     assert "torn.off: truncated" in torn
 
 
@@ -92,3 +92,42 @@ def test_a_mesh_is_looked_at_again_only_when_it_changed(
     (meshes / "torn.off").write_text((meshes / "room.off").read_text())
     assert len(plan(meshes).clouds) == 2
     assert looked == ["torn"]
+
+
+def test_a_scanned_mesh_in_millimetres_is_remarked_upon_and_a_sampled_one_is_not(
+    meshes: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    trimesh.creation.box((5000, 4000, 3000)).export(meshes / "big.off")
+    plan(meshes, {"make": "sample", "points": 10})
+    assert not caplog.records
+    plan(meshes, {"anywhere": True})
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert line.startswith(f"{meshes / 'big.off'}: spans 5000 m: ")
+
+
+def test_a_metric_cloud_in_millimetres_is_remarked_upon_and_a_scaled_one_is_not(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "room.xyz").write_text("0 0 0\n4000 0 0\n0 4000 0\n")
+    scenes = {"mine": {"loader": "point_clouds", "options": {"path": str(tmp_path / "room.xyz")}}}
+    for size in (1024, "metric"):
+        data = {"scenes": "mine", "make": "cloud", "size": size}
+        config = {"results": str(tmp_path / "out"), "scenes": scenes, "datasets": {"room": data}}
+        Plan(checked(config), check_scenes=True)
+        assert len(caplog.records) == (size == "metric")
+
+
+def test_a_scene_is_looked_at_again_when_its_unit_changes(meshes: Path) -> None:
+    (meshes / "torn.off").unlink()
+    (meshes / "solid.off").unlink()
+    with pytest.raises(InputError, match="no free spot"):
+        _scaled_plan(meshes, 0.1)
+    assert _scaled_plan(meshes, 1.0).clouds == (("scanned", "room"),)
+
+
+def _scaled_plan(meshes: Path, unit: float) -> Plan:
+    options = {"path": str(meshes), "metres_per_unit": unit}
+    scenes = {"mine": {"loader": "mesh_folder", "options": options}}
+    data = {"scanned": {"scenes": "mine", "make": "scan"}}
+    config = {"results": str(meshes.parent / "results"), "scenes": scenes, "datasets": data}
+    return Plan(checked(config), check_scenes=True)

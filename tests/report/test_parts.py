@@ -20,6 +20,7 @@ from puckbench.core.errors import InputError
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
+from puckbench.metrics.rate_deltas import bd_rate
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.build import TableShown, build_page
@@ -37,6 +38,7 @@ from puckbench.report.clouds import (
 )
 from puckbench.report.contents import Contents
 from puckbench.report.curves import curves
+from puckbench.report.deltas import delta_text
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
@@ -295,7 +297,7 @@ def test_findings_name_the_best_with_its_interval() -> None:
     errors = pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [0.0127]})
     (found,) = findings(metrics, _deltas(), errors, FigureStyle()).datasets
     assert {name: text.replace("\xa0", " ") for name, text in found.best.items()} == {
-        "Fewest bits": "Draco: −50.0 % for equal D1 (−60.0 % to −40.0 %)",
+        "Fewest bits": "Draco: −50.0 % for equal D1 (−60.0 % to −40.0 %, 3 clouds)",
         "Nearest to the truth": "G-PCC: 2 mm, the scan itself 12.7 mm (r1, 2 bpp)",
         "Fastest": "G-PCC: 0.1 s to encode; Draco: 0.1 s to decode",
     }
@@ -306,7 +308,7 @@ def test_findings_name_the_best_with_its_interval() -> None:
     [
         (-4.0, -13.8, 5.4, "no clear winner for equal D1"),
         (4.0, -5.4, 13.8, "no clear winner for equal D1"),
-        (-4.0, -13.8, -0.1, "Draco: −4.0 % for equal D1 (−13.8 % to −0.1 %)"),
+        (-4.0, -13.8, -0.1, "Draco: −4.0 % for equal D1 (−13.8 % to −0.1 %, 3 clouds)"),
         (4.0, 0.1, 13.8, "G-PCC: 0 % for equal D1 (reference)"),
     ],
 )
@@ -331,8 +333,10 @@ def test_who_is_nearest_to_a_truth_that_the_scan_itself_is_is_not_told() -> None
     ("change", "text", "note"),
     [
         ({"compared": 0}, "–", "no common range"),
+        ({"compared": 0, "no_common_range": 1, "little_overlap": 2}, "–", "overlap below half"),
         ({"compared": 2, "bd_rate_percent_low": np.nan}, "−50.0 %", "2 of 3 clouds"),
-        ({"bd_rate_percent": 118.4, "bd_rate_percent_low": np.nan}, "+118 %", ""),
+        ({"compared": 1, "bd_rate_percent_low": np.nan}, "−50.0 %", "1 of 3 clouds"),
+        ({"bd_rate_percent_low": np.nan}, "–", "no interval"),
     ],
 )
 def test_a_codec_that_was_not_compared_on_all_clouds_wins_nothing(
@@ -341,7 +345,84 @@ def test_a_codec_that_was_not_compared_on_all_clouds_wins_nothing(
     (found,) = findings(_two_codecs(), _deltas(**change), None, FigureStyle()).datasets
     cell = found.columns[0].cells["draco"]
     assert (cell.text.replace("\xa0", " "), cell.note) == (text, note)
-    assert "draco" not in found.columns[0].best
+    assert found.columns[0].best is None
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({}, "−50.0 % (−60.0 % to −40.0 %, 3 clouds)"),
+        ({"clouds": 12, "compared": 12}, "−50.0 % (−60.0 % to −40.0 %)"),
+        ({"clouds": 12, "compared": 9}, "−50.0 % (−60.0 % to −40.0 %, 9 of 12 clouds)"),
+        ({"clouds": 1, "compared": 1}, "−50.0 % (one cloud)"),
+        (
+            {"clouds": 2, "compared": 2, "bd_rate_percent_least": -70, "bd_rate_percent_most": -5},
+            "−50.0 % (−70.0 % to −5.0 %, 2 clouds)",
+        ),
+        ({"compared": 0, "too_few_points": 3}, "fewer than two lossy rates"),
+        ({"bd_rate_percent_low": np.nan}, "no interval"),
+    ],
+)
+def test_a_bd_rate_stands_with_its_interval_and_its_clouds(
+    change: dict[str, float], text: str
+) -> None:
+    row = _deltas(**change).iloc[0].to_dict()
+    assert delta_text(row).replace("\xa0", " ") == text
+    of_a_file = {name: "" if pd.isna(value) else str(value) for name, value in row.items()}
+    assert delta_text(of_a_file).replace("\xa0", " ") == text
+
+
+def _three_codecs(draco: list[float], laz: list[float]) -> pd.DataFrame:
+    """Ratios of two codecs' rates to G-PCC's on each cloud, as results on curves of 60 to 90 dB."""
+    ratios = {"gpcc": [1.0] * len(draco), "draco": draco, "laz": laz}
+    rows = [
+        {"dataset": "rooms", "cloud": f"c{cloud}", "codec": codec, "rate": f"r{r}",
+         "bpp": ratio * 2.0**r, "d1_psnr": 60.0 + 6 * r}
+        for codec, values in ratios.items()
+        for cloud, ratio in enumerate(values)
+        for r in range(6)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("laz", "told"),
+    [
+        ([0.5, 0.52, 0.48, 0.5, 0.51], "no clear winner for equal D1"),
+        ([0.6, 0.62, 0.63, 0.6, 0.61], "Draco: −49.8 % for equal D1"),
+    ],
+)
+def test_the_first_codec_is_tested_against_the_second(laz: list[float], told: str) -> None:
+    """Both need about half of the anchor's bits; of which one less has to show on most clouds."""
+    metrics = _three_codecs([0.5, 0.49, 0.5, 0.52, 0.5], laz)
+    deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
+    (found,) = findings(metrics, deltas, None, FigureStyle()).datasets
+    assert found.best["Fewest bits"].replace("\xa0", " ").startswith(told)
+    assert (found.columns[0].best == "draco") == told.startswith("Draco")
+
+
+def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
+    metrics = _three_codecs([0.5] * 5, [0.6] * 5)
+    seconds = {
+        "gpcc": [1.0] * 5,
+        "draco": [0.1, 0.5, 0.2, 0.4, 0.3],
+        "laz": [0.1, 0.6, 0.1, 0.5, 0.3],
+    }
+    metrics["encode_s"] = [
+        seconds[codec][int(cloud[1:])]
+        for codec, cloud in zip(metrics["codec"], metrics["cloud"], strict=True)
+    ]
+    (found,) = findings(metrics, None, None, FigureStyle()).datasets
+    assert found.best["Fastest"] == "no clear winner to encode"
+    two = metrics[metrics["codec"] != "laz"]
+    (found,) = findings(two, None, None, FigureStyle()).datasets
+    assert found.best["Fastest"].startswith("Draco: 0.3")
+
+
+def test_lossless_rates_are_named() -> None:
+    metrics = _two_codecs(lossless=[True, False])
+    assert findings(metrics, None, None, FigureStyle()).lossless == "Draco r1 (1 cloud)"
+    assert findings(_two_codecs(), None, None, FigureStyle()).lossless == ""
 
 
 def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(

@@ -292,13 +292,9 @@ def test_only_words_have_dictionaries_and_the_metadata_stand_once(
     assert b"ARROW:schema" not in content
 
 
-def test_numbers_are_kept_to_six_digits(tmp_path: Path) -> None:
+def test_numbers_are_kept_to_six_digits(study: ReferenceResults, tmp_path: Path) -> None:
     rows = reference_lookalike.rows_of("draco", 1 / 3)
-    about = {
-        "clouds": reference_lookalike.clouds_of(reference_lookalike.CLOUDS).to_dict("records"),
-        "style": [],
-    }
-    write_reference(tmp_path / "some.parquet", rows.assign(d1_psnr=100 / 3), about)
+    write_reference(tmp_path / "some.parquet", rows.assign(d1_psnr=100 / 3), study.about)
     found = read_reference(str(tmp_path / "some.parquet"))
     np.testing.assert_allclose(found.metrics["d1_psnr"], 100 / 3, rtol=1e-6)
     np.testing.assert_allclose(found.metrics["bpp"], rows["bpp"], rtol=1e-5)
@@ -325,7 +321,7 @@ def test_the_findings_say_who_needs_the_fewest_bits(study: ReferenceResults) -> 
     (things,) = found.datasets
     assert (things.title, things.clouds) == ("Things", 4)
     column = things.columns[0]
-    assert column.best == ("gpcc",)
+    assert column.best == "gpcc"
     assert column.cells["draco"].text.startswith("+25.0")
 
 

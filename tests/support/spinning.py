@@ -51,6 +51,16 @@ def spin(
     return found.view(np.uint8).reshape(packets, 1206)
 
 
+def nothing_seen(packets: int) -> NDArray[np.uint8]:
+    """Packets (p, 1206) of a VLP-16 whose window is covered."""
+    found = np.zeros(packets, PACKET)
+    blocks = found["blocks"]
+    blocks["flag"] = FLAG
+    blocks["azimuth"] = (20 * np.arange(packets * 12) % 36000).reshape(packets, 12)
+    found["time"], found["mode"], found["product"] = 1327 * np.arange(packets), STRONGEST, VLP16
+    return found.view(np.uint8).reshape(packets, 1206)
+
+
 def _room(angle: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances to the nearest wall, floor or ceiling of a room of 8 m by 6 m by 3 m."""
     across = np.maximum(np.abs(np.sin(angle)) / 4, np.abs(np.cos(angle)) / 3) * np.cos(elevation)

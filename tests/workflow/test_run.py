@@ -65,7 +65,7 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     assert "%" in steps
     assert "report:  out/report.html" in rest
     assert rest[-1].endswith("then: puckbench run out/config.yaml")
-    assert "left out: clouds/torn: torn.las: not a readable LAS file" in done.stderr
+    assert "left out: torn.las: not a readable LAS file" in done.stdout
     assert (tmp_path / "out" / "report.html").exists()
     metrics = pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")
     # Of a grid of 10 mm no coordinate is off by more than a half of that.

@@ -38,7 +38,7 @@ rule join_streams:
     input:
         parts=lambda w: [
             f"{RESULTS}/coded/{w.dataset}/{w.cloud}/{w.codec}/{part}.zip"
-            for part in coding.parts(w.dataset, w.codec)
+            for part in coding.parts(w.dataset, w.cloud, w.codec)
         ],
         record=record_of(lambda w: coding.join_streams),
     output:
@@ -84,7 +84,7 @@ rule decode:
 rule decode_shown:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        record=record_of(lambda w: coding.decode_shown(w.dataset, w.codec)),
+        record=record_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
     output:
         f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -95,7 +95,7 @@ rule decode_shown:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
-        code=code_of(lambda w: coding.decode_shown(w.dataset, w.codec)),
+        code=code_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
     shell:
         "python -m puckbench.jobs decode_shown {input.record} curve={input.curve:q} clouds={output:q}"
         " > {log:q} 2>&1"

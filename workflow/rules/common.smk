@@ -15,6 +15,7 @@ if SOURCE.is_dir():
 from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
+from puckbench.planning.config import check_config_files
 from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder
@@ -90,10 +91,13 @@ def priority_of(wildcards):
 
 
 def curve_of(wildcards):
-    """Data set, codec and part of a curve's job; the part is empty where the job has all rates."""
-    return wildcards.dataset, wildcards.codec, wildcards.get("part", "")
+    """Data set, cloud, codec and part of a curve's job; no part where the job has all rates."""
+    return wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.get("part", "")
 
 
+if workflow.is_main_process:
+    # Snakemake reads YAML 1.1, and takes the last of keys that are there twice.
+    or_stop(check_config_files, workflow.configfiles)
 bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
@@ -114,8 +118,8 @@ BAR = show_bar(job_seconds(bench), CORES or 1, NOTES, compiling_seconds(bench)) 
 
 onstart:
     or_stop(hold_results, plan.results)
-    for line in left_out_lines(plan.left_out):
-        print(line, file=sys.stderr, flush=True)
+    for line in left_out_lines(plan.left_out_rows()):
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
     # To keep to so many submissions a second, Snakemake weighs the jobs that wait once a second for
     # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
     if workflow.local_exec:
@@ -128,6 +132,8 @@ onsuccess:
     end_bar()
     if TOLD_BY_CALLER not in os.environ:
         for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
+            print(line, flush=True)
+        for line in left_out_lines(plan.left_out_rows()):
             print(line, flush=True)
 
 

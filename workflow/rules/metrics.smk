@@ -45,7 +45,7 @@ rule join_rows:
     input:
         parts=lambda w: [
             f"{RESULTS}/metrics/{w.dataset}/{w.cloud}/{w.codec}/{part}.parquet"
-            for part in coding.parts(w.dataset, w.codec)
+            for part in coding.parts(w.dataset, w.cloud, w.codec)
         ],
         record=record_of(lambda w: coding.join_rows),
     output:

@@ -7,14 +7,22 @@ import math
 from pathlib import Path
 from typing import Any
 
+STREAM = "of a packet capture with several sensors: sender:port, or 'sender:port to receiver:port'"
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
+    from puckbench.lidar.recordings.times import TIME_UNITS
+
     parser.add_argument(
         "capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column"
     )
     parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
     parser.add_argument("--sensor", help="name or YAML file (default: what the packets say)")
+    parser.add_argument("--stream", help=STREAM)
+    parser.add_argument(
+        "--time-unit", choices=TIME_UNITS, help="of a cloud's times (default: what they tell)"
+    )
     parser.add_argument("--start", type=float, default=0.0, help="s after the first packet")
     parser.add_argument("--end", type=float, default=math.inf, help="s after the first packet")
 
@@ -25,6 +33,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.lidar.recordings import read_recording, write_returns
 
     sensor = load_sensor(options.sensor) if options.sensor else None
-    table = read_recording(options.capture, sensor, options.start, options.end)
+    interval = options.start, options.end
+    table = read_recording(options.capture, sensor, *interval, options.stream, options.time_unit)
     write_returns(options.out, table)
     return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}

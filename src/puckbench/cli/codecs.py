@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from puckbench.codecs.registry import codecs, open_codec
+from puckbench.core.registry import trust
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """One row (or JSON member) for each codec, or all that is known of one."""
+    trust([options.codec])
     table = {name: _entry(name) for name in ([options.codec] if options.codec else codecs())}
     if options.json:
         return table

@@ -27,9 +27,16 @@ _OF_DELTAS = (
     "bd_rate_percent",
     "bd_rate_percent_low",
     "bd_rate_percent_high",
+    "bd_rate_percent_least",
+    "bd_rate_percent_most",
     "bd_quality_db",
     "bd_quality_db_low",
     "bd_quality_db_high",
+    "no_common_range",
+    "little_overlap",
+    "too_few_points",
+    "lossless",
+    "anchor_lossless",
 )
 
 
@@ -71,7 +78,9 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.figures.comparison import draw_comparison
     from puckbench.figures.drawing import lay_out, save_figure
     from puckbench.io.tables import read_table, write_table
+    from puckbench.metrics.peaks import peak_phrase
     from puckbench.report.comparison import compared
+    from puckbench.report.findings import lossless_text
     from puckbench.report.reference_results import read_reference
 
     reference = read_reference(options.study)
@@ -97,6 +106,8 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
         "curves": list(_curves(found, reference.style)),
         **({"not_timed": reference.not_timed} if reference.not_timed else {}),
         "deltas": [_plain(row) for row in found.deltas[list(_OF_DELTAS)].to_dict("records")],
+        "peak": peak_phrase(found.own),
+        "lossless": lossless_text(found.own, reference.style),
         "left_out": list(found.left_out),
         "same_streams": {name: list(counts) for name, counts in found.same_streams.items()},
         "files": [str(path) for path in (*figures, table)],
@@ -126,8 +137,12 @@ def _curves(found: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
 
 
 def _medians(rows: pd.DataFrame) -> dict[str, Any]:
+    from puckbench.metrics.lossless import with_lossless_best, without_lossless
+    from puckbench.metrics.peaks import without_mixed_peaks
+
     columns = [name for name in ("bpp", "d1_psnr", "encode_s", "decode_s") if name in rows]
-    medians = rows.groupby("rate")[columns].median()
+    counted = with_lossless_best(without_mixed_peaks(rows))
+    medians = without_lossless(counted.groupby("rate")[columns].median())
     ranges = {n: [float(medians[n].min()), float(medians[n].max())] for n in columns}
     known = {n: values for n, values in ranges.items() if not any(map(isnan, values))}
     return {"clouds": int(rows["cloud"].nunique()), **known}
@@ -197,22 +212,18 @@ def _range(row: Mapping[str, Any], name: str, form: str) -> str:
 
 
 def _delta(row: Mapping[str, Any] | None) -> str:
-    from puckbench.report.findings import percent_text
+    from puckbench.report.deltas import delta_text
 
-    if row is None:
-        return ""
-    if row["bd_rate_percent"] is None:
-        return "no common range"
-    low, high = row["bd_rate_percent_low"], row["bd_rate_percent_high"]
-    interval = "" if low is None else f" [{percent_text(low)}, {percent_text(high)}]"
-    whole = row["compared"] == row["clouds"]
-    part = "" if whole else f" on {row['compared']} of {row['clouds']}"
-    return f"{percent_text(row['bd_rate_percent'])}{interval}{part}"
+    return "" if row is None else delta_text(row)
 
 
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
     yield "BD-rate: bits that the codec above needs more (+) or fewer (−) than this one for equal"
     yield "quality, with 95 % intervals over three clouds and more. Times may be of two machines."
+    if answer["peak"]:
+        yield f"PSNRs D1 and D2: {answer['peak']}."
+    if answer["lossless"]:
+        yield f"Lossless rates, without PSNR and in no BD-rate: {answer['lossless']}."
     if "not_timed" in answer:
         yield f"{answer['study']} is not timed: {answer['not_timed']}."
     for codec, (same, streams) in answer["same_streams"].items():

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from puckbench.cli.types import json_object
+from puckbench.core.registry import trust
 from puckbench.datasets.counts import Counted
 from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 
@@ -22,6 +23,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     With a loader to check: its number of scenes, and its counts against those published.
     """
     if options.check:
+        trust([options.check])
         return _checked(options.check, options.options)
     table = {name: _options(name) for name in LOADERS.names()}
     return table if options.json else {name: _line(found) for name, found in table.items()}

@@ -11,6 +11,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("stream", type=Path, help="file of `puckbench compress` (.puck)")
     parser.add_argument("out", type=Path, help="recording to write")
+    parser.add_argument(
+        "--trusted",
+        action="store_true",
+        help="restore also what is far larger than `compress` lets a file of this size become",
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -18,4 +23,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.codecs.puck.recording import account_of, decompress
     from puckbench.core.progress import Progress
 
-    return account_of(decompress(options.stream, options.out, Progress("byte")))
+    account = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
+    return account_of(account)

@@ -33,7 +33,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--peak",
         type=float,
-        help="of the PSNRs (default: the reference's own, 1023 if scaled, 30 if in metres)",
+        help="of the PSNRs, in the reference's unit (default: its own, 1023 if scaled, 30 if in "
+        "metres; papers on KITTI take 59.7)",
     )
     parser.add_argument(
         "--views", type=whole(0), default=0, help="pixels of six pictures to compare (default: 0)"
@@ -50,7 +51,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     job = Evaluate.given(**settings, **timed_options(options))
     files = chosen(options, "row", "truth", "visible", "clean")
     row = job.run(options.reference, options.decoded, **files)
-    if row["d1_mse"] > 0 and "d1_psnr" not in row:
+    if not row["lossless"] and "d1_psnr" not in row:
         tell(f"{options.reference}: no size in a description beside it: no d1_psnr without --peak")
     if row.get("cd_psnr_point", math.inf) < _UNLIKE_DB:
         tell(f"{options.reference}, {options.decoded}: far apart: are both in one frame?")

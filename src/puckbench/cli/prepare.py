@@ -6,11 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import whole
+from puckbench.cli.capture import STREAM
+from puckbench.cli.types import chosen, positive, whole
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
+from puckbench.lidar.recordings.data_packets import LEFT_OUT
 from puckbench.lidar.returns import returns_file
 
 _SHOWN = (
@@ -19,12 +21,14 @@ _SHOWN = (
         "sensor",
         "turns",
         "points",
+        "dropped_points",
+        "missing_returns",
         "size",
         "size_m",
         "scale",
         "offset",
-        "damaged_packets",
-        "bytes_cut_off",
+        "peak",
+        *LEFT_OUT,
         "neighbours",
         "diameter",
         "elongation",
@@ -60,9 +64,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=1024,
         help="size of the cube; 0: metres; grid: voxels as they came (default: 1024)",
     )
+    parser.add_argument(
+        "--peak", type=float, help="of the PSNRs of a cloud in metres, in m (default: 30)"
+    )
     parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument(
+        "--metres-per-unit", type=positive, default=1.0, help="of the cloud (0.001: millimetres)"
+    )
+    parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
+    )
+    parser.add_argument(
+        "--keep-missing", action="store_true", help="keep a sensor's missing returns as points"
+    )
+    parser.add_argument(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="of a .bin: 3 to 6, or names: x,y,z,intensity,ring (default: as its values tell)",
     )
     parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
     parser.add_argument(
@@ -71,6 +89,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="take these turns of a scan or a recording, in metres in the sensor's frame, and "
         "write their returns beside the cloud (default for a recording: its first whole turn)",
     )
+    parser.add_argument("--stream", help=STREAM)
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
         "--about", type=Path, action="append", default=[], help="JSON whose name and group to keep"
@@ -79,7 +98,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the prepared cloud and, if asked for, the true points in the same frame."""
-    if options.turns or is_recording(options.cloud):
+    if options.turns or options.stream or is_recording(options.cloud):
+        if options.metres_per_unit != 1:
+            raise InputError("--metres-per-unit: recordings are in metres")
         return _told(_returns(options), options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
@@ -90,6 +111,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         drop_invalid=options.drop_invalid,
+        keep_missing=options.keep_missing,
+        **chosen(options, "peak", "bin_columns", "metres_per_unit"),
     )
     found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
     return _told(found, options)
@@ -102,7 +125,12 @@ def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
     turns = None if options.turns is None else _turns(options.turns)
-    job = PrepareReturns.given(neighbours=options.neighbours, clean=options.clean, turns=turns)
+    job = PrepareReturns.given(
+        neighbours=options.neighbours,
+        clean=options.clean,
+        turns=turns,
+        **chosen(options, "peak", "stream"),
+    )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
 

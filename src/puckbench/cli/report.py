@@ -19,8 +19,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help='JSON: {"metrics": "metrics.csv", "tables": {"bd_rate": "bd_rate.csv"}, ...}',
     )
+    parser.add_argument(
+        "--code",
+        nargs="+",
+        metavar="PLACE",
+        default=[],
+        help="figures and tables of yours among the contents (path/to/file.py:function)",
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Build the page and write it."""
-    return Report.given(contents=options.contents).run(options.out)
+    return Report.given(contents=options.contents, code=tuple(options.code)).run(options.out)

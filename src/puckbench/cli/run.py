@@ -11,29 +11,30 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, tell, whole
+from puckbench.cli.types import chosen, units, whole
 from puckbench.core.errors import InputError
-from puckbench.figures.style import FigureStyle
 from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
+from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.own_files import (
     CODECS,
     CODECS_OF_RECORDINGS,
     CONFIG,
-    NOTHING_THERE,
     OwnRun,
     write_configuration,
 )
+from puckbench.planning.running import left_out_lines
 from puckbench.planning.workflow import Workflow
 
 _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
-    *("metres_per_unit", "up", "drop_invalid", "out"),
+    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
 )
 """Options that a configuration has keys for."""
+_OF_LOADERS = ("up", "drop_invalid", "keep_missing", "bin_columns")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +67,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="scaled to a cube of 1024, rates r1, r2, ...; or in metres, rates 100mm, 10mm, ... "
         "(default: metric for clouds that are all LAS, LAZ, E57 or .bin, and recordings)",
     )
-    add("--metres-per-unit", type=float, help="length of the files' unit (default: 1)")
+    add(
+        "--metres-per-unit",
+        nargs="+",
+        metavar="NUMBER",
+        help="length of the files' unit (0.001: millimetres; default: 1), or of some files' alone: "
+        "FILE=NUMBER ...",
+    )
+    add(
+        "--peak",
+        type=float,
+        help="of the PSNRs of clouds in metres, in m (default: 30; papers on KITTI take 59.7)",
+    )
     add(
         "--rates",
         nargs="+",
@@ -80,6 +92,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--points", type=whole(1), help="sampled from a mesh (default: 100000)")
     add("--up", choices=("y", "z"), help="axis of meshes that points up (default: z)")
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
+    add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
+    add(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="of .bin files: 3 to 6, or names: x,y,z,intensity,ring (default: as values tell)",
+    )
     add("--strict", action="store_true", help="stop where a file cannot be used, not leave it out")
     add("--cores", type=whole(1), help="default: all")
 
@@ -108,16 +126,25 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _answer(path: Path) -> dict[str, Any]:
-    """The rows of the closing table, and where everything lies."""
-    results, style, anchor = _results(path)
-    rows = summary_rows(results, style, anchor)
-    return {"results": rows, "report": str(results / REPORT), "configuration": str(path)}
+    """The rows of the closing table, what was left out, and where everything lies."""
+    outputs = _outputs(path)
+    results = outputs.plan.results
+    left_out = outputs.plan.left_out_rows()
+    return {
+        "results": summary_rows(results, outputs.titles, outputs.anchor),
+        "left_out": [{"file": row["file"], "why": row["reason"]} for row in left_out],
+        "report": str(results / REPORT),
+        "configuration": str(path),
+    }
 
 
 def _tell(path: Path, study: str | None) -> None:
     """The table, also where nothing had to be made, and what can be done next."""
-    results, style, anchor = _results(path)
-    for line in closing_lines(results, style, anchor, since=0.0):
+    outputs = _outputs(path)
+    results = outputs.plan.results
+    for line in closing_lines(results, outputs.titles, outputs.anchor, since=0.0):
+        print(line)  # noqa: T201
+    for line in left_out_lines(outputs.plan.left_out_rows()):
         print(line)  # noqa: T201
     again = f"puckbench run {shlex.quote(str(path))}"
     print(f"to change the run, edit {path}, then: {again}")  # noqa: T201
@@ -126,10 +153,9 @@ def _tell(path: Path, study: str | None) -> None:
         print(f"to compare with the study: {beside}")  # noqa: T201
 
 
-def _results(path: Path) -> tuple[Path, FigureStyle, str]:
-    """Folder, titles and anchor of a configuration's results."""
-    outputs = Workflow(read_config(path)).outputs
-    return outputs.plan.results, outputs.titles, outputs.anchor
+def _outputs(path: Path) -> OutputJobs:
+    """What the run of a configuration makes, without what it leaves out."""
+    return Workflow(read_config(path), check_scenes=True).outputs
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
@@ -145,6 +171,7 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
         _refuse(options, _OF_CONFIG, f"the configuration says that: edit {first}")
         if not Path(first).is_file():
             raise InputError(f"{first}: no such file")
+        read_config(Path(first))  # what is wrong with it is said before Snakemake reads it
         return Path(first), others
     return _of_files(options), []
 
@@ -188,20 +215,22 @@ def _of_files(options: argparse.Namespace) -> Path:
     wanted = chosen(options, "frame", "limit", "scan", "strict")
     if options.errors and not options.scan:
         raise InputError("--errors: of scans alone (--scan)")
-    wanted |= _given(options, "errors", "points")
+    wanted |= _given(options, "errors", "points", "peak")
     asked = OwnRun(
         paths=tuple(options.files),
         codecs=tuple(options.codecs or ()),
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, "metres_per_unit", "up", "drop_invalid"),
+        options=_given(options, *_OF_LOADERS) | _units(options),
         **wanted,
     )
-    config = asked.configuration()
-    for path in asked.unused():
-        tell(f"left out: {path}: {NOTHING_THERE}")
-    return _written(out, config)
+    return _written(out, asked.configuration())
+
+
+def _units(options: argparse.Namespace) -> dict[str, Any]:
+    words = options.metres_per_unit
+    return {} if words is None else {"metres_per_unit": units(words)}
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import whole
+from puckbench.cli.types import chosen, positive, whole
 from puckbench.jobs.sample import Sample
 
 
@@ -17,9 +17,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("out", type=Path, help="PLY file to write")
     parser.add_argument("--points", type=whole(1), default=500_000, help="default: %(default)s")
+    parser.add_argument(
+        "--metres-per-unit", type=positive, default=1.0, help="of the mesh (0.001: millimetres)"
+    )
     parser.add_argument("--seed", type=whole(0), default=0)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the sampled cloud."""
-    return Sample.given(points=options.points, seed=options.seed).run(options.mesh, options.out)
+    job = Sample.given(**chosen(options, "points", "seed", "metres_per_unit"))
+    return job.run(options.mesh, options.out)

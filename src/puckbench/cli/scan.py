@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, json_object, whole
+from puckbench.cli.types import chosen, json_object, positive, whole
 from puckbench.jobs.scan import Scan
 
 
@@ -32,6 +32,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="scan from outside the scene, from inside an object, or through walls too",
     )
+    parser.add_argument(
+        "--metres-per-unit", type=positive, default=1.0, help="of the mesh (0.001: millimetres)"
+    )
     parser.add_argument("--seed", type=whole(0), default=0)
 
 
@@ -40,6 +43,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     job = Scan.given(
         **chosen(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
         height_m=options.height,
+        metres_per_unit=options.metres_per_unit,
         origin=tuple(options.origin) if options.origin else None,
     )
     return job.run(options.mesh, options.out)

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, whole
+from puckbench.core.models import parsed
 from puckbench.jobs.train import Train
+from puckbench.planning.config import CodecConfig
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +52,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     settings = {name: value for name, value in given.items() if value is not None}
     job = Train.given(
         codec=options.codec,
-        changes=options.entry,
+        changes=parsed(CodecConfig, options.entry, "--entry").changes(),
         options={**settings, **options.options},
         start=options.start,
         every=options.every,

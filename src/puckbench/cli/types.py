@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import unique_keys
 
 
 def json_object(text: str) -> dict[str, Any]:
     """A JSON object on the command line."""
     try:
-        value = json.loads(text)
+        value = json.loads(text, object_pairs_hook=unique_keys)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"not JSON: {text} ({error})") from error
     if not isinstance(value, dict):
@@ -28,6 +31,39 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
         if not isinstance(value, str):
             raise InputError(f"{option}: {name}: '{value}' is not the name of a file")
     return {name: Path(value) for name, value in values.items()}
+
+
+def units(words: Sequence[str]) -> float | dict[str, float]:
+    """Metres per unit: a number for all files, or FILE=NUMBER for each; InputError else."""
+    if len(words) == 1 and (number := _number(words[0])) is not None:
+        return number
+    table: dict[str, float] = {}
+    for word in words:
+        name, _, text = word.rpartition("=")
+        number = _number(text)
+        if not name or number is None:
+            raise InputError(
+                f"--metres-per-unit: '{word}' is neither the one number nor FILE=NUMBER"
+            )
+        if name in table:
+            raise InputError(f"--metres-per-unit: '{name}' is named twice")
+        table[name] = number
+    return table
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def positive(text: str) -> float:
+    """A number above 0, for metres per unit."""
+    number = _number(text)
+    if number is None or not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return number
 
 
 def whole(low: int) -> Any:

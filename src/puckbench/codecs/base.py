@@ -19,6 +19,7 @@ A codec of one's own is one file::
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -151,6 +152,8 @@ class Codec(ABC):
     input; 0 for a codec that adapts to the extent of the cloud."""
     shifts_far_clouds: bool = True
     """Whether clouds far from the origin are shifted to it before coding (`common.shift`)."""
+    most_steps: ClassVar[float] = math.inf
+    """Steps of a rate that is a length, at most, that a cloud may extend along an axis."""
     is_single_precision: ClassVar[bool] = False
     """Whether coordinates are coded from single precision, which wants a shift at fine steps."""
 
@@ -219,6 +222,13 @@ class Codec(ABC):
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
+
+    def most_extent(self, rate: str) -> float:
+        """Extent of a cloud along an axis, m, at most, where a rate is a length; else infinite.
+
+        Of wider clouds a run leaves this rate out.
+        """
+        return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
         """Refuse a cloud whose frame is not that of the rates.

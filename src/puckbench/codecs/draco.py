@@ -18,7 +18,7 @@ from pydantic import Field
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.common.most_points import most_points
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
@@ -50,7 +50,7 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     least = np.floor(points.min(axis=0) / step)
     bits = max(1, math.ceil(math.log2(float((points.max(axis=0) / step - least).max()) + 2)))
     if bits > _MOST_BITS:
-        raise InputError(f"the cloud is wider than 2^{_MOST_BITS} steps of {step:g} m")
+        raise InputError(f"the cloud is wider than 2^{_MOST_BITS} steps of {step:g} m{NARROWER}")
     width = step * ((1 << bits) - 1)
     origin = (least * step).tolist()
     return {
@@ -64,6 +64,7 @@ class DracoCodec(Codec):
     keeps_order: ClassVar[bool]
     """Whether points are coded in their order, which takes the sequential method."""
     is_single_precision = True
+    most_steps = float(2**_MOST_BITS - 3)
     pace = Pace(0.02, 1.1)
     metric_rates = lengths()
     Options = DracoOptions

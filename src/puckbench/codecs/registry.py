@@ -11,7 +11,7 @@ from puckbench.codecs.common.shift import unshifted
 from puckbench.codecs.common.unit import without_unit
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
-from puckbench.core.registry import Registry, load
+from puckbench.core.registry import Registry, load, trust
 
 Entry = Mapping[str, Any]
 
@@ -31,7 +31,8 @@ def codec_class(name: str, changes: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Of a codec, or ``module:Class`` or ``path/to/file.py:Class``.
+        Of a codec, or ``module:Class`` or ``path/to/file.py:Class`` that is trusted
+        (`puckbench.core.registry.trust`).
     changes
         A configuration's entry for it, which may name another ``class``.
     """
@@ -39,6 +40,7 @@ def codec_class(name: str, changes: Entry | None = None) -> type[Codec]:
     found = CODECS.get(name) if place is None else load(place, f"codec {name}")
     if not (isinstance(found, type) and issubclass(found, Codec)):
         raise InputError(f"codec {name}: {found!r} is not a class derived from Codec")
+    trust([found.training])  # code that runs may name more code
     return found
 
 
@@ -61,6 +63,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     """
     codec, changes = open_codec(name, changes), changes or {}
     place = changes.get("class") or f"{CODECS.module_of(name)}:{type(codec).__name__}"
+    trust([place])  # that of a class that is loaded already
     options = {**changes.get("options", {}), **codec.options.model_dump()}
     found = {"class": place, "options": options, "rates": dict(codec.rates)}
     return {**found, **({"metric_rates": codec.metric_rates} if codec.metric_rates else {})}

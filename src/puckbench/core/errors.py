@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+NARROWER = ": crop it, or take a coarser rate"
+"""What errors advise where a cloud is too wide for a rate."""
+
 
 class InputError(Exception):
     """Something the user gave (file, stream, name, value) cannot be used.

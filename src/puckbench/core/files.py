@@ -18,7 +18,10 @@ from typing import Any
 from puckbench.core.errors import InputError
 
 _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.|$)")
+_POINTER = b"version https://git-lfs.github.com/spec/"
 _DAY = 24 * 3600.0
+_MOST_LEVELS = 100
+"""Of lists and objects within each other in a JSON file; ours have fewer than ten."""
 
 
 @contextmanager
@@ -115,19 +118,65 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file; InputError when it is missing or not JSON."""
+    """Read a JSON file; InputError when it is missing, not JSON, too deep, or has a key twice."""
+    return json_of(read_bytes(path), str(path))
+
+
+def json_of(data: bytes, what: str) -> Any:
+    """The value of a JSON text; InputError begins with `what` it is, as of `read_json`."""
     try:
-        return json.loads(read_bytes(path))
+        value = json.loads(data, object_pairs_hook=unique_keys)
+        deep = _is_deep(value)
+    except RecursionError:
+        deep = True
     except ValueError as error:
-        raise InputError(f"{path}: not valid JSON ({error})") from error
+        raise InputError(f"{what}: not valid JSON ({error})") from error
+    if deep:
+        raise InputError(f"{what}: JSON of more than {_MOST_LEVELS} levels")
+    return value
+
+
+def _is_deep(value: Any) -> bool:
+    """Whether lists and objects lie within each other on more than `_MOST_LEVELS` levels."""
+    level = [value] if isinstance(value, (dict, list)) else []
+    for _ in range(_MOST_LEVELS):
+        inner = [each.values() if isinstance(each, dict) else each for each in level]
+        level = [each for part in inner for each in part if isinstance(each, (dict, list))]
+    return bool(level)
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a JSON file that holds an object; InputError as `read_json`, or for another value."""
+    value = read_json(path)
+    if not isinstance(value, dict):
+        raise InputError(f"{path}: not a JSON object")
+    return value
+
+
+def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of a JSON text; ValueError where a key is there twice."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"the key {name!r} is there twice")
+        found[name] = value
+    return found
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; InputError when it cannot be read."""
+    """Read a file; InputError when it cannot be read, or is a pointer of Git LFS."""
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
+    refuse_pointer(path, data)
+    return data
+
+
+def refuse_pointer(path: Path, data: bytes) -> None:
+    """InputError where a file's first bytes are those of a pointer of Git LFS."""
+    if data.startswith(_POINTER):
+        raise InputError(f"{path}: a Git-LFS pointer, not the file itself: git lfs pull")
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:

@@ -8,6 +8,10 @@ A plug-in is one file with one class or function and, above it, its registration
 Ours are found by reading the sources of their room, without importing them; those of other
 installed packages by entry points of the group ``puckbench.<kind>s``; a user's own by the place of
 its file, ``path/to/file.py:Name``. Only the plug-in that is asked for is imported.
+
+A place is code that runs, so it comes from the command line, from a configuration that the user
+gives or from a program, which hand it to `trust`. Streams, tables, results and other data may name
+registered plug-ins alone: `load`, by which every place is loaded, refuses all that are not trusted.
 """
 
 from __future__ import annotations
@@ -17,12 +21,12 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeGuard, TypeVar
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
@@ -31,6 +35,25 @@ T = TypeVar("T")
 Registered = TypeVar("Registered")
 
 _SOURCES = Path(__file__).parents[1]
+_trusted: set[str] = set()
+"""Places that `load` may import from in this process."""
+
+
+def trust(names: Iterable[str | None]) -> None:
+    """Allow this process to load code from those of the names that are places.
+
+    Parameters
+    ----------
+    names
+        What the command line, a configuration that the user gives, or a program names as plug-ins:
+        never what a file of data holds.
+    """
+    _trusted.update(name for name in names if is_place(name))
+
+
+def is_place(name: object) -> TypeGuard[str]:
+    """Whether it is ``module:Name`` or ``path/to/file.py:Name``, not the name of a plug-in."""
+    return isinstance(name, str) and ":" in name
 
 
 class Registry(Generic[T]):
@@ -94,17 +117,20 @@ class Registry(Generic[T]):
         Raises
         ------
         InputError
-            One of ours has that name, or the place is not of that form.
+            One of ours has that name, or the place is not of that form, or not trusted.
         """
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
             fault = "that name is taken" if module else "must be module:Name or file.py:Name"
             raise InputError(f"{self.kind} {place}: {fault}")
+        _check_trusted(place, self.kind)
         self._added[name] = place
 
     @cached_property
     def _installed(self) -> dict[str, str]:
-        return {point.name: point.value for point in entry_points(group=self.group)}
+        places = {point.name: point.value for point in entry_points(group=self.group)}
+        trust(places.values())
+        return places
 
     def names(self) -> list[str]:
         """Names of ours, of installed packages' plug-ins, and of those added."""
@@ -119,12 +145,12 @@ class Registry(Generic[T]):
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """The plug-in of a name, of ``module:Name`` or of ``path/to/file.py:Name``.
+        """The plug-in of a name, or of a place that is trusted.
 
         Raises
         ------
         InputError
-            There is none, or it cannot be loaded.
+            There is none, the place is not trusted, or it cannot be loaded.
         """
         if name in self._ours:
             importlib.import_module(self._ours[name])
@@ -143,6 +169,7 @@ class Registry(Generic[T]):
         place = self._added.get(name) or self._installed.get(name, name)
         if ":" not in place:
             raise InputError(f"unknown {self.kind} '{name}'{among(name, self.names())}")
+        _check_trusted(place, self.kind)
         return place
 
     def _from_place(self, name: str, place: str) -> T:
@@ -158,15 +185,24 @@ def load(place: str, what: str) -> Any:
     Raises
     ------
     InputError
-        It is not of that form, or cannot be loaded.
+        It is not of that form, is not trusted, or cannot be loaded.
     """
     module_name, _, name = place.rpartition(":")
     if not module_name:
         raise InputError(f"{what}: '{place}' is not of the form module:Name or file.py:Name")
+    _check_trusted(place, what)
     try:
         return getattr(_module(module_name), name)
     except (ImportError, OSError, AttributeError, SyntaxError) as error:
         raise InputError(f"{what}: cannot load '{place}' ({error})") from error
+
+
+def _check_trusted(place: str, what: str) -> None:
+    if place not in _trusted:
+        raise InputError(
+            f"{what}: {place!r} is code, which is not loaded: neither the command line nor the "
+            "configuration names it"
+        )
 
 
 def _module(name: str) -> ModuleType:

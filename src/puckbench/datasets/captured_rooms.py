@@ -121,9 +121,12 @@ class _Placed:
 
 
 def is_capture(path: Path) -> bool:
-    """Whether a file is a captured room, by its first lines."""
-    with path.open("rb") as stream:
-        return b'"spatialEntities"' in stream.read(1 << 16)
+    """Whether a file is a captured room, by its first lines; one that cannot be read is none."""
+    try:
+        with path.open("rb") as stream:
+            return b'"spatialEntities"' in stream.read(1 << 16)
+    except OSError:
+        return False
 
 
 def _entities(path: Path) -> list[Entity]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -25,6 +26,9 @@ from puckbench.datasets.counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.missing_returns import missing_returns
+from puckbench.io.clouds import without_invalid, without_missing
+from puckbench.io.frames import check_columns, rows_of
 
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import Recovered
@@ -43,7 +47,7 @@ _EXPECTED = (
     "KITTI should lie there, with training/velodyne, sequences/00/velodyne or "
     "<date>/<drive>/velodyne_points/data in it; registration at cvlibs.net/datasets/kitti"
 )
-_POINT_BYTES = 16
+_COLUMNS = 4
 _RINGS = 64
 _STEP_DEG = 0.09
 """Of the sensor's rotary encoder; firings are two steps apart, sometimes one."""
@@ -72,6 +76,8 @@ class Kitti(FolderSet):
     """Step between the frames that are used, as neighbouring frames are nearly alike."""
     returns: bool = False
     """Whether frames are the sensor's returns, recovered from its points (clouds in metres)."""
+    keep_missing: bool = False
+    """Whether points that stand for missing returns, at the origin, are kept."""
 
     @property
     def of_returns(self) -> bool:
@@ -79,24 +85,24 @@ class Kitti(FolderSet):
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the frame; `about` has the number of points that were not finite and dropped."""
+        """Read the frame; `about` has the numbers of points that were left out."""
         path = self._file(name)
         data = read_bytes(path)
-        if len(data) % _POINT_BYTES:
-            raise InputError(f"{path}: truncated: {len(data)} bytes are not whole points of 16")
-        xyz = np.frombuffer(data, dtype="<f4").reshape(-1, 4)[:, :3].astype(np.float64)
-        finite = np.isfinite(xyz).all(axis=1)
-        check_points(xyz[finite], str(path))
-        part = _part_of(name)
-        dropped = int(np.count_nonzero(~finite))
-        about = self._about(f"KITTI {part}/{path.name}", dropped_points=dropped)
+        check_columns(path, data, _COLUMNS)
+        every = rows_of(data, _COLUMNS, path)[:, :3].astype(np.float64)
+        cloud = without_invalid(PointCloud(every, about={"dropped_points": 0}), path)
+        if not (self.keep_missing or self.returns):
+            cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
+        xyz, part = cloud.xyz, _part_of(name)
+        check_points(xyz, str(path))
+        about = self._about(f"KITTI {part}/{path.name}", **cloud.about)
         if self.returns:
             with naming(path):
-                found = _recovered(xyz[finite])
+                found = _recovered(xyz)
             about |= {"sensor": found.returns.sensor, **found.about()}
             return Scene(name, part, returns=found.returns, about=about)
-        cloud = PointCloud(xyz[finite], about=about)
-        return Scene(name, part, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
+        scene = replace(cloud, about=about)
+        return Scene(name, part, cloud=scene, origin=(0.0, 0.0, 0.0), about=about)
 
     def counts(self) -> list[Count]:
         """Frames of each part whose number is published."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from puckbench.core.content import plain_suffix
 from puckbench.datasets.captured_rooms import is_capture, read_capture
 from puckbench.datasets.files import FileSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.mesh import Mesh
-from puckbench.io.meshes import SUFFIXES, read_mesh_report
+from puckbench.geometry.mesh import scaled_mesh
+from puckbench.io.meshes import SUFFIXES, read_mesh_report, remark_skipped
 from puckbench.io.ply import has_faces
 
 
@@ -31,12 +32,13 @@ class MeshFiles(FileSet):
         if path.suffix.lower() == ".json":
             return read_capture(path, name)
         mesh, report = read_mesh_report(path, self.up)
-        scaled = Mesh(mesh.vertices * self.metres_per_unit, mesh.triangles, mesh.labels)
+        remark_skipped(path, report["skipped"])
         about = {**self._about(path), **report}
+        scaled = scaled_mesh(mesh, self._unit(path))
         return Scene(name, self._group(path), mesh=scaled, about=about)
 
     def _takes(self, path: Path) -> bool:
-        suffix = path.suffix.lower()
+        suffix = plain_suffix(path)
         if suffix == ".ply":
             return has_faces(path)
         return suffix != ".json" or is_capture(path)

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import PositiveFloat
-
+from puckbench.core.errors import naming
 from puckbench.datasets.base import MeshFolderSet, Provenance
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
-from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
-from puckbench.io.meshes import SUFFIXES, read_mesh_report
+from puckbench.datasets.units import Units, check_units, unit_of
+from puckbench.geometry.mesh import Mesh, scaled_mesh
+from puckbench.io.descriptions import sidecar
+from puckbench.io.meshes import SUFFIXES, read_mesh_report, remark_skipped
 
 
 @LOADERS.register("mesh_folder")
@@ -26,8 +26,8 @@ class MeshFolder(MeshFolderSet):
     """Whether to look into sub-folders."""
     up: Literal["y", "z"] = "z"
     """The axis that points up, where the file format does not say."""
-    metres_per_unit: PositiveFloat = 1.0
-    """Length of the files' unit."""
+    metres_per_unit: Units = 1.0
+    """Length of the files' unit: a number, or a table of files and numbers (1 for the others)."""
     licence: str = ""
     """Licence noted with every scene."""
     credit: str = ""
@@ -44,12 +44,15 @@ class MeshFolder(MeshFolderSet):
         paths = sorted(path for path in every if _is_mesh(path))
         if not paths:
             raise self._missing("mesh files")
+        with naming("metres_per_unit"):
+            check_units(self.metres_per_unit, paths)
         inside = ["-".join(path.relative_to(folder).with_suffix("").parts) for path in paths]
         return dict(sorted(zip(unique_names(inside), paths, strict=True)))
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
         mesh, report = read_mesh_report(path, self.up)
-        scaled = Mesh(mesh.vertices * self.metres_per_unit, mesh.triangles, mesh.labels)
+        remark_skipped(path, report["skipped"])
+        scaled = scaled_mesh(mesh, unit_of(path, self.metres_per_unit))
         return scaled, {"licence": self.licence, "credit": self.credit, **report}
 
     def _group(self, path: Path) -> str:

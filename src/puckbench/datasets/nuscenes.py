@@ -23,6 +23,9 @@ from puckbench.datasets.base import FolderSet, Provenance
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.missing_returns import missing_firings
+from puckbench.io.clouds import without_invalid, without_missing
+from puckbench.io.frames import check_columns, rows_of
 
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import Recovered
@@ -33,8 +36,6 @@ _EXPECTED = (
 )
 _SUFFIX = ".pcd.bin"
 _NUMBERS, _RINGS = 5, 32
-_NEAR_M = 0.2
-"""Firings without a return are no points; they stand at the sensor."""
 
 
 @LOADERS.register("nuscenes")
@@ -60,6 +61,8 @@ class NuScenes(FolderSet):
     """Step between the sweeps that are used, as neighbouring ones are nearly alike."""
     returns: bool = False
     """Whether sweeps are the sensor's returns, recovered from its points (clouds in metres)."""
+    keep_missing: bool = False
+    """Whether points that stand for firings without a return, near the sensor, are kept."""
 
     @property
     def of_returns(self) -> bool:
@@ -67,12 +70,11 @@ class NuScenes(FolderSet):
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the sweep; `about` has the number of points that were not finite and dropped."""
+        """Read the sweep; `about` has the numbers of points that were left out."""
         path = self._file(name)
         data = read_bytes(path)
-        if len(data) % (4 * _NUMBERS):
-            raise InputError(f"{path}: truncated: {len(data)} bytes are not whole points of 20")
-        table = np.frombuffer(data, dtype="<f4").reshape(-1, _NUMBERS).astype(np.float64)
+        check_columns(path, data, _NUMBERS)
+        table = rows_of(data, _NUMBERS, path).astype(np.float64)
         log = name.removeprefix(f"{self.part}_").rpartition("_")[0]
         about = self._about(f"nuScenes {self.part}/{path.name}")
         if self.returns:
@@ -80,12 +82,13 @@ class NuScenes(FolderSet):
                 found = _recovered(table)
             about |= {"sensor": found.returns.sensor, **found.about()}
             return Scene(name, log, returns=found.returns, about=about)
-        finite = np.isfinite(table[:, :3]).all(axis=1)
-        xyz = table[finite, :3]
-        xyz = xyz[np.linalg.norm(xyz, axis=1) > _NEAR_M]
-        check_points(xyz, str(path))
-        about["dropped_points"] = int(np.count_nonzero(~finite))
-        cloud = PointCloud(xyz, about=about)
+        cloud = PointCloud(table[:, :3], about={**about, "dropped_points": 0})
+        if not self.keep_missing:
+            missing = missing_firings(cloud.xyz, table[:, 4])
+            cloud = without_missing(cloud, missing, path)
+        cloud = without_invalid(cloud, path)
+        check_points(cloud.xyz, str(path))
+        about = cloud.about
         return Scene(name, log, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:

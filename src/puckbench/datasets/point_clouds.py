@@ -6,14 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
-from puckbench.core.errors import InputError
+from puckbench.core.content import plain_suffix
 from puckbench.datasets.files import FileSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import PointCloud, check_points
-from puckbench.io.clouds import SUFFIXES, read_points
+from puckbench.geometry.cloud import check_extent
+from puckbench.io.clouds import SUFFIXES, check_cloud, counted, read_points
 from puckbench.io.ply import has_faces
 
 
@@ -32,26 +30,22 @@ class PointClouds(FileSet):
 
     drop_invalid: bool = False
     """Whether points that are not finite are left out and counted; else their cloud is not used."""
+    keep_missing: bool = False
+    """Whether missing returns (points without coordinates, or many at the origin) are kept."""
+    bin_columns: str | None = None
+    """Columns of KITTI files and others alike (.bin): 3 to 6, or ``x,y,z,intensity,ring``; by
+    default as their values tell."""
 
     def load(self, name: str) -> Scene:
         """Read the cloud, in metres; `about` has the number of points that were left out."""
         path = self._file(name)
-        cloud = read_points(path)
-        about = self._about(path)
-        if self.drop_invalid:
-            finite = cloud.finite()
-            about["dropped_points"] = len(cloud) - len(finite)
-            cloud = finite
-        _check(cloud, path)
-        if self.metres_per_unit != 1:
-            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+        cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
+        about = {**self._about(path), **counted(cloud.about)}
+        check_cloud(cloud, path)
+        if (unit := self._unit(path)) != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * unit)
+        check_extent(cloud.xyz, str(path))
         return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)
 
     def _takes(self, path: Path) -> bool:
-        return path.suffix.lower() != ".ply" or not has_faces(path)
-
-
-def _check(cloud: PointCloud, path: Path) -> None:
-    check_points(cloud.xyz, str(path))
-    if not np.ptp(cloud.xyz, axis=0).any():
-        raise InputError(f"{path}: the cloud has no extent: all its points are the same")
+        return plain_suffix(path) != ".ply" or not has_faces(path)

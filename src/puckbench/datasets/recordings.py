@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -14,7 +15,7 @@ from pydantic import Field, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, found
-from puckbench.datasets.files import scene_names
+from puckbench.datasets.files import distinct, is_file_or_lost, scene_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 
@@ -33,8 +34,8 @@ class Recordings(DataSet):
 
     Of the VLP-16, the Puck Hi-Res or the HDL-32E, with one or two returns of each beam, also
     compressed (.puck). Only whole turns are taken. Scenes are named after the file and the first
-    turn (drive_0012); a recording that cannot be used is left out and named. Damaged packets are
-    left out and counted.
+    turn (drive_0012); a recording that cannot be used is left out and named. Damaged and repeated
+    packets are left out and counted.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -51,6 +52,9 @@ class Recordings(DataSet):
     """Take each n-th of the clouds that follow one another, from the first."""
     start_s: float = Field(0.0, ge=0)
     """Seconds of each recording to leave out at its start."""
+    stream: str | None = None
+    """Of packet captures with several sensors, the one to read, as ``192.168.1.201:2368`` or
+    ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def names(self) -> list[str]:
         """Names of the clouds, `unusable` recordings first; reads the packets of all recordings."""
@@ -74,10 +78,10 @@ class Recordings(DataSet):
     def load(self, name: str) -> Scene:
         """The returns of a cloud's turns; reads its recording alone.
 
-        `about` has the counts of damaged packets and of bytes cut off, where there are any.
+        `about` has the counts of what was left out, where there is any.
         """
         path, first = self._place(name)
-        whole, left_out = _read(path, self.start_s)
+        whole, left_out = _read(path, self.start_s, self.stream)
         if first is None:
             raise InputError(f"{path}: {self._no_turns(whole)}")
         if first not in self._firsts(whole):
@@ -101,7 +105,9 @@ class Recordings(DataSet):
 
     def _no_turns(self, whole: Returns) -> str:
         wanted = "no whole turn" if self.turns == 1 else f"not {self.turns} whole turns"
-        return f"{wanted} in the recording, which has {len(whole.turns)}, the first and last cut"
+        turns = len(whole.turns)
+        cut = "which are cut" if turns < 3 else "of which the first and the last are cut"
+        return f"{wanted} among the turns of the recording, {turns}, {cut}"
 
     @cached_property
     def _recordings(self) -> Mapping[str, Path]:
@@ -110,9 +116,9 @@ class Recordings(DataSet):
             return {name: Path(text) for name, text in self.path.items()}
         given = (self.path,) if isinstance(self.path, str) else self.path
         paths = [path for text in given for path in recordings_at(text)]
-        twice = [path for path, count in Counter(map(Path.resolve, paths)).items() if count > 1]
+        twice = [path for path, count in Counter(map(os.path.realpath, paths)).items() if count > 1]
         if twice:
-            raise InputError(f"{twice[0].name}: the recording is named twice")
+            raise InputError(f"{Path(twice[0]).name}: the recording is named twice")
         return dict(zip(scene_names(paths), paths, strict=True))
 
     @cached_property
@@ -120,20 +126,14 @@ class Recordings(DataSet):
         """Recording and first turn of each cloud, and the recordings that have none."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
-        faults = []
         for name, path in self._recordings.items():
             try:
-                whole = _read(path, self.start_s)[0]
-                firsts = self._firsts(whole)
-                faults += [] if firsts else [InputError(f"{path}: {self._no_turns(whole)}")]
-            except InputError as error:
+                firsts = self._firsts(_read(path, self.start_s, self.stream)[0])
+            except InputError:
                 firsts = range(0)
-                faults.append(error)
             table |= {f"{name}_{first:04d}": (path, first) for first in firsts}
             if not firsts:
                 faulty[name] = (path, None)
-        if not table:
-            raise faults[0]
         return faulty | table
 
 
@@ -145,14 +145,14 @@ def recordings_at(text: str) -> list[Path]:
     """
     path = Path(text)
     if path.is_dir() and not is_bag_folder(path):
-        inside = list(_below(path))
+        inside = distinct(_below(path))
         if not inside:
             raise InputError(f"{text}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
         return inside
     if path.exists():
         return [path]
-    matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
-    inside = [one for one in matches if is_bag_folder(one) or _is_recording(one)]
+    matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
+    inside = distinct(one for one in matches if is_bag_folder(one) or _is_recording(one))
     if not inside:
         raise InputError(f"{text}: no such file or folder (recordings should lie there)")
     return inside
@@ -173,7 +173,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def _is_recording(path: Path) -> bool:
     known = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
-    return known and path.is_file()
+    return known and is_file_or_lost(path)
 
 
 def _is_copy(path: Path) -> bool:
@@ -183,17 +183,17 @@ def _is_copy(path: Path) -> bool:
 
 
 _State = tuple[tuple[str, int, int], ...]
-_kept: dict[tuple[Path, float, _State], tuple[Returns, dict[str, int]]] = {}
+_kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int]]] = {}
 """Recordings that were read, the last one at the end."""
 
 
-def _read(path: Path, start_s: float) -> tuple[Returns, dict[str, int]]:
+def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
     """The turns of a recording and what was left out; read once while it fits and is the same."""
     from puckbench.lidar.recordings.reading import read_turns
 
-    key = (path, start_s, _state(path))
+    key = (path, start_s, stream, _state(path))
     if key not in _kept:
-        _kept[key] = read_turns(path, start_s)
+        _kept[key] = read_turns(path, start_s, stream)
         sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, _ in _kept.values()]
         while len(_kept) > 1 and sum(sizes) > _MOST_KEPT:
             del _kept[next(iter(_kept))]

@@ -62,7 +62,7 @@ class Voxelised8i(FolderSet):
         """Read the frame, in metres; `about` has the grid and how many voxels stood twice."""
         path = self._file(name)
         bits = _bits(name)
-        voxels, doubles = _distinct(_on_grid(read_cloud(path), bits, path))
+        voxels, doubles = _distinct(_on_grid(read_cloud(path, keep_missing=True), bits, path))
         step = self._metres_per_voxel(path, bits)
         about = self._about(
             f"8i {path.name}",

@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures.binning import medians_against
-from puckbench.figures.panels import add_rows_legend, figure_width, label_outer, set_title
+from puckbench.figures.panels import (
+    add_rows_legend,
+    figure_width,
+    label_outer,
+    lossless_handle,
+    set_title,
+)
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.lossless import MOST_DB, lossless_rows, with_lossless_best
+from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +48,8 @@ def draw_comparison(
     reference
         Reference results on the same clouds.
     qualities
-        Columns that are drawn upwards; PSNRs linearly, others logarithmically.
+        Columns that are drawn upwards; PSNRs linearly, others logarithmically. A lossless rate
+        stands hollow at the edge: above all PSNRs, below all errors.
     study
         Name of the reference results, for the legend.
     style
@@ -48,6 +57,8 @@ def draw_comparison(
     """
     from matplotlib.figure import Figure
 
+    peak = peak_phrase(metrics)
+    metrics, reference = (with_lossless_best(without_mixed_peaks(t)) for t in (metrics, reference))
     datasets = style.ordered_datasets(metrics["dataset"])
     shape = (len(datasets), len(qualities))
     figure = Figure(figsize=(figure_width(shape[1], style), shape[0] * _PANEL_IN + 0.6))
@@ -65,13 +76,20 @@ def draw_comparison(
         set_title(axes, style.title(dataset), shape[1], style)
     label_outer(panels, shape[1], "Bits per point", "")
     for number, axes in enumerate(panels):
-        axes.set_ylabel(_LABELS.get(qualities[number % shape[1]], qualities[number % shape[1]]))
+        axes.set_ylabel(_label(qualities[number % shape[1]], peak))
     handles = [_handle(look, look.title, 4, style) for look in own.values()]
     handles += [_handle(look, f"{look.title}, {study}", 2, style) for look in others.values()]
+    handles += [lossless_handle()] if lossless_rows(metrics).any() else []
     longest = max(len(str(handle.get_label())) for handle in handles)
     abreast = figure.get_size_inches()[0] / (longest * 0.58 * style.font_size / 72 + 0.5)
     add_rows_legend(figure, handles, int(abreast))
     return figure
+
+
+def _label(quality: str, peak: str) -> str:
+    """Name of a vertical axis; a PSNR's has its peak."""
+    name = _LABELS.get(quality, quality)
+    return f"{name}\n{peak}" if quality in WITH_PEAK and peak else name
 
 
 def _greyed(codecs: Sequence[str], style: FigureStyle) -> dict[str, PlotStyle]:
@@ -100,10 +118,15 @@ def _draw(
     if rows.empty:
         return
     bpp, values = medians_against(rows, "bpp", quality)
-    shown = np.isfinite(values)
-    if not quality.endswith("_psnr"):
-        shown &= values > 0
-    axes.plot(bpp[shown], values[shown], zorder=above, **_line(look, above, style))
+    is_psnr = quality.endswith("_psnr")
+    is_exact = values > MOST_DB if is_psnr else values == 0
+    shown = np.isfinite(values) & ~is_exact
+    line = _line(look, above, style)
+    axes.plot(bpp[shown], values[shown], zorder=above, **line)
+    if is_exact.any():
+        edge = np.full(np.count_nonzero(is_exact), 1.0 if is_psnr else 0.0)
+        hollow = {**line, "linestyle": "", "markerfacecolor": "white", "clip_on": False}
+        axes.plot(bpp[is_exact], edge, zorder=above, transform=axes.get_xaxis_transform(), **hollow)
 
 
 def _line(look: PlotStyle, above: int, style: FigureStyle) -> dict[str, Any]:

@@ -145,6 +145,19 @@ def scan_handle() -> Line2D:
     return Line2D([], [], label="the scan itself", **SCAN_LINE)
 
 
+def lossless_handle() -> Line2D:
+    """What the legend shows for rates that lose nothing."""
+    from matplotlib.lines import Line2D
+
+    hollow: dict[str, Any] = {
+        "color": "#444444",
+        "linestyle": "",
+        "marker": "o",
+        "markerfacecolor": "white",
+    }
+    return Line2D([], [], label="lossless", **hollow)
+
+
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
     """Draw one codec's values side by side, one place for each rate.
 
@@ -186,7 +199,7 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make one axis logarithmic, with a tick and a grid line per decade.
+    """Make one axis logarithmic, with a tick and a grid line per decade; more where one is too few.
 
     Parameters
     ----------
@@ -199,12 +212,15 @@ def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = Tr
     minor
         Whether there are lines inside the decades too, which small panels are better without.
     """
-    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
     line = axes.xaxis if axis == "x" else axes.yaxis
     getattr(axes, f"set_{axis}scale")("log")
     getattr(axes, f"set_{axis}lim")(*limits)
     line.set_major_locator(LogLocator(numticks=12))
+    if math.floor(math.log10(limits[1])) <= math.ceil(math.log10(limits[0])):
+        line.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+        line.set_major_formatter(StrMethodFormatter("{x:g}"))
     inside = LogLocator(subs=list(range(2, 10)), numticks=12) if minor else NullLocator()
     line.set_minor_locator(inside)
     line.set_minor_formatter(NullFormatter())

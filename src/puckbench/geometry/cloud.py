@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model, parsed
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -17,6 +19,31 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Frame = Literal["scaled", "metric"]
 """Of a cloud's coordinates: scaled to a cube of whole-numbered grid positions, or metres."""
+_MOST_SIZE = 2**53
+"""Whole numbers below it are exact as floating-point numbers."""
+
+
+class _Grid(Model, extra="ignore"):
+    """The grid of voxels that a cloud came on."""
+
+    metres: PositiveFloat
+    origin: tuple[float, float, float]
+    size: Annotated[int, Field(ge=2, lt=_MOST_SIZE)]
+
+
+class _Described(Model, extra="ignore"):
+    """What some entries of a cloud's description must be, where it has them."""
+
+    name: str = ""
+    group: str = ""
+    size: Annotated[int, Field(ge=0, lt=_MOST_SIZE)] | None = None
+    scale: PositiveFloat = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    peak: PositiveFloat | None = None
+    diameter: NonNegativeFloat = 0.0
+    turns: NonNegativeInt = 0
+    seconds: NonNegativeFloat | None = None
+    grid: _Grid | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +67,11 @@ class PointCloud:
         The returns of a spinning sensor whose points these are, row by row, or None.
     fields
         Further values of every point by name, (n,) each: intensity, time, classification.
+
+    Raises
+    ------
+    InputError
+        An entry of the description that puckbench reads, such as ``scale``, is not what it must be.
     """
 
     xyz: Floats
@@ -49,6 +81,11 @@ class PointCloud:
     about: dict[str, Any] = field(default_factory=dict)
     returns: Returns | None = None
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        read = _Described.model_fields.keys() & self.about.keys()
+        if read:
+            parsed(_Described, {name: self.about[name] for name in read}, "the cloud's description")
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -98,6 +135,30 @@ def bounds(points: Floats) -> Floats:
     """Least and greatest coordinates (2, 3); ten times faster than NumPy's along an axis."""
     columns = [points[:, axis] for axis in range(3)]
     return np.array([[column.min() for column in columns], [column.max() for column in columns]])
+
+
+_LEAST_EXTENT, _FARTHEST = 1e-30, 1e30
+"""Bounds within which squares of lengths, and squares of these, are numbers."""
+
+
+def check_extent(points: Floats, what: str) -> None:
+    """Refuse points (n, 3) that are all the same, or lie where numbers no longer tell them apart.
+
+    Raises
+    ------
+    InputError
+        Begins with `what`, the name of their source.
+    """
+    low, high = bounds(points)
+    extent = float((high / 2 - low / 2).max()) * 2
+    if extent == 0:
+        raise InputError(f"{what}: the cloud has no extent: all its points are the same")
+    farthest = float(max(np.abs(low).max(), np.abs(high).max()))
+    if extent < _LEAST_EXTENT or farthest > _FARTHEST:
+        raise InputError(
+            f"{what}: coordinates up to {farthest:.3g} and an extent of {extent:.3g} are no "
+            "lengths; name the unit (--metres-per-unit)"
+        )
 
 
 def check_points(points: Floats, what: str) -> None:

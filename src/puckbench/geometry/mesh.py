@@ -141,6 +141,16 @@ def surface_in_metres(surface: Mesh, scale: float, offset: Floats) -> Mesh:
     return replace(surface, vertices=vertices, labels=replace(surface.labels, primitives=placed))
 
 
+def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
+    """Bring a mesh, with the primitives of its labels, from another unit to metres."""
+    labels = mesh.labels
+    if labels is not None and metres_per_unit != 1:
+        scale, origin = 1 / metres_per_unit, np.zeros(3)
+        placed = tuple(in_metres(primitive, scale, origin) for primitive in labels.primitives)
+        labels = replace(labels, primitives=placed)
+    return Mesh(mesh.vertices * metres_per_unit, mesh.triangles, labels)
+
+
 def check_mesh(mesh: Mesh, what: str) -> None:
     """Refuse a mesh without area, with vertices that are not finite, or with invalid indices.
 

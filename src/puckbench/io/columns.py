@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import written_whole
+from puckbench.core.files import json_of, written_whole
 from puckbench.geometry.cloud import Floats
+from puckbench.io.parquet_rows import check_rows
 
 Columns = dict[str, tuple[str, str, str]]
 """Name: (type, unit, meaning), in the order in which they stand in a file."""
@@ -110,6 +111,7 @@ def read_table(path: Path, kind: type[T]) -> T:
     from pyarrow import parquet
 
     declared = kind.declared
+    check_rows(path)
     try:
         rows = parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
@@ -118,7 +120,10 @@ def read_table(path: Path, kind: type[T]) -> T:
     missing = [name for name in declared.columns if name not in rows.column_names]
     if missing:
         raise InputError(f"{path}: not a {declared.name}, it lacks {', '.join(missing)}")
-    about = json.loads((rows.schema.metadata or {}).get(declared.key.encode(), b"{}"))
+    text = (rows.schema.metadata or {}).get(declared.key.encode(), b"{}")
+    about = json_of(text, f"{path}: its metadata")
+    if not isinstance(about, dict):
+        raise InputError(f"{path}: its metadata: not a JSON object")
     columns = {
         name: rows.column(name).to_numpy().astype(form, copy=False)
         for name, (form, _, _) in declared.columns.items()

@@ -1,4 +1,4 @@
-"""Comma-separated values as columns of numbers, read and written by Arrow."""
+"""Comma-separated values as columns of numbers."""
 
 from __future__ import annotations
 
@@ -9,27 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, written_whole
+from puckbench.core.files import written_whole
+from puckbench.io.cloud_text import read_text
+from puckbench.io.point_columns import Columns
 
 
-def read_csv(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns of numbers of a file whose first line has their names; in lower case."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    read_bytes(path)
-    try:
-        table = csv.read_csv(path)
-    except (pa.ArrowException, OSError) as error:
-        fault = " ".join(str(error).split())
-        raise InputError(f"{path}: not a readable CSV file ({fault})") from error
-    columns = {str(name).strip().lower(): table.column(name) for name in table.column_names}
-    return {
-        name: column.to_numpy()
-        for name, column in columns.items()
-        if pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
-    }
+def read_csv(path: Path) -> Columns:
+    """Read the columns of numbers of a text (see `read_text`); their names in lower case."""
+    return {name.lower(): values for name, values in read_text(path).items()}
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:

@@ -6,6 +6,7 @@ GPS time.
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections.abc import Mapping
 from datetime import date
@@ -18,13 +19,19 @@ from numpy.typing import NDArray
 
 from puckbench import __version__
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, write_bytes
+from puckbench.core.files import write_bytes
+from puckbench.io.isolated import Parsed, isolated
+from puckbench.io.las_header import check_header
+from puckbench.io.las_units import METRE, named, units_of
 
+_LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
 # The same points give the same bytes on any day.
 _DATE = date(2000, 1, 1)
-# LAZ packs no scan of a LiDAR to less than this share; a header that claims more is damaged.
-_MOST_COMPRESSION = 1000
+_AXES = ("x", "y", "z")
+_DAMAGE = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
+"""What laspy raises for damaged records besides its own errors."""
+_LONGEST_FAULT = 120
 _NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
@@ -45,56 +52,89 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the points of a LAS or LAZ file as the columns that `write_las` takes.
+    """Read the points of a LAS or LAZ file as the columns that `write_las` takes, in metres.
 
     Raises
     ------
     InputError
-        The file is missing or damaged.
+        The file is missing or damaged, or its coordinates are degrees.
     """
-    points = _read_points(path)
-    dimensions = set(points.point_format.dimension_names)
-    known = {name for name in _NAMES if name in dimensions}
-    return {**_coordinates(points), **{_NAMES[name]: np.asarray(points[name]) for name in known}}
+    columns = isolated(parse_las, path, "LAS file").columns
+    kept = {**{axis: axis for axis in _AXES}, **_NAMES}
+    return {kept[name]: part for name, part in columns.items() if name in kept}
 
 
-def read_las_points(path: Path) -> dict[str, NDArray[Any]]:
+def read_las_points(path: Path, metres_per_unit: float | None = None) -> dict[str, NDArray[Any]]:
     """Read the points of a LAS or LAZ file with all of their dimensions that are not 0 throughout.
 
+    Parameters
+    ----------
+    path
+        The file.
+    metres_per_unit
+        Length of the file's unit; None for that of its coordinate reference system, or else metres.
+
+    Returns
+    -------
+    dict
+        Coordinates in metres under `x`, `y` and `z`, and the other dimensions by their names.
+
     Raises
     ------
     InputError
-        The file is missing or damaged.
+        The file is missing or damaged, or its coordinates are degrees.
     """
-    points = _read_points(path)
-    others = {
-        name: np.asarray(points[name])
-        for name in points.point_format.dimension_names
-        if name not in {"X", "Y", "Z"}
-    }
-    return {**_coordinates(points), **{name: part for name, part in others.items() if part.any()}}
+    options = {"metres_per_unit": metres_per_unit}
+    columns = isolated(parse_las, path, "LAS file", options).columns
+    return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
-def _coordinates(points: Any) -> dict[str, NDArray[np.float64]]:
-    return {axis: np.asarray(points[axis], dtype=np.float64) for axis in "xyz"}
-
-
-def _read_points(path: Path) -> Any:
+def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
+    """As `read_las_points`, in this process and with all dimensions."""
     import laspy
     from lazrs import LazrsError
 
-    data = read_bytes(path)
+    check_header(path)
     try:
-        with laspy.open(BytesIO(data)) as reader:
-            header = reader.header
-            if header.point_count * header.point_format.size > _MOST_COMPRESSION * len(data):
-                raise InputError(f"{path}: not a readable LAS file (it is cut short)")
-            points = reader.read()
-            _coordinates(points)
-    except (laspy.LaspyException, LazrsError, struct.error, ValueError, OverflowError) as error:
-        fault = " ".join(str(error).split())
-        raise InputError(f"{path}: not a readable LAS file ({fault})") from error
-    return points
+        with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
+            lengths = _lengths(reader.header, path, metres_per_unit)
+            points = reader.read_points(-1)
+        names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
+        columns = {name: np.asarray(points[name]) for name in names}
+        return Parsed({**_coordinates(points, lengths), **columns})
+    except (laspy.LaspyException, LazrsError, struct.error, OSError, *_DAMAGE) as error:
+        fault = " ".join(str(error).split())[:_LONGEST_FAULT]
+        raise InputError(f"{path}: not a readable LAS file (damaged or cut: {fault})") from error
+
+
+def _lengths(
+    header: Any, path: Path, metres_per_unit: float | None
+) -> tuple[float, float, float] | None:
+    """Lengths in metres of the units of x, y and z; None for metres."""
+    from pyproj.exceptions import CRSError
+
+    if metres_per_unit is not None:
+        return (metres_per_unit,) * 3
+    try:
+        units = units_of(header)
+    except CRSError:
+        _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
+        return None
+    if units.is_degrees:
+        raise InputError(f"{path}: its coordinates are degrees: project it first (pdal, las2las)")
+    across, up = units.horizontal or METRE, units.vertical or METRE
+    if across == up == METRE:
+        return None
+    what = named(across) if across == up else f"{named(across)} and its heights in {named(up)}"
+    _LOG.warning("%s: its coordinates are in %s: converted to metres", path, what)
+    return across, across, up
+
+
+def _coordinates(points: Any, lengths: tuple[float, ...] | None) -> dict[str, NDArray[np.float64]]:
+    axes = {axis: np.asarray(points[axis], dtype=np.float64) for axis in _AXES}
+    if lengths is None:
+        return axes
+    return {axis: axes[axis] * length for axis, length in zip(_AXES, lengths, strict=True)}
 
 
 def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:

@@ -6,6 +6,7 @@ of memory on a header that claims a hundred million values in a field.
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from io import StringIO
@@ -15,11 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, write_bytes
+from puckbench.core.content import read_content
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import write_bytes
 
 # In one field of a PCD file (the largest of PCL's descriptors has 1,980).
 _MOST_VALUES = 4096
+_LONGEST_HEADER = 1 << 16
+_log = logging.getLogger(__name__)
 # LZF packs at most 264 bytes into three.
 _MOST_COMPRESSION = 100
 _HEADER = """# .PCD v0.7 - Point Cloud Data file format
@@ -47,27 +51,39 @@ def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
     """Read the fields of a PCD file, (n,) or (n, values) each, by name."""
-    try:
-        return parse_pcd(read_bytes(path))
-    except InputError as error:
-        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
+    with naming(path):
+        return parse_pcd(read_content(path), str(path))
 
 
-def parse_pcd(data: bytes) -> dict[str, NDArray[Any]]:
-    """Like `read_pcd`, of bytes."""
-    head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data)
+def is_organised(path: Path) -> bool:
+    """Whether a PCD file is an image of its sensor, of several rows of pixels."""
+    height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _LONGEST_HEADER))
+    return height is not None and int(height[1]) > 1
+
+
+def parse_pcd(data: bytes, what: str = "PCD file") -> dict[str, NDArray[Any]]:
+    """Like `read_pcd`, of bytes; what: their name, for remarks."""
+    head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_LONGEST_HEADER])
     if head is None:
         raise InputError("not a PCD file")
     lines = [line.split() for line in head.group().decode("ascii", "replace").splitlines()]
     header = {line[0]: line[1:] for line in lines if line}
     try:
-        kind = np.dtype(list(_fields(header)))
-        points = int(header["POINTS"][0])
-    except (KeyError, IndexError, ValueError, TypeError) as error:
-        raise InputError("the header of the PCD file is damaged") from error
+        fields = list(_fields(header))
+        image = int(header["WIDTH"][0]) * int(header["HEIGHT"][0]) if "HEIGHT" in header else None
+        points = int(header["POINTS"][0]) if "POINTS" in header else image or 0
+        kind = np.dtype(fields)
+    except (KeyError, IndexError, ValueError, TypeError, OverflowError) as error:
+        raise InputError(f"the header of the PCD file is damaged ({error})") from error
+    if kind.itemsize == 0:
+        raise InputError("the PCD file has no fields")
     rows = _rows(data[head.end() :], head.group(1).decode(), kind, points)
     if not 0 < points <= len(rows):
         raise InputError(f"the PCD file tells {points} points and has {len(rows)}")
+    counts = {"WIDTH x HEIGHT": image or points, "the data": len(rows)}
+    others = [f"{count} in {place}" for place, count in counts.items() if count != points]
+    if others:
+        _log.warning("%s: POINTS says %d (%s): so many are read", what, points, ", ".join(others))
     return {name: rows[name][:points] for name in kind.names or ()}
 
 
@@ -83,8 +99,10 @@ def _fields(header: dict[str, list[str]]) -> Iterator[Any]:
     for place, (name, size, letter, count) in enumerate(
         zip(fields, sizes, types, counts, strict=True)
     ):
-        if not 1 <= int(count) <= _MOST_VALUES:
+        if not 0 <= int(count) <= _MOST_VALUES:
             raise ValueError(f"{count} values in a field")
+        if int(count) == 0:
+            continue
         shape = () if int(count) == 1 else (int(count),)
         # PCL calls every gap "_".
         yield f"_{place}" if name == "_" else name, f"<{letters[letter]}{int(size)}", shape

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,14 @@ from puckbench.geometry.cloud import Floats, PointCloud
 
 Columns = dict[str, NDArray[Any]]
 
-_XYZ = (("x", "y", "z"), ("cartesianx", "cartesiany", "cartesianz"))
+_XYZ = (
+    ("x", "y", "z"),
+    ("cartesianx", "cartesiany", "cartesianz"),
+    *(("easting", "northing", up) for up in ("height", "elevation", "altitude", "z")),
+    *(tuple(f"{name}{axis}" for axis in range(3)) for name in ("points:", "points_")),
+    *(tuple(f"points_m_xyz{mark}{axis}" for axis in range(3)) for mark in ":_"),
+)
+"""Of PLY, E57, surveyors, ParaView and VeloView."""
 _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _COLOURS = (
     ("red", "green", "blue"),
@@ -24,6 +31,7 @@ _COLOURS = (
 )
 _PACKED = ("rgb", "rgba")
 _OWN = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
+_MOST_STEP = 1e-5
 _HIGHEST = 255
 _WHOLE_DOUBLES = 2**53
 
@@ -35,7 +43,7 @@ def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     else there is becomes a field: whole numbers and floating-point numbers as they are, colours of
     more than 8 bits beside the colours made of them.
     """
-    left = {name: np.asarray(values) for name, values in columns.items()}
+    left = {name: _native(np.asarray(values)) for name, values in columns.items()}
     xyz = _taken(left, _XYZ)
     if xyz is None:
         named = ", ".join(columns) or "none"
@@ -53,8 +61,10 @@ def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     labels = _labels(left)
     if labels is None and "label" in fields:
         fields["label_"] = fields.pop("label")
+    with np.errstate(invalid="ignore"):  # of NaNs that signal
+        xyz = np.ascontiguousarray(xyz, dtype=np.float64)
     return PointCloud(
-        np.ascontiguousarray(xyz, dtype=np.float64),
+        xyz,
         None if normals is None else np.ascontiguousarray(normals, dtype=np.float64),
         shown,
         labels,
@@ -119,13 +129,50 @@ def _whole_numbers(name: str, values: NDArray[Any]) -> Columns:
     }
 
 
-def _taken(columns: Columns, known: tuple[tuple[str, str, str], ...]) -> NDArray[Any] | None:
+def _native(values: NDArray[Any]) -> NDArray[Any]:
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _plain(name: str) -> str:
+    """A column's name in lower case, without marks of a comment and the unit metre."""
+    return re.sub(r"\s*[\[(]m[\])]$", "", name.lower().strip().lstrip("/#").strip())
+
+
+def names_coordinates(names: Iterable[str]) -> bool:
+    """Whether some names of columns are those of coordinates."""
+    return bool(_first_known(names, _XYZ))
+
+
+def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
+    """Step of coordinates in single precision that lie far from 0; None where it does no harm.
+
+    It does where it is more than a hundred-thousandth of the extent, as in surveyed coordinates.
+    """
+    parts = [columns[name] for name in _first_known(columns, _XYZ)]
+    if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
+        return None
+    with np.errstate(invalid="ignore"):
+        extent = max(float(np.nanmax(part) - np.nanmin(part)) for part in parts)
+        step = max(float(np.spacing(np.nanmax(np.abs(part)))) for part in parts)
+    return step if np.isfinite(extent) and step > _MOST_STEP * extent > 0 else None
+
+
+def _first_known(names: Iterable[str], known: Iterable[tuple[str, ...]]) -> list[str]:
+    """The first known triple among names of columns, as they are written; else none."""
+    places = {_plain(name): name for name in names}
+    for axes in known:
+        if all(axis in places for axis in axes):
+            return [places[axis] for axis in axes]
+    return []
+
+
+def _taken(columns: Columns, known: Iterable[tuple[str, ...]]) -> NDArray[Any] | None:
     """The first known triple of columns, side by side (n, 3), removed from the others."""
-    places = {name.lower().strip().lstrip("/#"): name for name in columns}
-    for names in known:
-        if all(name in places for name in names):
-            return np.column_stack([columns.pop(places[name]) for name in names])
-    return None
+    names = _first_known(columns, known)
+    for name in names:
+        if sum(_plain(other) == _plain(name) for other in columns) > 1:
+            raise InputError(f"two columns are named {_plain(name)}")
+    return np.column_stack([columns.pop(name) for name in names]) if names else None
 
 
 def _unpacked(columns: Columns) -> NDArray[np.uint8] | None:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable, written_whole
+from puckbench.io.parquet_rows import check_rows
 
 _NAMES = ("dataset", "cloud", "group", "codec", "rate")
 """Columns that are read as text even where they look like numbers."""
@@ -17,13 +18,15 @@ def read_table(path: Path) -> pd.DataFrame:
     """A table of CSV or Parquet; InputError when it cannot be read or has no rows."""
     try:
         if path.suffix == ".parquet":
+            check_rows(path)
             table = pd.read_parquet(path)
         else:
             table = pd.read_csv(path, dtype=dict.fromkeys(_NAMES, "str"))
     except OSError as error:
         raise unreadable(path, error) from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a readable table ({str(error).splitlines()[0]})") from error
+    except (ValueError, LookupError, TypeError, AttributeError) as error:  # of wrong metadata too
+        fault = next(iter(str(error).splitlines()), type(error).__name__)
+        raise InputError(f"{path}: not a readable table ({fault})") from error
     if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table

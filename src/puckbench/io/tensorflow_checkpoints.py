@@ -37,7 +37,7 @@ def variables_of(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
     """
     try:
         return dict(_variables(index, data))
-    except (IndexError, KeyError, ValueError, struct.error) as error:
+    except (IndexError, KeyError, TypeError, ValueError, struct.error) as error:
         raise InputError("not a TensorFlow checkpoint") from error
 
 

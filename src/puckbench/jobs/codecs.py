@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
+from puckbench.codecs.registry import CODECS, codec_of, open_codec
 from puckbench.core.errors import InputError, naming
+from puckbench.core.registry import is_place
 from puckbench.jobs.curve import Coded, read_coded
 from puckbench.jobs.registry import Job
 
@@ -24,6 +25,10 @@ class CodecJob(Job):
     codec: str | None = None
     changes: dict[str, Any] = Field({})
     _loaded: dict[str, Codec] = PrivateAttr(default_factory=dict)
+
+    def plugins(self) -> Iterable[str | None]:
+        """The codec, its class and that of its training."""
+        yield from codec_plugins(self.codec, self.changes)
 
     def loaded(self, name: str) -> Codec:
         """The codec, with weights and compiled loops loaded: once for all streams of the job.
@@ -40,16 +45,28 @@ class CodecJob(Job):
     def codec_of(self, coded: Coded) -> str:
         """The name of the codec that decodes a stream: the job's, else the stream's own.
 
-        The stream names the codec, or else its record does, as for a class of a user's file.
+        The stream names the codec, or else its record does.
+
+        Raises
+        ------
+        InputError
+            Neither does, or the record names a codec that is not registered.
         """
         if self.codec:
             return self.codec
         try:
             return codec_of(coded.stream)
         except InputError:
-            if recorded := coded.record.get("codec"):
-                return str(recorded)
-            raise
+            if "codec" not in coded.record:
+                raise
+            name = str(coded.record["codec"])
+        if name not in CODECS and "class" not in self.changes:
+            code = repr(name) if is_place(name) else "path/to/file.py:Class"
+            raise InputError(
+                f"codec {name!r} of its record is not registered, and data name no code to run: "
+                f"if it is yours, say --codec {code}"
+            )
+        return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
         """The name of the codec of a stream file, or of a rate of a curve, and the stream."""
@@ -82,6 +99,11 @@ def ready(codec: Codec) -> Codec:
         raise InputError(f"codec {codec.name} cannot run here: {why}")
     codec.load()
     return codec
+
+
+def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str | None]:
+    """A codec, and the classes that the changes to its entry name."""
+    return name, changes.get("class"), changes.get("training")
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:

@@ -7,7 +7,12 @@ import time
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator
+
+from puckbench.core.files import json_of
+from puckbench.core.models import Model, parsed
 
 WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
 """Of what a job returns: its codec, the points of its cloud, rates of its curve, repetitions of
@@ -40,6 +45,12 @@ def cost_line(name: str, done: Mapping[str, Any]) -> str:
     return json.dumps(cost | ({"commit": commit} if commit else {}))
 
 
+def _moment(text: str | None) -> str | None:
+    if text is not None:
+        datetime.fromisoformat(text)
+    return text
+
+
 def _age_s() -> float:
     """Seconds since this process began; of processor time where the system does not tell."""
     try:
@@ -52,15 +63,42 @@ def _age_s() -> float:
     return uptime - int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
+class _Work(Model, extra="ignore"):
+    """What the entry ``work`` of a cost must be."""
+
+    codec: str | None = None
+    points: int = 0
+    rates: int = 0
+    repeats: int = 0
+    call_s: float = 0.0
+    truth: bool = False
+
+
+class _Cost(Model, extra="ignore"):
+    """What a cost must be."""
+
+    job: str
+    processor_s: float
+    wall_s: float
+    peak_mib: int = 0
+    work: _Work = _Work()
+    ended: Annotated[str | None, AfterValidator(_moment)] = None
+    commit: str = ""
+
+
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """The cost that a log ends with; None for a log of a job that failed or has not ended."""
+    """The cost that a log ends with; None for a log of a job that failed or has not ended.
+
+    InputError for a cost that is not one of `cost_line`.
+    """
     with log.open("rb") as stream:
         stream.seek(0, 2)
         stream.seek(max(0, stream.tell() - _TAIL_BYTES))
         last = stream.read().decode(errors="replace").rstrip().rpartition("\n")[2]
     if not last.startswith(_BEGIN):
         return None
-    found: dict[str, Any] = json.loads(last)
+    found: dict[str, Any] = json_of(last.encode(), str(log))
+    parsed(_Cost, found, str(log))
     return found
 
 

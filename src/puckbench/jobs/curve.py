@@ -7,8 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
+from pydantic import NonNegativeFloat, NonNegativeInt
+
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, read_json, written_whole
+from puckbench.core.files import json_of, read_bytes, read_object, written_whole
+from puckbench.core.models import Model, parsed
 from puckbench.io.archives import SUFFIX, read_archive, write_archive
 
 STREAM, RECORD = ".bin", ".json"
@@ -44,11 +47,28 @@ def read_curve(path: Path) -> dict[str, Coded]:
 
 
 def _coded(path: Path, members: Mapping[str, bytes], rate: str) -> Coded:
-    try:
-        record = json.loads(members.get(rate + RECORD, b"{}"))
-    except ValueError as error:
-        raise InputError(f"{path}: {rate}{RECORD}: not valid JSON ({error})") from error
-    return Coded(members[rate + STREAM], record if isinstance(record, dict) else {})
+    what = f"{path}: {rate}{RECORD}"
+    record = json_of(members.get(rate + RECORD, b"{}"), what)
+    if not isinstance(record, dict):
+        raise InputError(f"{what}: not a JSON object")
+    return Coded(members[rate + STREAM], _checked(record, what))
+
+
+class _Record(Model, extra="ignore"):
+    """What some entries of a stream's record must be, where it has them."""
+
+    codec: str = ""
+    rate: str = ""
+    codec_version: str = ""
+    bytes: NonNegativeInt = 0
+    points_in: NonNegativeInt = 0
+    bpp: NonNegativeFloat = 0.0
+    encode_s: NonNegativeFloat = 0.0
+
+
+def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
+    parsed(_Record, record, what)
+    return record
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
@@ -61,7 +81,8 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
     """
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
-        return Coded(read_bytes(path), read_json(beside) if beside.exists() else {})
+        record = read_object(beside) if beside.exists() else {}
+        return Coded(read_bytes(path), _checked(record, str(beside)))
     curve = read_curve(path)
     if rate is None and len(curve) == 1:
         (rate,) = curve

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from puckbench import __version__
+from puckbench.core.content import plain_suffix
 from puckbench.core.errors import naming
 from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
@@ -26,7 +28,10 @@ from puckbench.metrics.returns import keeping_up, range_errors, range_errors_of_
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
-_KEPT = ("name", "group", "scale", "diameter", "elongation")
+_KEPT = (
+    *("name", "group", "scale", "diameter", "elongation"),
+    *("dropped_points", "missing_returns"),
+)
 """What a result row keeps of the reference's description."""
 
 
@@ -82,6 +87,10 @@ class Evaluating(Decoding):
     views: int = 0
     metrics: tuple[str, ...] = ()
 
+    def plugins(self) -> Iterable[str | None]:
+        """The codec's, and the metrics."""
+        return *super().plugins(), *self.metrics
+
     def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
         """The result row of a decoded cloud."""
         from puckbench.metrics.geometry import DistinctPoints
@@ -97,6 +106,8 @@ class Evaluating(Decoding):
             )
         ready = DistinctPoints(points.xyz)
         errors = measures(originals.reference, ready, self.peak)
+        if returns and errors["lossless"] and points.returns is None:
+            returns |= {"range_rms_mm": 0.0, "range_max_mm": 0.0}
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
             **({FRAME: reference.frame} if reference.frame == "metric" else {}),
@@ -145,7 +156,7 @@ class Evaluate(Evaluating):
 
     def _decoded(self, path: Path) -> Decoded:
         """A decoded cloud as it is, or that of a stream with what it cost."""
-        if path.suffix.lower() in SUFFIXES and path.suffix != ".bin":
+        if plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin":
             return Decoded(read_cloud(path), {})
         with naming(path):
             return self.decoded(read_coded(path, self.rate))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,10 @@ class Figure(Job):
 
     figure: str
     style: tuple[dict[str, Any], ...] = ()
+
+    def plugins(self) -> Iterable[str | None]:
+        """The figure."""
+        return (self.figure,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
         """Draw and write the figure (PDF, PNG); inputs: the file of each by its name."""

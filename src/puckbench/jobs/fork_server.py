@@ -12,6 +12,9 @@ four kinds of processes:
 * A *watcher* forks the *job* and waits for it. Where the asking process is gone or interrupted, the
   job is interrupted within a second, and killed if it lives for five more.
 
+Where the watcher or the job is killed, the asking process becomes the job, once: an ordinary
+process, whose end is the job's.
+
 Other than the job of an ordinary process, a forked one has umask, limits, niceness and affinity of
 the run, not of the process that asked.
 """
@@ -110,7 +113,8 @@ def run_forked(words: Sequence[str]) -> int | None:
     Returns
     -------
     int or None
-        The job's exit status; None where no server answers.
+        The job's exit status; None where no server answers, or the job or its watcher was killed:
+        then this process is to be the job.
     """
     if VARIABLE not in os.environ:
         return None
@@ -118,38 +122,49 @@ def run_forked(words: Sequence[str]) -> int | None:
     with socket.socket(socket.AF_UNIX) as server:
         try:
             server.connect(_address())
-            if not _is_mine(server) or not _is_begun(words, server):
+            job = _begun(words, server) if _is_mine(server) else None
+            if job is None:
                 return None
             answer = _end_of_job(server)
+            if not answer:
+                _kill(job)
+                print("puckbench: this job was killed, and runs again", file=sys.stderr)  # noqa: T201
         except KeyboardInterrupt:
             return _INTERRUPTED
         except OSError:
             return None
-    if not answer:
-        print("puckbench: the process of this job was lost", file=sys.stderr)  # noqa: T201
-        return _FAILED
-    return answer[0]
+    return answer[0] if answer else None
 
 
-def _is_begun(words: Sequence[str], server: socket.socket) -> bool:
-    """Whether the server takes a job on."""
+def _begun(words: Sequence[str], server: socket.socket) -> int | None:
+    """A descriptor of the job's process; None where the server does not take the job on."""
     threads = sorted(item for item in os.environ.items() if "THREADS" in item[0])
     key = (os.environ[VARIABLE] + _digest(threads)).encode()
     request = [[*words], os.getcwd(), dict(os.environ)]  # noqa: PTH109 (a light start)
     socket.send_fds(server, [key], [0, 1, 2])
     server.sendall(json.dumps(request).encode() + b"\n")
-    return bool(server.recv(len(_BEGUN)))
+    _, jobs, _, _ = socket.recv_fds(server, len(_BEGUN), 1)
+    return jobs[0] if jobs else None
 
 
 def _end_of_job(server: socket.socket) -> bytes:
-    """The job's exit status as a byte; none where its watcher is lost."""
-    try:
-        return server.recv(1)
-    except KeyboardInterrupt:  # a terminal interrupts the job as well; it ends first
-        server.shutdown(socket.SHUT_WR)
-        return server.recv(1)
-    except OSError:
-        return b""
+    """The job's exit status as a byte; none where it or its watcher was killed."""
+    answer = b""
+    with suppress(OSError):
+        try:
+            answer = server.recv(1)
+        except KeyboardInterrupt:  # a terminal interrupts the job as well; it ends first
+            answer = bytes([_INTERRUPTED])
+            server.shutdown(socket.SHUT_WR)
+            answer = server.recv(1) or answer
+    return answer
+
+
+def _kill(job: int) -> None:
+    """End a process by its descriptor: a job that outlives its watcher would write its files."""
+    with suppress(ProcessLookupError):
+        signal.pidfd_send_signal(job, signal.SIGKILL)
+    select.select([job], [], [])
 
 
 def serve(listener_number: int) -> None:
@@ -256,22 +271,27 @@ def _import(modules: Iterable[str]) -> None:
 def _attend(
     asking: socket.socket, request: _Request, streams: list[int], told: socket.socket
 ) -> NoReturn:
-    """Fork the process of a job, wait for it, answer with its exit status, and end."""
+    """Fork the process of a job, wait for it, answer with its exit status, and end.
+
+    There is no answer for a job that was killed.
+    """
     try:
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        asking.sendall(_BEGUN)
         job = os.fork()
         if job == 0:
             asking.close()
             _run(request, streams, told)
         _close(streams)
         watched = os.pidfd_open(job)
+        with suppress(OSError):  # where nobody asks any more, the job is interrupted below
+            socket.send_fds(asking, [_BEGUN], [watched])
         if watched not in select.select([watched, asking.fileno()], [], [])[0]:
             for wait_s, number in ((_BY_ITSELF_S, signal.SIGINT), (_GRACE_S, signal.SIGKILL)):
                 if not select.select([watched], [], [], wait_s)[0]:
                     os.kill(job, number)
         status = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
-        asking.sendall(bytes([status if status >= 0 else 128 - status]))
+        if status >= 0:
+            asking.sendall(bytes([status]))
     finally:
         os._exit(_FAILED)  # nobody waits for it
 

@@ -52,16 +52,16 @@ class CloudsTable(OfNames):
 
 @JOBS.register("left_out")
 class LeftOut(Job):
-    """Scenes that could not be used: data set -> scene -> why."""
+    """Files and scenes that could not be used, a row each, and why."""
 
-    faults: dict[str, dict[str, str]]
+    rows: tuple[dict[str, str], ...]
 
     def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
         """Write the table; results: not used."""
         from puckbench.io.tables import write_table
         from puckbench.jobs import result_tables
 
-        table = result_tables.left_out(self.faults)
+        table = result_tables.left_out(self.rows)
         write_table(table, csv, parquet)
         return {"rows": len(table)}
 

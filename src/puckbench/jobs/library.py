@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
+from puckbench.codecs import registry
 from puckbench.codecs.base import Codec
 from puckbench.codecs.measurement import measured
-from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
+from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import ready
+from puckbench.jobs.codecs import codec_plugins, ready
 from puckbench.metrics.measures import measures
 
 if TYPE_CHECKING:
@@ -20,6 +21,20 @@ if TYPE_CHECKING:
     from puckbench.metrics.geometry import Reference
 
 __all__ = ["Codec", "InputError", "PointCloud", "compare", "open_codec", "prepare", "read_cloud"]
+
+
+def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
+    """A codec of a name, of a user's own class, or of an installed package.
+
+    Parameters
+    ----------
+    name
+        Of a codec, or ``path/to/file.py:Class``, which is run: not for names from files of data.
+    changes
+        As `puckbench.codecs.registry.entry` takes them; ``class`` is run as well.
+    """
+    trust(codec_plugins(name, changes or {}))
+    return registry.open_codec(name, changes)
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:

@@ -14,6 +14,7 @@ from puckbench.geometry.scaling import GRID, Scaling, far_shift, to_cube, to_gri
 from puckbench.metrics.density import density, in_metres
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.elongation import elongation, oriented_elongation
+from puckbench.metrics.psnr import PEAK_M
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
     `puckbench.metrics.density`), the diameter of the scaled cloud and the digest of its
-    coordinates. Normals are estimated in
-    the scaled frame, as the thesis does.
+    coordinates; of a cloud in metres the peak of PSNRs too (`puckbench.metrics.psnr.PEAK_M`).
+    Normals are estimated in the scaled frame, as the thesis does.
     """
     scaling, xyz, side = _scaled(cloud, size)
     local = cloud.xyz - far_shift(cloud.xyz)  # whose moments are not lost in large coordinates
@@ -61,6 +62,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         **in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
         "digest": cloud_digest(xyz, metric=side == 0),
+        **({} if side else {"peak": cloud.about.get("peak", PEAK_M)}),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)
 

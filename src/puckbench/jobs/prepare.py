@@ -7,18 +7,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.io.clouds import read_points, write_cloud
+from puckbench.core.files import read_object
+from puckbench.core.models import Model, parsed
+from puckbench.geometry.cloud import Floats, PointCloud, bounds
+from puckbench.geometry.extent import remark_extent
+from puckbench.io.clouds import check_cloud, read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from puckbench.jobs.preparation import Returns
 
 Box = tuple[float, float, float, float, float, float]
+Corner = tuple[float, float, float]
+
+
+class _Boxed(Model):
+    """A box in a file: its least and its greatest corner."""
+
+    box: tuple[Corner, Corner]
 
 
 @JOBS.register("prepare")
@@ -27,8 +36,10 @@ class Prepare(Job):
 
     crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
     size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
-    coordinates. peak: of PSNRs of a cloud in metres, in m. drop_invalid: leave out points of a
-    cloud that are not finite; else it is refused.
+    coordinates. peak: of PSNRs of a cloud in metres, in m, by default
+    `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a cloud that are not finite;
+    else it is refused. keep_missing: keep missing returns. bin_columns: of a frame (.bin), see
+    `puckbench.io.frames.read_frame`. metres_per_unit: of a cloud.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -38,6 +49,9 @@ class Prepare(Job):
     clean: bool = False
     peak: float | None = Field(None, gt=0)
     drop_invalid: bool = False
+    keep_missing: bool = False
+    bin_columns: str | None = None
+    metres_per_unit: PositiveFloat = 1.0
 
     def run(
         self,
@@ -60,19 +74,44 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        returns = _returns(source, self.clean, self.drop_invalid)
+        peak, returns = self._peak(), self._returns(source)
+        if self.size == 0 and source.suffix != ".parquet":
+            remark_extent(source, bounds(returns.cloud.xyz))
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)
         if len(returns.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
         prepared = prepare(returns.cloud, self.size, self.neighbours)
-        peak = {} if self.peak is None else {"peak": self.peak}
         described = {**kept_descriptions(about), **prepared.about, **peak}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
             write_cloud(truth, returns.truth_in_frame_of(prepared))
         return {**described, "points": len(prepared)}
+
+    def _peak(self) -> dict[str, float]:
+        """The entry of the description for the peak that was chosen; InputError if scaled."""
+        if self.peak is None:
+            return {}
+        if self.size != 0:
+            raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
+        return {"peak": self.peak}
+
+    def _returns(self, path: Path) -> Returns:
+        if path.suffix == ".parquet":
+            if self.metres_per_unit != 1:
+                raise InputError(f"{path}: a scan is in metres: leave out --metres-per-unit")
+            return _of_scan(path, self.clean)
+        from puckbench.jobs.preparation import Returns
+
+        cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
+        check_cloud(cloud, path)
+        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
+        if cloud.frame is not None and "sensor" not in cloud.about:
+            cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
+        if self.metres_per_unit != 1:
+            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+        return Returns(cloud, clean=cloud)
 
     def _corners(self, path: Path | None) -> Floats | None:
         """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""
@@ -80,23 +119,15 @@ class Prepare(Job):
             return np.sort(np.asarray(self.box, dtype=np.float64).reshape(2, 3), axis=0)
         if path is None:
             return None
-        box = read_json(path).get("box")
+        box = read_object(path).get("box")
         if box is None:
             raise InputError(f"{path}: has no 'box' to crop to")
-        return np.asarray(box, dtype=np.float64)
+        return np.asarray(parsed(_Boxed, {"box": box}, str(path)).box, dtype=np.float64)
 
 
-def _returns(path: Path, clean: bool, drop_invalid: bool) -> Returns:
+def _of_scan(path: Path, clean: bool) -> Returns:
+    """The measured and the true points of a scan's table."""
     from puckbench.jobs.preparation import Returns
-
-    if path.suffix != ".parquet":
-        cloud = read_points(path)
-        cloud = cloud.finite() if drop_invalid else cloud
-        check_points(cloud.xyz, str(path))
-        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
-        if cloud.frame is not None and "sensor" not in cloud.about:
-            cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
-        return Returns(cloud, clean=cloud)
     from puckbench.lidar.export import read_source
     from puckbench.lidar.scan_table import ScanTable
 
@@ -114,6 +145,6 @@ def kept_descriptions(descriptions: tuple[Path, ...]) -> dict[str, Any]:
     """Name and group of the scene, from the descriptions given."""
     kept: dict[str, Any] = {}
     for path in descriptions:
-        about = read_json(path)
+        about = read_object(path)
         kept.update({key: about[key] for key in ("name", "group") if key in about})
     return kept

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
+from puckbench.core.content import plain_suffix, read_content
 from puckbench.core.errors import InputError, naming
+from puckbench.datasets.recordings import RECORDING_SUFFIXES
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
 from puckbench.io.columns import metadata_of
+from puckbench.io.recordings.frames import is_capture
+from puckbench.io.recordings.ros_bags import bag_format
 from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
-PEAK_M = 30.0
-"""Peak of PSNRs of clouds in metres: 30,000 steps of 1 mm, as in MPEG's test conditions."""
+_LONGEST_MARK = 24
+"""Bytes by which a capture or a bag is recognised."""
+_FEWEST_TURNS = 3
+"""Turns of a recording of which one is whole: the first and the last may be cut."""
 
 
 @JOBS.register("prepare_returns")
@@ -28,12 +35,16 @@ class PrepareReturns(Job):
 
     clean: take a scan's true ranges. turns: first and last turn to take, counted from 0; by default
     all of a scan, and the first whole one of a recording. error_model: the scan's, for tables.
+    peak: of PSNRs, in m, by default `puckbench.metrics.psnr.PEAK_M`. stream: of a packet capture
+    with several sensors, the one to read.
     """
 
     neighbours: int = Field(30, ge=3)
     clean: bool = False
     turns: tuple[int, int] | None = None
     error_model: str = ""
+    peak: float | None = Field(None, gt=0)
+    stream: str | None = None
 
     def run(
         self,
@@ -64,7 +75,7 @@ class PrepareReturns(Job):
             raise InputError(f"{source}: holds no return")
         named = {"error_model": self.error_model} if self.error_model else {}
         described = {**kept_descriptions(about), **described, **named, **_timing(found)}
-        described["peak"] = PEAK_M
+        described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]
@@ -78,10 +89,14 @@ class PrepareReturns(Job):
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
         """The returns of a file, the true points of a scan, and what is known of them."""
         with naming(path):
+            if self.stream is not None and not is_recording(path):
+                raise InputError(f"stream '{self.stream}': only packet captures have streams")
             if ScanTable.declared.key.encode() in metadata_of(path):
                 return self._read_scan(path)
-            returns, whole, left_out = _read_returns(path)
+            returns, whole, left_out = _read_returns(path, self.stream)
             chosen = self._chosen(returns, whole)
+        if self.turns is None and is_recording(path) and len(returns.turns) < _FEWEST_TURNS:
+            logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
         return chosen, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
@@ -109,7 +124,7 @@ class PrepareReturns(Job):
         known = {
             "source": path.name,
             "sensor": chosen.sensor,
-            "errors": table.about["errors"],
+            "errors": table.about.get("errors", {}),
             "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, chosen.quantum_m),
         }
         true = PointCloud(true_points(table, found))
@@ -120,11 +135,18 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path is read as a recording: its ending is no table's, no cloud's and no mesh's."""
-    return path.suffix.lower() not in (".parquet", *SUFFIXES, *meshes.SUFFIXES)
+    """Whether a path is a recording by its name, or where that tells nothing by its first bytes."""
+    if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
+        return True
+    if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
+        return False
+    start = read_content(path, _LONGEST_MARK)
+    return is_capture(start) or bag_format(start) is not None
 
 
-def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:
+def _read_returns(
+    path: Path, stream: str | None
+) -> tuple[Returns, tuple[int, int], dict[str, int]]:
     """Returns of a table of firings or of a recording.
 
     With the first and last turn to take by default, and counts of what a recording left out.
@@ -134,7 +156,7 @@ def _read_returns(path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]
     if not is_recording(path):
         returns = read_firings(path)
         return returns, (0, len(returns.turns) - 1), {}
-    returns, left_out = read_turns(path)
+    returns, left_out = read_turns(path, stream=stream)
     first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
     return returns, (first, first), left_out
 

@@ -15,7 +15,6 @@ from typing import Any, NoReturn
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.core.models import parsed
 from puckbench.jobs.cost import cost_line
 from puckbench.jobs.registry import JOBS
 
@@ -43,7 +42,7 @@ def main(words: Sequence[str]) -> int:
 
 def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
     """Run a job with its record and its files by key, and print what it cost."""
-    job = parsed(JOBS.get(name), record, f"job {name}")
+    job = JOBS.get(name).of_record(record, f"job {name}")
     known = signature(job.run).parameters
     several = {key for key, about in known.items() if "tuple" in str(about.annotation)}
     done = job.run(

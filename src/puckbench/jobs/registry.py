@@ -7,10 +7,11 @@ files from the rule. ``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import Any, Self
 
 from puckbench.core.models import Model, parsed
-from puckbench.core.registry import Registry
+from puckbench.core.registry import Registry, trust
 
 
 class Job(Model):
@@ -19,7 +20,26 @@ class Job(Model):
     @classmethod
     def given(cls, **settings: Any) -> Self:
         """The job of settings that a user gives; InputError names the one at fault."""
-        return parsed(cls, settings, JOBS.name_of(cls))
+        return cls.of_record(settings, JOBS.name_of(cls))
+
+    @classmethod
+    def of_record(cls, record: Any, what: str) -> Self:
+        """The job of settings that come from the command line, whose code is trusted.
+
+        Parameters
+        ----------
+        record
+            The settings by name.
+        what
+            Begins the line of an InputError.
+        """
+        job = parsed(cls, record, what)
+        trust(job.plugins())
+        return job
+
+    def plugins(self) -> Iterable[str | None]:
+        """What the settings name as plug-ins: names, or places of a user's own code."""
+        return ()
 
     @abstractmethod
     def run(self, *args: Any, **files: Any) -> dict[str, Any]:

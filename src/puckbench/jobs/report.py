@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,22 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the page; contents: see `puckbench.report.contents.Contents`."""
+    """Build the page.
+
+    Parameters
+    ----------
+    contents
+        See `puckbench.report.contents.Contents`.
+    code
+        Places of the user's own figures and tables among them, which contents alone do not trust.
+    """
 
     contents: dict[str, Any]
+    code: tuple[str, ...] = ()
+
+    def plugins(self) -> Iterable[str | None]:
+        """The user's own figures and tables."""
+        return self.code
 
     def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
         """Write the page; below: a folder that has copies of all files and their folders."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,10 @@ class StudyJob(Job):
     distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0)
     seed: int = Field(0, ge=0)
     keep: int | None = Field(None, ge=1)
+
+    def plugins(self) -> Iterable[str | None]:
+        """The error model."""
+        return (self.model,)
 
 
 @JOBS.register("residuals")

@@ -7,9 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from puckbench.core.files import read_object
 from puckbench.jobs.curve import read_rows
 from puckbench.metrics.frames import FRAME
+from puckbench.metrics.lossless import (
+    LOSSLESS,
+    lossless_rows,
+    with_lossless_best,
+    without_lossless,
+)
+from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
 from puckbench.metrics.registry import TABLES
 
 if TYPE_CHECKING:
@@ -26,6 +33,10 @@ _FIRST = (
     "points",
     "bytes",
     "bpp",
+    "d1_psnr",
+    "d2_psnr",
+    "peak",
+    "lossless",
     "encode_s",
     "encode_s_min",
     "encode_s_max",
@@ -45,8 +56,10 @@ _FIRST = (
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
 """Quantiles over clouds that stand beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
+_OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
-_COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched"}
+_LEFT_OUT = ("dropped_points", "missing_returns")
+_COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched", *_LEFT_OUT}
 _SUMMARY = (
     "bpp",
     "cd_point",
@@ -87,7 +100,8 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
     Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
-    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). Columns that
+    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). PSNRs D1 and
+    D2 have the ``peak`` beside them, in the same units; a ``lossless`` cloud has none. Columns that
     start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
     clean scan of the same rays; both are empty where there is none.
     """
@@ -102,28 +116,29 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
     distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
-    outliers and digest of the coordinates. Of clouds in metres with a sensor's returns also the
+    outliers and digest of the coordinates. Also points that were left out (``dropped_points``) and
+    how many of them were missing returns. Of clouds in metres with a sensor's returns also the
     number of turns, their time in seconds, and the entropy of the noise in steps of the sensor's
     ranges (bits).
     """
-    about = read_json(file)
+    about = read_object(file)
+    if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
+        raise InputError(f"{file}: not the description of a prepared cloud, without {missing[0]}")
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
-    kept = {key: about[key] for key in ("group", "points", "elongation", "diameter", "scale")}
+    kept = {key: about[key] for key in _OF_CLOUDS}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
-    if "digest" in about:
-        kept["digest"] = about["digest"]
+    kept |= {key: about[key] for key in ("digest", *_LEFT_OUT) if key in about}
     if about.get("size") == 0:
         kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
 
 
-@TABLES.register("left_out", title="Scenes left out", gathered=True)
-def left_out(faults: Mapping[str, Mapping[str, str]]) -> pd.DataFrame:
-    """The scenes that could not be used, and why: no result counts them."""
+@TABLES.register("left_out", title="What was left out", gathered=True)
+def left_out(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
+    """The files and scenes that could not be used, and why: no result counts them."""
     import pandas as pd
 
-    rows = [(dataset, *fault) for dataset, found in faults.items() for fault in found.items()]
-    return pd.DataFrame(rows, columns=["dataset", "scene", "reason"])
+    return pd.DataFrame(rows, columns=["dataset", "scene", "file", "reason"])
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
@@ -136,7 +151,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     kept = (*CLOUD_KEYS, "group", "scale", FRAME)
     return [
         {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
-        for row in map(read_json, files)
+        for row in map(read_object, files)
     ]
 
 
@@ -165,16 +180,23 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
 
     Beside the medians the quartiles (``_q25``, ``_q75``), the values that hold nine clouds in ten
     (``_q05``, ``_q95``; linear between clouds, so that few clouds have a q05 near their least
-    value), and the number of clouds; figure 6.5 draws the medians per rate.
+    value), and the number of clouds; figure 6.5 draws the medians per rate. ``lossless`` clouds
+    have no error but that of rounding, and no PSNR: in medians they count as better than any other.
+    PSNRs have the ``peak`` of their row, and no median where a data set has several.
     """
     import pandas as pd
 
-    groups = metrics.groupby(["dataset", "codec", "rate"], sort=False)
+    keys = ["dataset", "codec", "rate"]
+    table = with_lossless_best(without_mixed_peaks(with_peaks(metrics)))
+    groups = table.groupby(keys, sort=False)
     numbers = [name for name in _SUMMARY if name in metrics]
     shares = [
         groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
     ]
     medians = groups[numbers].median().assign(clouds=groups.size())
-    if "weights" in metrics:
-        medians["weights"] = groups["weights"].first()
-    return pd.concat([medians, *shares], axis=1).reset_index()
+    lossless = table.assign(**{LOSSLESS: lossless_rows(metrics)}).groupby(keys, sort=False)
+    medians[LOSSLESS] = lossless[LOSSLESS].sum()
+    for name in ("weights", PEAK, FRAME):
+        if name in table:
+            medians[name] = groups[name].first()
+    return without_lossless(pd.concat([medians, *shares], axis=1)).reset_index()

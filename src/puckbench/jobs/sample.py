@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from puckbench.core.seeding import generator
 from puckbench.geometry.sampling import sample_surface
@@ -21,10 +21,11 @@ class Sample(Job):
 
     points: int = Field(500_000, ge=1)
     seed: int = Field(0, ge=0)
+    metres_per_unit: PositiveFloat = 1.0
 
     def run(self, mesh: Path, cloud: Path) -> dict[str, Any]:
         """Write the sampled cloud."""
-        surface = read_surface(mesh)
+        surface = read_surface(mesh, self.metres_per_unit)
         sampled = sample_surface(surface, self.points, generator(self.seed, "sample", mesh.stem))
         about = {"source": mesh.name, "seed": self.seed, "kind": "sample"}
         write_cloud(cloud, replace(sampled, about=about))

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
-from puckbench.core.files import read_json
+from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.extent import remark_extent
 from puckbench.geometry.mesh import Mesh
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import read_description, sidecar
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import (
@@ -39,7 +40,7 @@ class Scan(Job):
 
     origin: its position in m; where none is given, that of the scene's description, else the free
     spot nearest to the middle, `height_m` above the floor. anywhere: also outside the scene,
-    inside an object, or through walls.
+    inside an object, or through walls. metres_per_unit: of the mesh.
     """
 
     sensor: str = "vlp16"
@@ -50,11 +51,18 @@ class Scan(Job):
     height_m: float = Field(1.3, gt=0)
     anywhere: bool = False
     seed: int = Field(0, ge=0)
+    metres_per_unit: PositiveFloat = 1.0
+
+    def plugins(self) -> Iterable[str | None]:
+        """The error model."""
+        return (self.errors,)
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         """Write the scan table (Parquet)."""
         named = self._named()  # unknown names are told before a large mesh is read
-        job = self._job(named, read_surface(mesh), _described(mesh))
+        surface = read_surface(mesh, self.metres_per_unit)
+        remark_extent(mesh, surface.bounds())
+        job = self._job(named, surface, _described(mesh))
         rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
         if job.rays > _RAYS_IN_MEMORY:
             rows = write_scan_portions(table, job.portions(rng, progress))
@@ -97,9 +105,14 @@ class Scan(Job):
         return free_origin(surface, self.height_m, **inside), False
 
 
+class _Described(Model):
+    """Where a scene's description places the sensor, m."""
+
+    origin: tuple[float, float, float] | None
+
+
 def _described(mesh: Path) -> list[float] | None:
     """The origin in the description beside a mesh, if there is one."""
-    beside = sidecar(mesh)
-    about = read_json(beside) if beside != mesh and beside.exists() else None
-    origin: list[float] | None = about.get("origin") if isinstance(about, dict) else None
-    return origin
+    origin = (read_description(mesh) or {}).get("origin")
+    found = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
+    return None if found is None else list(found)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.files import write_json
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.io.clouds import sidecar, write_cloud
+from puckbench.io.clouds import write_cloud
+from puckbench.io.descriptions import write_description
 from puckbench.io.meshes import write_mesh
 from puckbench.jobs.registry import JOBS, Job
 
@@ -25,6 +26,10 @@ class WriteScene(Job):
     options: dict[str, Any] = Field({})
     seed: int = 0
 
+    def plugins(self) -> Iterable[str | None]:
+        """The loader."""
+        return (self.loader,)
+
     def run(self, scene: Path) -> dict[str, Any]:
         """Write the scene (PLY, or Parquet of returns) and its description."""
         loaded = open_scene_set(self.loader, self.options, self.seed).load(self.name)
@@ -36,7 +41,7 @@ class WriteScene(Job):
             from puckbench.lidar.returns import write_firings
 
             write_firings(scene, loaded.returns)
-            write_json(sidecar(scene), about)
+            write_description(scene, "returns", about)
             return {**about, "returns": len(loaded.returns)}
         if loaded.cloud is None:
             raise ValueError(f"scene {loaded.name} holds nothing")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,10 @@ class Table(Job):
 
     table: str
     options: dict[str, Any] = Field({})
+
+    def plugins(self) -> Iterable[str | None]:
+        """The table."""
+        return (self.table,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
         """Read the inputs, make the table and write it (.csv, .parquet).

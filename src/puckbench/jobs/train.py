@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_json
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import with_options
+from puckbench.jobs.codecs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -43,6 +43,10 @@ class Train(Job):
     validate_every: int = Field(0, ge=0)
     peak: float | None = Field(None, gt=0)
     code: str | None = None
+
+    def plugins(self) -> Iterable[str | None]:
+        """The codec, its class and that of its training."""
+        return codec_plugins(self.codec, self.changes)
 
     def run(
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()

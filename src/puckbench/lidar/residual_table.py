@@ -16,6 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import written_whole
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane
+from puckbench.io.parquet_rows import check_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,9 +76,10 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    check_rows(path)
     try:
         table = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a Parquet table ({error})") from error
     missing = [name for name in COLUMNS if name not in table]
     if needed := [name for name in missing if name not in _LATER]:

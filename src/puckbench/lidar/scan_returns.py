@@ -56,8 +56,8 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     InputError
         A frame of the scan is no turn.
     """
-    sensor = parsed(Sensor, table.about["sensor"], "the scan's sensor")
-    sweep = parsed(Sweep, table.about["sweep"], "the scan's sweep")
+    sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
+    sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")
     hertz = sweep.turning_hz(sensor)
     if not np.isclose(hertz, sweep.frames_per_second, rtol=1e-9):
         raise InputError(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
 from puckbench.io.columns import (
     Columns,
@@ -41,6 +43,15 @@ COLUMNS: Columns = {
     "ny": ("<f8", "1", "true unit normal at the true point, turned to the sensor"),
     "nz": ("<f8", "1", "true unit normal at the true point, turned to the sensor"),
 }
+
+
+class _About(Model, extra="ignore"):
+    """What the metadata of a scan must be, where they have it."""
+
+    sensor: Mapping[str, Any] = {}
+    sweep: Mapping[str, Any] = {}
+    origin: tuple[float, float, float] | None = None
+    errors: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -82,4 +93,6 @@ def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
 
 def read_scan(path: Path) -> ScanTable:
     """Read a scan table; InputError when it is missing, damaged or lacks a column."""
-    return read_table(path, ScanTable)
+    table = read_table(path, ScanTable)
+    parsed(_About, table.about, f"{path}: its metadata")
+    return table

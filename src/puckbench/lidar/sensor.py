@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Self
 
-import yaml
 from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
 from puckbench.core.models import Model, among, parsed
+from puckbench.core.yaml_files import read_yaml
 
 _SENSORS = Path(__file__).parent / "sensors"
 # Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
@@ -140,10 +139,7 @@ def load_sensor(name_or_path: str | Path) -> Sensor:
         if name not in sensor_names():
             known = among(name, [*sensor_names(), "or a .yaml file"])
             raise InputError(f"unknown sensor {name!r}{known}")
-    try:
-        options = yaml.safe_load(read_bytes(path))
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    options = read_yaml(path)
     if not isinstance(options, Mapping):
         raise InputError(f"{path}: expected names and values of a sensor")
     return parsed(Sensor, options, str(path))

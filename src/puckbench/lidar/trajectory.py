@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
+from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.cloud import Floats
 
 Row = tuple[float, ...]
 
 _ANGLES, _QUATERNION = 7, 8
+_FORM = "needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy, qz"
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,7 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
-        raise InputError(
-            "trajectory needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy, qz"
-        )
+        raise InputError(f"trajectory {_FORM}")
     values = np.array(rows, dtype=np.float64)
     if (np.diff(values[:, 0]) <= 0).any():
         raise InputError("trajectory has times that do not increase")
@@ -77,35 +76,54 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 def read_rows(path: Path) -> tuple[Row, ...]:
     """Rows of a trajectory from a CSV file (a heading is skipped) or a YAML list of lists.
 
-    Raises InputError (one line) that names the file.
+    Raises InputError (one line) that names the file, and the line or the pose at fault.
     """
-    text = read_bytes(path).decode(errors="replace")
-    if path.suffix == ".csv":
-        return _numbers(csv.reader(text.splitlines()), path, heading=True)
-    try:
-        rows = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if path.suffix.lower() == ".csv":
+        return _checked(_csv_rows(path), path)
+    rows = read_yaml(path)
     if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
         raise InputError(f"{path}: expected a list of poses, each a list of numbers")
-    return _numbers(rows, path, heading=False)
+    return _checked(((f"pose {number}", row) for number, row in enumerate(rows, start=1)), path)
 
 
-def _numbers(rows: Iterable[Sequence[Any]], path: Path, heading: bool) -> tuple[Row, ...]:
-    found = []
-    for number, row in enumerate(rows, start=1):
-        if not row:
-            continue
-        try:
-            values = tuple(float(value) for value in row)
-        except (TypeError, ValueError) as error:
-            if heading and number == 1:
-                continue
-            raise InputError(f"{path}: pose {number} is not a row of numbers") from error
+def _csv_rows(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
+    """The rows of a CSV file after its heading, if it has one, each with the place of it."""
+    reader = csv.reader(read_bytes(path).decode("utf-8-sig", errors="replace").splitlines())
+    try:
+        for number, row in enumerate(reader):
+            if row and (number or any(map(_is_number, row))):
+                yield f"line {reader.line_num}", row
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: not CSV ({error})") from error
+
+
+def _checked(rows: Iterable[tuple[str, Sequence[Any]]], path: Path) -> tuple[Row, ...]:
+    """The numbers of rows that have a place each; all of one length, at rising times."""
+    found: list[Row] = []
+    for place, row in rows:
+        if not all(map(_is_number, row)):
+            raise InputError(f"{path}: {place} is not a row of numbers")
+        values = tuple(map(float, row))
         if not np.isfinite(values).all():
-            raise InputError(f"{path}: pose {number} has a number that is not finite")
+            raise InputError(f"{path}: {place} has a number that is not finite")
+        if len(values) not in ({len(found[0])} if found else (_ANGLES, _QUATERNION)):
+            raise InputError(f"{path}: {place} has {len(values)} numbers: it {_FORM}")
+        if found and values[0] <= found[-1][0]:
+            raise InputError(f"{path}: {place} is not later than the one before it")
         found.append(values)
+    if not found:
+        raise InputError(f"{path}: has no poses")
     return tuple(found)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return False
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True
 
 
 def _quaternions(degrees: Floats) -> Floats:

@@ -15,10 +15,14 @@ from puckbench.geometry.cloud import Floats
 
 COMPARED = "compared"
 NO_COMMON_RANGE = "no common range"
+LITTLE_OVERLAP = "overlap below half"
 TOO_FEW_POINTS = "too few points"
 
 LEAST_POINTS = 2
 """Smallest number of points that a curve can be interpolated between."""
+LEAST_OVERLAP = 0.5
+"""Smallest part of the shorter curve's range that both curves must have."""
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -48,13 +52,13 @@ class Delta:
     ----------
     log_ratio
         Mean of ln(rate / anchor's rate) at equal quality, over the qualities that both reach; None
-        where there are none.
+        where these are less than `LEAST_OVERLAP` of the shorter curve's.
     quality_db
         Mean difference of quality at equal rate, over the rates that both have; None likewise.
     rate_status, quality_status
         `COMPARED`, or why there is no value.
     shared
-        Length of the common range of quality over that of the anchor.
+        Length of the common range of quality over that of the shorter curve.
     """
 
     log_ratio: float | None
@@ -95,21 +99,26 @@ def delta(anchor: Curve, tested: Curve) -> Delta:
     """Bjontegaard deltas of `tested` against `anchor`, without extrapolation."""
     if min(len(anchor.quality), len(tested.quality)) < LEAST_POINTS:
         return Delta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
-    low, high = _common(anchor.quality, tested.quality)
-    ratio = _mean_difference(
-        (anchor.quality, anchor.log_rate), (tested.quality, tested.log_rate), low, high
+    ratio, rate_status, shared = _difference(
+        (anchor.quality, anchor.log_rate), (tested.quality, tested.log_rate)
     )
-    gain = _mean_difference(
-        (anchor.log_rate, anchor.quality),
-        (tested.log_rate, tested.quality),
-        *_common(anchor.log_rate, tested.log_rate),
+    gain, quality_status, _ = _difference(
+        (anchor.log_rate, anchor.quality), (tested.log_rate, tested.quality)
     )
-    shared = max(0.0, high - low) / float(np.ptp(anchor.quality))
-    return Delta(ratio, gain, _status(ratio), _status(gain), shared)
+    return Delta(ratio, gain, rate_status, quality_status, shared)
 
 
-def _status(value: float | None) -> str:
-    return NO_COMMON_RANGE if value is None else COMPARED
+def _difference(
+    anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
+) -> tuple[float | None, str, float]:
+    """Mean of `tested` less `anchor`, curves of x and y, over common x; its status; the overlap."""
+    low, high = _common(anchor[0], tested[0])
+    shared = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))
+    if shared == 0:
+        return None, NO_COMMON_RANGE, shared
+    if shared < LEAST_OVERLAP * (1 - _ROUNDING):
+        return None, LITTLE_OVERLAP, shared
+    return _mean_difference(anchor, tested, low, high), COMPARED, shared
 
 
 def _common(a: Floats, b: Floats) -> tuple[float, float]:
@@ -118,11 +127,9 @@ def _common(a: Floats, b: Floats) -> tuple[float, float]:
 
 def _mean_difference(
     anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats], low: float, high: float
-) -> float | None:
+) -> float:
     """Mean of `tested` less `anchor`, curves of x and y, over x from `low` to `high`."""
     from scipy.interpolate import PchipInterpolator
 
-    if high <= low:
-        return None
     areas = [float(PchipInterpolator(x, y).integrate(low, high)) for x, y in (anchor, tested)]
     return (areas[1] - areas[0]) / (high - low)

@@ -19,6 +19,7 @@ from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.neighbours import Neighbours, Points
 from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.metrics.diameter import diameter
+from puckbench.metrics.lossless import rounding
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,11 @@ class Reference:
     def diameter(self) -> float:
         """Of the cloud, in its unit: as its description says, or else measured."""
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
+
+    @cached_property
+    def rounding(self) -> float:
+        """Errors up to this are those of the rounding of numbers, in the cloud's unit."""
+        return rounding(self.cloud)
 
 
 def distortion(

@@ -17,7 +17,8 @@ def measures(
 ) -> dict[str, float]:
     """All distortions in the reference's frame, as PSNRs and in metres.
 
-    Of clouds in metres D1 and D2 are given in mm² as well.
+    Of clouds in metres D1 and D2 are given in mm² as well. Errors of no more than the rounding of
+    numbers are none, and the entry ``lossless`` says so (`puckbench.metrics.lossless`).
 
     Parameters
     ----------
@@ -28,20 +29,23 @@ def measures(
         The decoded points, in the reference's frame; as `puckbench.metrics.geometry.distortion`
         takes them.
     peak
-        Peak of MPEG's PSNRs, in the reference's units; by default its own. Where it is not known
-        they are left out, as is a PSNR without error.
+        Peak of MPEG's PSNRs, in the reference's units, which the entry ``peak`` repeats; by default
+        its own. Where it is not known they are left out, as is a PSNR without error.
     """
     from puckbench.metrics.geometry import Reference, distortion
+    from puckbench.metrics.lossless import without_rounding
     from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
     from puckbench.metrics.units import in_metres, in_square_millimetres
 
     reference = Reference.of(reference)
-    cloud, found = reference.cloud, distortion(reference, decoded)
+    cloud = reference.cloud
+    found = without_rounding(distortion(reference, decoded), reference.rounding)
     peak = cloud.peak if peak is None else peak
     decibels = {**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, reference.diameter)}
+    named = {"peak": peak} if peak else {}
     lengths = in_metres(found, cloud.about.get("scale", 1.0))
     squares = in_square_millimetres(found) if cloud.frame == "metric" else {}
-    return {**found, **_finite(decibels), **lengths, **squares}
+    return {**found, **named, **_finite(decibels), **lengths, **squares}
 
 
 def picture_measures(

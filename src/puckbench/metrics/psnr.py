@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+PEAK_M = 30.0
+"""Peak of clouds in metres unless another is chosen: 30,000 steps of 1 mm, as in MPEG's test
+conditions. Papers on KITTI take 59.70 m."""
+
 
 def psnr(mse: float, peak: float, factor: float = 1.0) -> float:
     """``10 log10(factor * peak^2 / mse)`` in dB, infinite where there is no error.

@@ -14,7 +14,17 @@ from puckbench.core.errors import InputError
 from puckbench.core.models import among
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.metrics.bjontegaard import COMPARED, NO_COMMON_RANGE, TOO_FEW_POINTS, curve, delta
+from puckbench.metrics.bjontegaard import (
+    COMPARED,
+    LITTLE_OVERLAP,
+    NO_COMMON_RANGE,
+    TOO_FEW_POINTS,
+    Curve,
+    curve,
+    delta,
+)
+from puckbench.metrics.lossless import LOSSLESS, is_of_the_shape, lossless_rows
+from puckbench.metrics.peaks import check_peaks
 from puckbench.metrics.registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
@@ -33,8 +43,9 @@ def bd_rate_clouds(
 ) -> pd.DataFrame:
     """Bjontegaard deltas of every codec against the anchor on each cloud.
 
-    The status says whether the two curves have a common range: where they have none, there is no
-    value.
+    The status says whether the two curves have at least half of the shorter one's range in common:
+    where they have not, there is no value. Lossless rates, whose errors are those of the rounding
+    of numbers, are no part of a curve.
 
     Parameters
     ----------
@@ -52,20 +63,21 @@ def bd_rate_clouds(
         One row per data set, metric, codec and cloud: ``dataset``, ``metric``, ``codec``,
         ``anchor``, ``cloud``, ``bd_rate_percent``, ``bd_rate_status``, ``bd_quality_db``,
         ``bd_quality_status`` (as of `puckbench.metrics.bjontegaard.Delta`), ``shared_range`` (of
-        the anchor's qualities), ``points`` and ``anchor_points`` used, ``dropped`` and
-        ``anchor_dropped``, ``log_ratio``.
+        the shorter curve's qualities), ``points`` and ``anchor_points`` used, ``dropped`` and
+        ``anchor_dropped``, ``lossless`` and ``anchor_lossless`` rates left out, ``log_ratio``.
 
     Raises
     ------
     InputError
-        The anchor or a column is not in the table, or there is no other codec.
+        The anchor or a column is not in the table, there is no other codec, or PSNRs of a cloud
+        have several peaks.
     """
     import pandas as pd
 
     _check(metrics, anchor, qualities)
     rows: list[dict[str, Any]] = []
     for metric in qualities:
-        known = metrics.assign(quality=_quality(metrics, metric)).dropna(subset=["quality"])
+        known = _with_quality(metrics, metric)
         for (dataset, cloud), part in known.groupby(["dataset", "cloud"], sort=False):
             names = {"dataset": dataset, "metric": metric, "anchor": anchor, "cloud": cloud}
             rows += [{**names, **row} for row in _against(part, anchor)]
@@ -88,8 +100,9 @@ def bd_rate(
 
     The mean change of the rate at equal quality in percent (negative: fewer bits), and of the
     quality at equal rate in dB, with 95 % bootstrap intervals over the clouds. Each cloud's curves
-    are interpolated with PCHIP in the logarithm of the rate; clouds whose curves have no common
-    range are counted, and count in no mean.
+    are interpolated with PCHIP in the logarithm of the rate; clouds whose curves share less than
+    half of the shorter one's range are counted, and count in no mean. Lossless rates are left out
+    of the curves, and counted.
 
     Parameters
     ----------
@@ -102,16 +115,18 @@ def bd_rate(
     -------
     pd.DataFrame
         One row per data set, metric and codec. ``clouds`` are those that both codecs have;
-        ``compared`` of them have a common range of quality, ``no_common_range`` and
-        ``too_few_points`` have not.
+        ``compared`` of them have half of the shorter curve's range of quality in common;
+        ``no_common_range``, ``little_overlap`` and ``too_few_points`` have not.
 
         * ``bd_rate_percent``: from the mean of the logarithms of the clouds' rate ratios, so that
           the exchange of codec and anchor inverts it; ``..._arithmetic``: mean of the percentages,
-          which others report; ``..._median``, ``..._q25``, ``..._q75``: of the clouds.
+          which others report; ``..._median``, ``..._q25``, ``..._q75``, ``..._least``,
+          ``..._most``: of the clouds.
         * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
         * ``..._low``, ``..._high``: 95 % interval of these means, percentile bootstrap over clouds;
           none below three clouds, and too narrow with few.
-        * ``shared_range``: median; ``dropped``, ``anchor_dropped``: points of curves left out.
+        * ``shared_range``: median; ``dropped``, ``anchor_dropped``: points of curves left out;
+          ``lossless``, ``anchor_lossless``: lossless rates left out, over all clouds.
     """
     import pandas as pd
 
@@ -121,13 +136,31 @@ def bd_rate(
         label = [str(name) for name in names]
         rng = generator(seed, "bd_rate", *label)
         values = {**dict(zip(_GROUP, label, strict=True)), "anchor": anchor}
-        rows.append({**values, **_counts(part), **_means(part, resamples, rng)})
+        rows.append({**values, **_means(part, resamples, rng), **_counts(part)})
     return pd.DataFrame(rows)
 
 
+def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
+    """Mean of ln(rate / anchor's rate) at equal quality on each cloud that has a delta, (n,)."""
+    both = metrics[metrics["codec"].isin([anchor, tested])]
+    return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
+
+
+def is_below_zero(differences: Floats, seed: int = 0) -> bool:
+    """Whether paired differences (n,) are negative beyond chance, by the interval of their mean.
+
+    Of fewer clouds than a bootstrap needs all must be negative; without any nothing can be told.
+    """
+    rng = generator(seed, "paired differences")
+    high = bootstrap_interval(differences, RESAMPLES, rng)[1]
+    if np.isnan(high):
+        high = max(differences, default=np.nan)
+    return bool(high < 0)
+
+
 def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None:
-    needed = ["dataset", "cloud", "codec", "rate", "bpp", *qualities]
-    for name in needed:
+    measured = [] if lossless_rows(metrics).all() else qualities
+    for name in ["dataset", "cloud", "codec", "rate", "bpp", *measured]:
         if name not in metrics:
             raise InputError(f"metrics table: no column {name!r}")
     if anchor not in set(metrics["codec"]):
@@ -135,9 +168,23 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
         raise InputError(f"BD-rate: no results of the anchor {anchor!r}{known}")
     if (metrics["bpp"] <= 0).any():
         raise InputError("metrics table: column 'bpp' has a value that is not positive")
+    check_peaks(metrics, qualities)
+
+
+def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The rows that have a quality in dB, and the lossless rows of data sets that have it."""
+    lossless = lossless_rows(metrics) & is_of_the_shape(column)
+    quality = np.where(lossless, np.nan, _quality(metrics, column))
+    found = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
+    is_known = found["quality"].notna() | found[LOSSLESS]
+    lacks = (~is_known).groupby(found["dataset"]).transform("any")
+    has = found["quality"].notna().groupby(found["dataset"]).transform("any")
+    return found[is_known & (has | ~lacks)]
 
 
 def _quality(metrics: pd.DataFrame, column: str) -> Floats:
+    if column not in metrics:  # all rows are lossless
+        return np.full(len(metrics), np.nan)
     values = metrics[column].to_numpy(dtype=float)
     if column.endswith("_psnr"):
         return values
@@ -147,32 +194,36 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
 
 def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
     """A row for each other codec of one cloud; none where the anchor has no result there."""
-    curves = {
-        str(codec): curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
-        for codec, rows in part.groupby("codec", sort=False)
-    }
+    curves = {str(codec): _curve(rows) for codec, rows in part.groupby("codec", sort=False)}
     if anchor not in curves:
         return []
-    base = curves.pop(anchor)
-    rows = []
-    for codec, tested in curves.items():
-        found = delta(base, tested)
-        rows.append(
-            {
-                "codec": codec,
-                "bd_rate_percent": _number(found.rate_percent),
-                "bd_rate_status": found.rate_status,
-                "bd_quality_db": _number(found.quality_db),
-                "bd_quality_status": found.quality_status,
-                "shared_range": found.shared,
-                "points": len(tested.quality),
-                "anchor_points": len(base.quality),
-                "dropped": tested.dropped,
-                "anchor_dropped": base.dropped,
-                "log_ratio": _number(found.log_ratio),
-            }
-        )
-    return rows
+    base, exact = curves.pop(anchor)
+    return [
+        {"codec": codec, **_compared(base, tested), LOSSLESS: lossless, f"anchor_{LOSSLESS}": exact}
+        for codec, (tested, lossless) in curves.items()
+    ]
+
+
+def _curve(rows: pd.DataFrame) -> tuple[Curve, int]:
+    """The curve of a codec on a cloud, and the number of its lossless rates."""
+    found = curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
+    return found, int(rows[LOSSLESS].sum())
+
+
+def _compared(base: Curve, tested: Curve) -> dict[str, Any]:
+    found = delta(base, tested)
+    return {
+        "bd_rate_percent": _number(found.rate_percent),
+        "bd_rate_status": found.rate_status,
+        "bd_quality_db": _number(found.quality_db),
+        "bd_quality_status": found.quality_status,
+        "shared_range": found.shared,
+        "points": len(tested.quality),
+        "anchor_points": len(base.quality),
+        "dropped": tested.dropped,
+        "anchor_dropped": base.dropped,
+        "log_ratio": _number(found.log_ratio),
+    }
 
 
 def _number(value: float | None) -> float:
@@ -185,11 +236,14 @@ def _counts(part: pd.DataFrame) -> dict[str, Any]:
         "clouds": len(part),
         "compared": int((status == COMPARED).sum()),
         "no_common_range": int((status == NO_COMMON_RANGE).sum()),
+        "little_overlap": int((status == LITTLE_OVERLAP).sum()),
         "too_few_points": int((status == TOO_FEW_POINTS).sum()),
         "quality_compared": int((part["bd_quality_status"] == COMPARED).sum()),
         "shared_range": float(part["shared_range"].median()),
         "dropped": int(part["dropped"].sum()),
         "anchor_dropped": int(part["anchor_dropped"].sum()),
+        LOSSLESS: int(part[LOSSLESS].sum()),
+        f"anchor_{LOSSLESS}": int(part[f"anchor_{LOSSLESS}"].sum()),
     }
 
 
@@ -207,6 +261,8 @@ def _means(part: pd.DataFrame, resamples: int, rng: np.random.Generator) -> dict
         "bd_rate_percent_median": float(percent.median()),
         "bd_rate_percent_q25": float(percent.quantile(0.25)),
         "bd_rate_percent_q75": float(percent.quantile(0.75)),
+        "bd_rate_percent_least": float(percent.min()),
+        "bd_rate_percent_most": float(percent.max()),
         "bd_quality_db": _mean(gains),
         "bd_quality_db_low": gain_low,
         "bd_quality_db_high": gain_high,

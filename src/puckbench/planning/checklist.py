@@ -17,7 +17,7 @@ from typing import Any
 from puckbench.core.errors import InputError
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.metrics.registry import table_entries
-from puckbench.planning.config import Config, checked, read_config
+from puckbench.planning.config import Config, read_config, trusted
 from puckbench.planning.job_times import JobKind
 from puckbench.planning.outputs import Inputs
 from puckbench.planning.plan import DataSetPlan, open_scenes
@@ -99,7 +99,7 @@ class Reproduction:
         for path in (self.path, self.snakefile):
             if not path.is_file():
                 raise InputError(f"{path}: no such file (run this in puckbench's folder)")
-        return checked({**read_config(self.path), **self.changes})
+        return trusted({**read_config(self.path), **self.changes})
 
     @cached_property
     def absent(self) -> dict[str, str]:
@@ -256,7 +256,9 @@ class Reproduction:
         coding = self.bench.coding
         plan = self.bench.plan
         for codec in (codec for codec in plan.codecs if plan.codes(codec, data.name)):
-            for curve in coding.parts(data.name, codec).values():
+            for curve in coding.curves:
+                if (curve.codec, curve.frame) != (codec, data.frame):
+                    continue
                 alike = (count, points, codec, len(curve.rates), repeats)
                 kinds.append(JobKind("encode_curve", *alike))
                 kinds.append(JobKind("evaluate_curve", *alike, data.has_truth))

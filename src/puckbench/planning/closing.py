@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
+from puckbench.report.deltas import delta_text, has_delta
 
 Row = dict[str, str]
 
@@ -40,12 +41,14 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:
         return
-    rows = [_cells(row) for row in summary_rows(results, style, anchor)]
+    shown = summary_rows(results, style, anchor)
+    rows = [_cells(row) for row in shown]
     known = [name for name in _HEADS if any(row[name] for row in rows)]
     heads = [_HEADS[name] for name in known]
     yield from _aligned([heads, *([row[name] for name in known] for row in rows)])
     against = style.of_codec(anchor).title
     yield f"Medians over clouds, lowest to highest rate; BD-rate in D1 against {against}."
+    yield from _remarks(shown)
     for what, name in _PLACES.items():
         if (results / name).exists():
             yield f"{what + ':':9}{results / name}"
@@ -55,15 +58,32 @@ def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[st
     """A row for each data set and codec: titles, ranges of medians, BD-rate, most seconds."""
     medians = _rows(results / "tables" / "summary.csv")
     deltas = {
-        (row["dataset"], row["codec"]): float(row["bd_rate_percent"])
+        (row["dataset"], row["codec"]): row
         for row in _rows(results / "tables" / "bd_rate.csv")
-        if row["metric"] == "d1_psnr" and row["bd_rate_percent"]
+        if row["metric"] == "d1_psnr"
     }
     return [
         _row([row for row in medians if (row["dataset"], row["codec"]) == key], style)
-        | {"bd_rate_percent": None if key[1] == anchor else deltas.get(key)}
+        | _delta(None if key[1] == anchor else deltas.get(key))
         for key in dict.fromkeys((row["dataset"], row["codec"]) for row in medians)
     ]
+
+
+def _delta(row: Row | None) -> dict[str, Any]:
+    """A BD-rate as a number, None where it is not worth its print, and in words."""
+    value = float(row["bd_rate_percent"]) if row is not None and has_delta(row) else None
+    return {"bd_rate_percent": value, "bd_rate": "" if row is None else delta_text(row)}
+
+
+def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """The peaks of the PSNRs, and which rates have none."""
+    peaks = {row["dataset"]: f"{row['peak']:g}{row['unit']}" for row in rows if row["peak"]}
+    if peaks:
+        yield f"Peak of the PSNRs: {', '.join(' '.join(item) for item in peaks.items())}."
+    exact = [row for row in rows if row["lossless"]]
+    if exact:
+        named = (f"{row['dataset']}, {row['codec']} {', '.join(row['lossless'])}" for row in exact)
+        yield f"Lossless, so without PSNR and in no BD-rate: {'; '.join(named)}."
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
@@ -75,6 +95,9 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
         "codec": style.of_codec(first["codec"]).title,
         "clouds": int(first["clouds"]),
         **ranges,
+        "peak": float(first["peak"]) if first.get("peak") else None,
+        "unit": " m" if first.get("frame") == "metric" else "",
+        "lossless": [row["rate"] for row in medians if float(row.get("lossless") or 0)],
         "seconds": max(float(row["encode_s"]) + float(row["decode_s"]) for row in medians),
     }
 
@@ -92,13 +115,12 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
         name: " to ".join(form.format(end) for end in row[name] or ())
         for name, form in forms.items()
     }
-    delta = row["bd_rate_percent"]
     return {
         "dataset": row["dataset"],
         "codec": row["codec"],
         "clouds": str(row["clouds"]),
         **ranges,
-        "bd_rate_percent": "" if delta is None else f"{delta:+.0f} %",
+        "bd_rate_percent": row["bd_rate"],
         "seconds": f"{row['seconds']:.2g}",
     }
 

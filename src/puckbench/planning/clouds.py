@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import of_returns
 from puckbench.jobs.prepare import Prepare
-from puckbench.jobs.prepare_returns import PEAK_M, PrepareReturns
+from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample
 from puckbench.jobs.scene import WriteScene
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -104,7 +104,7 @@ class CloudJobs:
             return planned(PrepareReturns(neighbours=settings.neighbours, error_model=model))
         crop = settings.crop if settings.is_scan else "none"
         if settings.size == "metric":
-            record = Prepare(crop="none", size=0, neighbours=settings.neighbours, peak=PEAK_M)
+            record = Prepare(crop="none", size=0, neighbours=settings.neighbours)
         else:
             record = Prepare(crop=crop, size=settings.size, neighbours=settings.neighbours)
         return planned(record)

@@ -13,6 +13,7 @@ from typing import Any
 from puckbench.codecs.base import Pace
 from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
+from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
 from puckbench.geometry.cloud import Frame
 from puckbench.jobs.decode import Decode, DecodeShown
@@ -21,8 +22,10 @@ from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
 from puckbench.jobs.join_parts import JoinRows, JoinStreams
 from puckbench.jobs.joined import RowsTable
 from puckbench.jobs.recovery import RecoveryCurve
+from puckbench.jobs.registry import Job
 from puckbench.metrics.further import METRICS
 from puckbench.planning.clouds import CloudJobs
+from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
@@ -40,11 +43,12 @@ class Curve:
     frame: Frame
     rates: tuple[str, ...]
 
-    @property
-    def part(self) -> str:
-        """Its rates, in a name."""
-        first, last = self.rates[0], self.rates[-1]
-        return first if first == last else f"{first}_to_{last}"
+
+def _peak(settings: DataSetConfig) -> float | None:
+    """Peak of the PSNRs of a data set; None where each cloud's description has it."""
+    if settings.peak is not None or isinstance(settings.size, str):
+        return settings.peak
+    return float(settings.size) - 1
 
 
 class CodingJobs:
@@ -61,7 +65,7 @@ class CodingJobs:
             Curve(codec, frame, rates)
             for frame in self.plan.frames
             for codec in self._coding(frame)
-            for rates in _parts(self.plan.rates(codec, frame), self._seconds(codec))
+            for rates in self._parts(self.plan.rates(codec, frame), codec)
         )
 
     def _coding(self, frame: Frame) -> list[str]:
@@ -81,12 +85,25 @@ class CodingJobs:
         """The codecs of which every curve is coded and measured by one job."""
         return [codec for codec in self.plan.codecs if codec not in self.cut]
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
-    def parts(self, dataset: str, codec: str) -> dict[str, Curve]:
-        """The parts of a codec's curves on a data set's clouds, by their names."""
-        frame = self.plan.datasets[dataset].frame
-        chosen = [curve for curve in self.curves if (curve.codec, curve.frame) == (codec, frame)]
-        return {curve.part: curve for curve in chosen}
+    def parts(self, dataset: str, cloud: str, codec: str) -> list[str]:
+        """Names of the parts of a cloud's curve."""
+        return [
+            _name(rates)
+            for rates in self._parts(self.plan.curve_rates(dataset, cloud, codec), codec)
+        ]
+
+    def _parts(self, rates: tuple[str, ...], codec: str) -> list[tuple[str, ...]]:
+        return _parts(rates, self._seconds(codec))
+
+    def _rates(self, dataset: str, cloud: str, codec: str, part: str) -> tuple[str, ...]:
+        """The rates of a cloud's curve, or of a part of it; InputError for a part of another name."""
+        rates = self.plan.curve_rates(dataset, cloud, codec)
+        if not part:
+            return rates
+        named = {_name(rates): rates for rates in self._parts(rates, codec)}
+        if part not in named:
+            raise InputError(f"codec {codec}: no part '{part}' of its rates ({', '.join(named)})")
+        return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
         """The file of each curve's rows below the results folder, in the order of the table.
@@ -117,48 +134,58 @@ class CodingJobs:
         rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
+    def encode(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
+        """Code a cloud at all of its rates, or those of a part."""
+        return self._encode(dataset, codec, self._rates(dataset, cloud, codec, part))
+
     @cache  # noqa: B019
-    def encode(self, dataset: str, codec: str, part: str = "") -> PlannedJob:
-        """Code a cloud at all rates, or those of a part."""
-        record = EncodeCurve(codec=codec, changes=self._entry(dataset, codec, part), **self._timed)
-        return planned(record, self._module(codec), also=self._weights(codec))
+    def _encode(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
+        record = EncodeCurve(codec=codec, changes=self._entry(dataset, codec, rates), **self._timed)
+        return self._planned(record, codec)
 
     @cache  # noqa: B019
     def decode(self, dataset: str, codec: str, rate: str) -> PlannedJob:
         """Decode the stream of a rate to a cloud."""
-        record = Decode(codec=codec, changes=self._entry(dataset, codec), rate=rate)
-        return planned(record, self._module(codec), also=self._weights(codec))
+        record = Decode(codec=codec, changes=self._entry(dataset, codec, (rate,)), rate=rate)
+        return self._planned(record, codec)
 
-    @cache  # noqa: B019
-    def decode_shown(self, dataset: str, codec: str) -> PlannedJob:
+    def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
         """Decode the streams of the rates that the report shows."""
-        rates = shown_rates(self.plan, codec, self.plan.datasets[dataset].frame)
-        changes = self._entry(dataset, codec)
-        record = DecodeShown(codec=codec, changes=changes, rates=tuple(rates))
-        return planned(record, self._module(codec), also=self._weights(codec))
+        return self._decode_shown(dataset, codec, shown_rates(self.plan, dataset, cloud, codec))
 
     @cache  # noqa: B019
-    def evaluate(self, dataset: str, codec: str, part: str = "") -> PlannedJob:
+    def _decode_shown(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
+        changes = self._entry(dataset, codec, rates)
+        return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
+
+    def evaluate(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
         """Measure the streams of a curve, or of a part of it."""
+        return self._evaluate(dataset, codec, self._rates(dataset, cloud, codec, part))
+
+    @cache  # noqa: B019
+    def _evaluate(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
         settings = self.clouds.dataset(dataset).settings
         record = EvaluateCurve(
             dataset=dataset,
             codec=codec,
-            changes=self._entry(dataset, codec, part),
-            peak=None if isinstance(settings.size, str) else float(settings.size) - 1,
+            changes=self._entry(dataset, codec, rates),
+            peak=_peak(settings),
             views=settings.views,
             metrics=self.plan.config.metrics,
             **self._timed,
         )
-        modules = (self._module(codec), *map(METRICS.module_of, record.metrics))
-        return planned(record, *modules, also=self._weights(codec))
+        return self._planned(record, codec, *map(METRICS.module_of, record.metrics))
 
     @cache  # noqa: B019
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
         """Compare the primitives of a curve's streams with those of the scene."""
-        changes = self._entry(dataset, codec)
+        changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
-        return planned(record, self._module(codec), also=self._weights(codec))
+        return self._planned(record, codec)
+
+    def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
+        """A job of a codec, whose module and weights count as code."""
+        return planned(record, self._module(codec), *modules, also=self._weights(codec))
 
     @cached_property
     def join_streams(self) -> PlannedJob:
@@ -259,12 +286,14 @@ class CodingJobs:
     def _timed(self) -> dict[str, Any]:
         return {"repeats": self.timing.repeats, "alone": self.timing.exclusive}
 
-    def _entry(self, dataset: str, codec: str, part: str = "") -> dict[str, Any]:
-        """The codec's whole entry, with the rates for a data set's frame, or of a part, alone."""
+    def _frame(self, dataset: str) -> Frame:
+        return self.plan.datasets[dataset].frame
+
+    def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:
+        """The codec's whole entry, with some rates for a data set's frame alone."""
         entry = {**self.plan.codecs[codec]}
-        table = self.plan.opened[codec].rates_of(self.plan.datasets[dataset].frame)
-        names = self.parts(dataset, codec)[part].rates if part else table
-        chosen = {rate: table[rate] for rate in names}
+        table = self.plan.opened[codec].rates_of(self._frame(dataset))
+        chosen = {rate: table[rate] for rate in rates}
         lengths = entry.pop("metric_rates", {})
         if chosen.keys() <= lengths.keys():
             return {**entry, "rates": {}, "metric_rates": chosen}
@@ -277,6 +306,12 @@ class CodingJobs:
     def _weights(self, codec: str) -> str:
         """Digests of a codec's weights, where it has any."""
         return " ".join(map(sha256, self.plan.weights[codec]))
+
+
+def _name(rates: tuple[str, ...]) -> str:
+    """A name of a part of a curve."""
+    first, last = rates[0], rates[-1]
+    return first if first == last else f"{first}_to_{last}"
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:

@@ -7,14 +7,17 @@ tables of `config/README.md` are generated from them (`puckbench.planning.config
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
 from puckbench.core.models import Model, among, checked_model
+from puckbench.core.registry import is_place, trust
+from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.scaling import METRIC
 
 Options = dict[str, Any]
@@ -116,6 +119,12 @@ class DataSetConfig(Model):
         description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels are coded as they "
         "came, on their own grid (`make: cloud`). `metric`: clouds stay in metres, in the frame of "
         "the sensor where one measured them, and rates are lengths (`10mm`).",
+    )
+    peak: float | None = Field(
+        None,
+        gt=0,
+        description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
+        "with `size: metric` (MPEG's 30,000 of 1 mm; papers on KITTI take 59.7).",
     )
     anywhere: bool = Field(
         False,
@@ -394,6 +403,11 @@ class Config(Model):
         description="Stop before anything runs where a scene cannot be used (a damaged mesh, no "
         "room for the sensor); else it is left out and named in the table `left_out`.",
     )
+    unused: dict[str, str] = Field(
+        {},
+        description="Files that `puckbench run` was given and cannot use, and why: they are named "
+        "in the table `left_out`.",
+    )
     scenes: dict[Name, SceneSetConfig] = Field(
         description="Scene sets by name: where the geometry comes from."
     )
@@ -448,6 +462,21 @@ class Config(Model):
         """What the configuration says of a codec."""
         return (self.codecs[name] or CodecConfig()).changes()
 
+    def places(self) -> Iterator[str]:
+        """The code that it names: plug-ins as ``module:Name`` or ``path/to/file.py:Name``."""
+        yield from filter(is_place, self._plugins())
+
+    def _plugins(self) -> Iterator[str | None]:
+        """What it names as plug-ins, by name or by place."""
+        for scenes in self.scenes.values():
+            yield from (source.loader for source in (scenes, scenes.stand_in) if source)
+        yield from (data.errors for data in self.datasets.values())
+        for codec in filter(None, self.codecs.values()):
+            yield from (codec.class_, codec.training)
+        yield from (*self.tables, *self.metrics, *self.figures.own)
+        if self.sensor_study:
+            yield from (model.errors for model in self.sensor_study.models.values() if model)
+
     def as_json(self) -> Options:
         """The whole configuration as the report shows it: defaults included, but of codecs."""
         found = self.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -465,6 +494,13 @@ def checked(config: Mapping[str, Any]) -> Config:
         One line that names the key, its value and what is allowed.
     """
     return checked_model(Config, with_stand_ins(config))
+
+
+def trusted(config: Mapping[str, Any]) -> Config:
+    """`checked`, of a configuration that the user gives: the code that it names may be loaded."""
+    found = checked(config)
+    trust(found.places())
+    return found
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
@@ -500,21 +536,29 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a configuration file, unchecked.
+    """Read a configuration file (YAML or JSON), unchecked.
 
     Raises
     ------
     InputError
-        The file is missing, or is no YAML mapping.
+        The file is missing, is not a mapping, has a key twice, or has a value that Snakemake, which
+        reads YAML 1.1, takes for another.
     """
-    import yaml
+    return _read(path, alike=True)
 
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not YAML ({' '.join(str(error).split())})") from error
+
+def check_config_files(paths: Iterable[str | Path]) -> None:
+    """Raise InputError where a file that Snakemake has read by itself cannot be used.
+
+    Of a workflow that uses this one as a module, only files with keys of ours are looked at.
+    """
+    for path in map(Path, paths):
+        if set(Config.model_fields) & set(_read(path, alike=False)):
+            _read(path, alike=True)
+
+
+def _read(path: Path, alike: bool) -> Options:
+    values = read_json(path) if path.suffix.lower() == ".json" else read_yaml(path, alike)
     if not isinstance(values, dict):
         raise InputError(f"{path}: not a mapping of keys to values")
     return values

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from puckbench.core.files import read_object
 from puckbench.geometry.cloud import Floats
 from puckbench.jobs.cost import read_cost
 
@@ -163,7 +163,8 @@ def _log_folders(run: Path) -> list[Path]:
 
 def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
     """One job by its log and, for what the log does not say, its results."""
-    job, seconds, peak, work = (cost[key] for key in ("job", "processor_s", "peak_mib", "work"))
+    job, seconds = cost["job"], cost["processor_s"]
+    peak, work = cost.get("peak_mib", 0), cost.get("work", {})
     if job not in _OF_CLOUDS:
         return JobTime(job, "", 0, 0, seconds, peak_mib=peak)
     results, _, names = str(log.with_suffix("")).rpartition("/logs/")
@@ -185,7 +186,10 @@ def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
 
 def _points(results: Path, dataset: str, cloud: str) -> int:
     about = results / "clouds" / dataset / f"{cloud}.json"
-    return int(read_json(about)["points"]) if about.exists() else 0
+    points = read_object(about).get("points") if about.exists() else 0
+    if not isinstance(points, int):
+        raise InputError(f"{about}: points is {points!r}, but must be a whole number")
+    return points
 
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:

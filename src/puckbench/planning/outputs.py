@@ -77,8 +77,8 @@ class OutputJobs:
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
             tables["clouds"] = Gathering(planned(CloudsTable(names=names)), names)
-        if plan.left_out:
-            tables["left_out"] = Gathering(planned(LeftOut(faults=plan.left_out)), ())
+        if left_out := plan.left_out_rows():
+            tables["left_out"] = Gathering(planned(LeftOut(rows=left_out)), ())
         for record in self.coding.tables():
             tables[record.kind] = Gathering(planned(record), record.names)
         return tables
@@ -249,7 +249,9 @@ class OutputJobs:
         entries += table_entries().values()
         texts = "".join(f"{entry.thesis} {entry.title} {entry.caption}" for entry in entries)
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
-        record = Report(contents=self.report_contents.as_json())
+        contents = self.report_contents
+        own = (*contents.own_figures, *contents.own_tables)
+        record = Report(contents=contents.as_json(), code=own)
         return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
 
     # ---- reference results

@@ -10,15 +10,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.errors import InputError
+from puckbench.core.content import plain_suffix
+from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.files import write_bytes
+from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
+from puckbench.datasets.files import is_file_or_lost
 from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.units import check_units, is_named
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
 from puckbench.io.ply import has_faces
-from puckbench.planning.config import checked
+from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
 
@@ -46,6 +50,12 @@ _LOADERS: dict[Kind, str] = {
     "meshes": "mesh_files",
     "recordings": "recordings",
 }
+_OPTIONS: dict[Kind, tuple[str, ...]] = {
+    "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
+    "meshes": ("up", "metres_per_unit"),
+    "recordings": (),
+}
+"""Of the loaders, by what they load."""
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 NOTHING_THERE = "no cloud, mesh or recording"
@@ -80,6 +90,8 @@ class OwnRun:
         Scenes of a kind to use, at most.
     strict
         Whether a file that cannot be used ends the run before it begins.
+    peak
+        Of the PSNRs of clouds in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
     options
         Of the loaders of clouds and meshes, by name.
     """
@@ -95,25 +107,29 @@ class OwnRun:
     points: int = 100_000
     limit: int | None = None
     strict: bool = False
+    peak: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configuration(self) -> Options:
         """The configuration; reads the files, and InputError says what cannot be used."""
         found = self._sorted_paths()
         self._check_results(found)
+        self._check_units(found)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
+        self._set_peak(datasets)
         usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
+            **({"unused": unused} if (unused := self.unused()) else {}),
             "scenes": scenes,
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or usual),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1},
         }
-        plan = Plan(checked(config), check_scenes=True)
+        plan = Plan(trusted(config), check_scenes=True)
         chosen = self._chosen_rates(plan)
         for codec, rates in chosen.items():
             config["codecs"][codec] |= rates
@@ -125,9 +141,9 @@ class OwnRun:
 
     # ---- files
 
-    def unused(self) -> list[str]:
-        """Paths that hold nothing of use, as a shell's pattern may find them among others."""
-        return [text for text, kinds in self._kinds if not kinds]
+    def unused(self) -> dict[str, str]:
+        """Why paths hold nothing of use, as a shell's pattern may find them among others."""
+        return {text: _why_unused(text) for text, kinds in self._kinds if not kinds}
 
     @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
@@ -141,9 +157,7 @@ class OwnRun:
         found: dict[Kind, list[str]] = {}
         unused = self.unused()
         if unused and (self.strict or len(unused) == len(self._kinds)):
-            known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-            also = ", ".join(recordings.RECORDING_SUFFIXES)
-            raise InputError(f"{unused[0]}: {NOTHING_THERE} there ({known}, {also})")
+            raise InputError("{}: {}".format(*next(iter(unused.items()))))
         for text, kinds in self._kinds:
             for kind in kinds:
                 found.setdefault(kind, []).append(text)
@@ -159,9 +173,20 @@ class OwnRun:
                     f"--out {self.results}: lies in {text}, which is read: take another"
                 )
 
+    def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
+        """InputError where a unit is named for what is neither a cloud nor a mesh."""
+        texts = {text for paths in found.values() for text in paths}
+        files = (path for text in texts for path in _files(text))
+        scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
+        with naming("--metres-per-unit"):
+            check_units(self.options.get("metres_per_unit", 1.0), scaled)
+
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
-        known = {"clouds": ("drop_invalid", "metres_per_unit"), "meshes": ("up", "metres_per_unit")}
-        options = {key: value for key, value in self.options.items() if key in known.get(kind, ())}
+        options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
+        if isinstance(units := options.get("metres_per_unit"), dict):
+            files = [path for text in paths for path in _files(text) if _kind(path) == kind]
+            named = {name for name in units if any(is_named(path, name) for path in files)}
+            options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
@@ -189,6 +214,16 @@ class OwnRun:
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
+    def _set_peak(self, datasets: Mapping[str, Options]) -> None:
+        """Give clouds in metres the peak; InputError where there are none."""
+        if self.peak is None:
+            return
+        metric = [data for data in datasets.values() if data["size"] == METRIC]
+        if not metric:
+            raise InputError("--peak: in m, of clouds in metres alone (--frame metric)")
+        for data in metric:
+            data["peak"] = self.peak
+
     def _examples(self, plan: Plan) -> Iterator[tuple[str, str]]:
         """The clouds that the report shows: the first of each kind."""
         taken = set()
@@ -210,6 +245,7 @@ class OwnRun:
             for frame in plan.frames:
                 known = plan.rates(codec, frame)
                 wanted = self._wanted(codec, known, few) if known else known
+                _check_width(plan, codec, frame, wanted)
                 if wanted != known:
                     found[codec][keys[frame]] = list(wanted)
         return found
@@ -231,21 +267,29 @@ def _files(text: str) -> Iterator[Path]:
     """The files that a path or pattern stands for, and folders that are one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
-        yield from (one for one in sorted(path.rglob("*")) if one.is_file())
+        yield from (one for one in sorted(path.rglob("*")) if is_file_or_lost(one))
     elif path.exists():
         yield path
     else:
-        found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-        if not found:
-            raise InputError(f"{text}: no such file")
-        matches = map(Path, found)
+        matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
         yield from (one for one in matches if one.is_file() or recordings.is_bag_folder(one))
+
+
+def _why_unused(text: str) -> str:
+    """Why there is nothing of use at a path or pattern."""
+    path = Path(text)
+    if path.is_symlink() and not path.exists():
+        return "a link to a file that is gone"
+    if not path.exists() and not glob.glob(text, recursive=True):  # noqa: PTH207 (any pattern)
+        return "no such file"
+    known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
+    return f"{NOTHING_THERE} there ({known}, {', '.join(recordings.RECORDING_SUFFIXES)})"
 
 
 def _kind(path: Path) -> Kind | None:
     """What a file holds, by its name and its first bytes."""
-    suffix = path.suffix.lower()
-    if path.is_dir() or suffix in recordings.RECORDING_SUFFIXES:
+    suffix = plain_suffix(path)
+    if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
     if suffix == ".ply":
         return "meshes" if has_faces(path) else "clouds"
@@ -259,7 +303,7 @@ def _frame(scenes: Options) -> Frame:
     """Metres for clouds whose formats say so, else scaled, as their unit may be anything."""
     found = open_scene_set(scenes["loader"], scenes["options"])
     files = (path for name in found.names() for path in found.files(name))
-    return "metric" if all(path.suffix.lower() in IN_METRES for path in files) else "scaled"
+    return "metric" if all(plain_suffix(path) in IN_METRES for path in files) else "scaled"
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
@@ -302,6 +346,16 @@ def _seconds(plan: Plan) -> float:
     return total
 
 
+def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> None:
+    """InputError where all clouds of a frame are too wide for a codec at these rates."""
+    names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
+    if names and not any(
+        dataset in names and coder == codec and rate in rates
+        for dataset, _, coder, rate in plan.cells
+    ):
+        raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
+
+
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:
     opened = plan.opened[codec]
     if opened.takes == "returns":
@@ -318,10 +372,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
 
     Its first line has a digest of the others: where that does not fit, its user has edited it.
     """
-    import yaml
-
-    text = yaml.safe_dump(dict(config), sort_keys=False, default_flow_style=None, width=100)
-    body = f"# {command}\n{text}"
+    body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
             f"{path}: has been edited: run that (puckbench run {path}), or take another --out"

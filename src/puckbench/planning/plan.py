@@ -5,7 +5,7 @@ The workflow reads this to lay out its graph; it imports nothing heavy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned.catalogue import weights_file
 from puckbench.codecs.learned.training.settings import open_training
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import (
@@ -39,7 +39,7 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
-from puckbench.planning.scene_checks import most_points, scene_faults
+from puckbench.planning.scene_checks import extents, most_points, scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -165,9 +165,7 @@ class Plan:
         }
         self.left_out: dict[str, dict[str, str]] = {}
         """Data set -> scenes that cannot be used -> why."""
-        self.datasets = {
-            name: self._dataset(name, value) for name, value in config.datasets.items()
-        }
+        self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
         self.weights = {name: _weights(name, config.codec(name)) for name in config.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
@@ -180,6 +178,74 @@ class Plan:
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
             raise InputError("the configuration asks for nothing: no data set, no sensor study")
+        if config.strict and check_scenes:
+            for row in self._rates_left_out():
+                raise InputError(f"{row['file']}: {row['reason']}")
+
+    def _datasets(self) -> dict[str, DataSetPlan]:
+        """The data sets that have clouds; InputError where none has any."""
+        datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
+        found = {name: data for name, data in datasets.items() if data.clouds}
+        if datasets and not found:
+            name, faults = next(iter(self.left_out.items()))
+            raise _unusable(name, faults)
+        return found
+
+    def left_out_rows(self) -> tuple[dict[str, str], ...]:
+        """What the run goes without, and why: files that were named, scenes, rates of clouds."""
+        named = [
+            {"dataset": "", "scene": "", "file": file, "reason": why}
+            for file, why in self.config.unused.items()
+        ]
+        return (*named, *self._scenes_left_out(), *self._rates_left_out())
+
+    def _scenes_left_out(self) -> Iterator[dict[str, str]]:
+        for dataset, faults in self.left_out.items():
+            scenes = self.scenes[self.config.datasets[dataset].scenes].scenes
+            for scene, fault in faults.items():
+                file = _file_of(dataset, scenes, scene)
+                reason = fault.removeprefix(f"{file}: ")
+                yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
+
+    def _rates_left_out(self) -> Iterator[dict[str, str]]:
+        for (dataset, cloud, codec), rates in self.too_wide.items():
+            extent = self.extents[dataset][cloud]
+            most = max(self.opened[codec].most_extent(rate) for rate in rates)
+            width = f"the cloud is {extent:,.0f} m wide, more than {most:,.0f} m"
+            reason = f"codec {codec} at {', '.join(rates)}: {width}{NARROWER}"
+            file = _file_of(dataset, self.scenes[self.datasets[dataset].scenes].scenes, cloud)
+            yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
+
+    @cached_property
+    def extents(self) -> dict[str, dict[str, float]]:
+        """The longest sides of the clouds in metres that were read, m, by data set and cloud."""
+        return {
+            name: extents(self._checks(name), data.clouds)
+            for name, data in self.datasets.items()
+            if data.frame == "metric"
+        }
+
+    @cached_property
+    def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
+        """Rates that are left out, as the cloud is too wide for them: data set, cloud, codec."""
+        found = {
+            (dataset, cloud, codec): self._too_fine(codec, extent)
+            for dataset, sides in self.extents.items()
+            for cloud, extent in sides.items()
+            for codec in self.codecs
+            if self.codes(codec, dataset)
+        }
+        return {cell: rates for cell, rates in found.items() if rates}
+
+    def _too_fine(self, codec: str, extent: float) -> tuple[str, ...]:
+        most_extent = self.opened[codec].most_extent
+        return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
+
+    def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
+        """The rates at which a codec that codes a data set codes a cloud of it."""
+        rates = self.rates(codec, self.datasets[dataset].frame)
+        without = self.too_wide.get((dataset, cloud, codec), ())
+        return tuple(rate for rate in rates if rate not in without) if without else rates
 
     @property
     def results(self) -> Path:
@@ -237,7 +303,7 @@ class Plan:
             (dataset, cloud, codec)
             for dataset, cloud in self.clouds
             for codec in self.codecs
-            if self.codes(codec, dataset)
+            if self.codes(codec, dataset) and self.curve_rates(dataset, cloud, codec)
         )
 
     def codes(self, codec: str, dataset: str) -> bool:
@@ -287,8 +353,10 @@ class Plan:
         return None if start is None else str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
+        if name not in self.config.datasets:
+            raise InputError(f"{where}: no data set '{name}'{among(name, self.config.datasets)}")
         if name not in self.datasets:
-            raise InputError(f"{where}: no data set '{name}'{among(name, self.datasets)}")
+            raise _unusable(name, self.left_out[name])
         return [(name, cloud) for cloud in self.datasets[name].clouds]
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
@@ -339,12 +407,21 @@ class Plan:
         settings, kept = self.config.datasets[name], self._checks(name)
         faults = scene_faults(scenes.scenes, scenes.chosen, settings, kept)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
-        if faults and (self.config.strict or not usable):
-            scene, fault = next(iter(faults.items()))
-            raise InputError(f"datasets.{name}: scene {scene}: {fault}")
+        if faults and self.config.strict:
+            raise _unusable(name, faults)
         if faults:
             self.left_out[name] = faults
         return usable
+
+
+def _file_of(dataset: str, scenes: SceneSet, scene: str) -> str:
+    return str(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
+
+
+def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
+    scene, fault = next(iter(faults.items()))
+    more = f" (and {len(faults) - 1} more that cannot be used)" if len(faults) > 1 else ""
+    return InputError(f"datasets.{dataset}: scene {scene}: {fault}{more}")
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:

@@ -29,9 +29,9 @@ class PlannedJob(NamedTuple):
     def file(self) -> str:
         """Write the record, if it is not there, and return its file, named after its content."""
         digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
-        path = RECORDS / f"{self.name}-{digest}.json"
-        if not path.exists():
-            write_bytes(path, self.record.encode())
+        path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
+        if not path.exists() or path.read_bytes() != content:
+            write_bytes(path, content)
         return str(path)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from puckbench.geometry.cloud import Frame
 from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
@@ -23,7 +22,7 @@ def planned_contents(
     chosen = plan.config.report
     folder = plan.results / "tables"
     first = [*FIRST_TABLES] if plan.datasets else []
-    first += ["left_out"] if plan.left_out else []
+    first += ["left_out"] if plan.left_out_rows() else []
     first += ["scan_errors"] if plan.scanned else []
     return Contents(
         title=chosen.title,
@@ -45,22 +44,23 @@ def _examples(plan: Plan) -> Iterable[Example]:
     """The configuration's example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
         dataset, cloud = name.split("/")
-        frame = plan.datasets[dataset].frame
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud
         decoded = {
-            codec: {rate: str(folder / f"{codec}.zip") for rate in shown_rates(plan, codec, frame)}
+            codec: dict.fromkeys(shown, str(folder / f"{codec}.zip"))
             for codec in plan.codecs
-            if plan.codes(codec, dataset)
+            if plan.codes(codec, dataset) and (shown := shown_rates(plan, dataset, cloud, codec))
         }
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded
         )
 
 
-def shown_rates(plan: Plan, codec: str, frame: Frame) -> list[str]:
-    """Rates of a codec whose decoded clouds the report shows."""
-    return spread_out(plan.rates(codec, frame), plan.config.report.rates)
+def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
+    """Rates of a curve whose decoded clouds the report shows."""
+    rates = plan.rates(codec, plan.datasets[dataset].frame)
+    coded = plan.curve_rates(dataset, cloud, codec)
+    return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:

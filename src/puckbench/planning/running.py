@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TextIO
@@ -51,11 +51,10 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
-def left_out_lines(left_out: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
-    """Lines that name the scenes which a run goes without: data set -> scene -> why."""
-    for dataset, faults in left_out.items():
-        for scene, fault in faults.items():
-            yield f"{_PREFIX}left out: {dataset}/{scene}: {fault}"
+def left_out_lines(rows: Iterable[Mapping[str, str]]) -> Iterator[str]:
+    """A line for each row of `Plan.left_out_rows`: what the run goes without, and why."""
+    for row in rows:
+        yield f"left out: {row['file']}: {row['reason']}"
 
 
 def failures(logs: Path, since: float) -> Iterator[str]:

@@ -8,14 +8,17 @@ the settings change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json, write_json
-from puckbench.core.models import Model
+from puckbench.core.files import read_object, write_json
+from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
-from puckbench.datasets.scene import SceneSet, read_first
+from puckbench.datasets.scene import Scene, SceneSet, read_first
+from puckbench.geometry.cloud import Floats, bounds, check_extent
+from puckbench.geometry.extent import remark_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -55,7 +58,7 @@ def scene_faults(
         for name in chosen
         if (files := scenes.files(name))
     }
-    known = read_json(kept) if states and kept.exists() else {}
+    known = _known(kept) if states else {}
     stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
     what = "meshes"
     if settings.make == "cloud":  # a package that reads its format may have been installed since
@@ -63,9 +66,8 @@ def scene_faults(
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{kept.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        fault, points = _found(scenes, name, settings)
-        counted = {} if points is None else {"points": points}
-        known[name] = {"state": states[name], "fault": fault, **counted}
+        fault, measured = _found(scenes, name, settings)
+        known[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
         write_json(kept, known)
@@ -74,39 +76,96 @@ def scene_faults(
 
 def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
     """Points of the largest of some clouds that were read; None where none was."""
-    known = read_json(kept) if kept.exists() else {}
+    known = _known(kept)
     return max(
         (known[name]["points"] for name in scenes if "points" in known.get(name, {})), default=None
     )
 
 
+class _Check(Model):
+    """What was found of a scene."""
+
+    state: str
+    fault: str | None
+    points: int | None = None
+    extent_m: float | None = None
+
+
+def _known(kept: Path) -> dict[str, dict[str, Any]]:
+    """What was found before, by the scene's name; InputError for a file that says anything else."""
+    checks = read_object(kept) if kept.exists() else {}
+    for name, check in checks.items():
+        parsed(_Check, check, f"{kept}: {name}")
+    return checks
+
+
+def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
+    """The longest sides of some scenes' bounding boxes, m, of those that were read."""
+    known = _known(kept)
+    return {name: known[name]["extent_m"] for name in scenes if "extent_m" in known.get(name, {})}
+
+
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     """Digest of all that the check's outcome depends on."""
-    if settings.make == "cloud":
-        options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
-        job: object = (settings.make, options)
-    else:
-        job = planned(scan_record(settings, name, seed=0)) if settings.is_scan else settings.make
-    every = [one for path in files for one in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    stats = [(str(path), stat.st_size, stat.st_mtime_ns) for path in every if (stat := path.stat())]
+    options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
+    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "extent_m")
+    if settings.is_scan:
+        job += (planned(scan_record(settings, name, seed=0)),)
+    stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 
 
-def _found(scenes: SceneSet, name: str, settings: DataSetConfig) -> tuple[str | None, int | None]:
-    """Why a scene cannot be used, if so; and the points of a cloud that can."""
+def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
+    """Name, size and time of a file, or of those in a folder; zeros where there are none."""
+    try:
+        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
+            stat = each.stat()
+            yield str(each), stat.st_size, stat.st_mtime_ns
+    except OSError:
+        yield str(path), 0, 0
+
+
+def _found(
+    scenes: SceneSet, name: str, settings: DataSetConfig
+) -> tuple[str | None, dict[str, float]]:
+    """Why a scene cannot be used, if so; and the number of points and the extent of one that can.
+
+    Of what a sensor will see, neither is known.
+    """
     from puckbench.geometry.mesh import check_mesh
 
     try:
         scene = scenes.load(name)
-        points = scene.returns if scene.cloud is None else scene.cloud
+        if isinstance(scenes, Model) and "metres_per_unit" in type(scenes).model_fields:
+            _remark_extent(scenes, scene, settings)
+        cloud = scene.cloud
+        points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz
         if points is not None and settings.make == "cloud":
-            return None, len(points)
+            return None, {"points": len(points), "extent_m": _extent(points)}
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
-            return f"it holds points, which are taken as they are ({how})", None
-        check_mesh(scene.mesh, "its mesh")
+            return f"it holds points, which are taken as they are ({how})", {}
+        what = str(next(iter(scenes.files(name)), "its mesh"))
+        check_mesh(scene.mesh, what)
+        corners = scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3)
+        check_extent(corners, what)
         if settings.is_scan:
             scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+            return None, {}
     except InputError as error:
-        return " ".join(str(error).split()), None
-    return None, None
+        return " ".join(str(error).split()), {}
+    return None, {"extent_m": _extent(corners)}
+
+
+def _extent(points: Floats) -> float:
+    low, high = bounds(points)
+    return float((high - low).max())
+
+
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
+    """Remark on a user's file whose size in metres matters, and tells of another unit."""
+    path = scenes.files(scene.name)[0]
+    if scene.mesh is not None and settings.is_scan:
+        remark_extent(path, scene.mesh.bounds())
+    if scene.cloud is not None and settings.is_metric:
+        remark_extent(path, bounds(scene.cloud.xyz))

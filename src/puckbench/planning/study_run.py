@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.models import among
+from puckbench.core.registry import trust
 from puckbench.planning.config import checked
 from puckbench.planning.own_files import check_codecs, codec_entries
 from puckbench.planning.plan import Plan
@@ -39,9 +40,11 @@ def study_configuration(
     Raises
     ------
     InputError
-        The study has no such data set, its data are not here, or a codec codes none of its clouds.
+        The study has no such data set, its data are not here, a codec codes none of its clouds, or
+        the study's configuration is not valid or names code.
     """
-    known: Mapping[str, Options] = reference.about["configuration"]["datasets"]
+    study = _stored(reference)
+    known: Mapping[str, Options] = study["datasets"]
     for name in datasets:
         if name not in known:
             raise InputError(
@@ -52,16 +55,16 @@ def study_configuration(
         for name, data in known.items()
         if name in (datasets or known)
     }
-    study = reference.about["configuration"]
     used = {data["scenes"] for data in chosen.values()}
     shown = study["figures"].get("examples", {})
     examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in chosen}
     own = codec_entries(codecs)
+    trust(entry.get("class") for entry in own.values())
     deltas = study["bd_rate"]
     if deltas.get("anchor") not in own:  # then the first one is
         deltas = {key: value for key, value in deltas.items() if key != "anchor"}
     config = {
-        **{key: value for key, value in study.items() if key not in _NOT_KEPT},
+        **study,
         "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
         "datasets": chosen,
         "codecs": own,
@@ -72,6 +75,20 @@ def study_configuration(
     made = {"results": results, **_without_defaults(config)}
     check_codecs(Plan(checked(made)), advice=False)
     return made
+
+
+def _stored(reference: ReferenceResults) -> Options:
+    """What the study's configuration says of its clouds and measures, complete.
+
+    The results are data: they do not name code that this process, or a run of the configuration
+    that is made, would load.
+    """
+    kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
+    with naming(f"{reference.name}: the configuration of the study"):
+        study = checked(kept)
+        for place in study.places():
+            raise InputError(f"names code, which results may not: {place!r}")
+    return {key: value for key, value in study.as_json().items() if key not in _NOT_KEPT}
 
 
 def _without_defaults(config: Options) -> Options:

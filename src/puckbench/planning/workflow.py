@@ -11,7 +11,7 @@ from typing import Any
 from puckbench.core.environment import COMMIT, source_commit
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.coding import CodingJobs
-from puckbench.planning.config import checked
+from puckbench.planning.config import trusted
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.plan import Plan
 from puckbench.planning.study import StudyJobs
@@ -19,7 +19,7 @@ from puckbench.planning.training import TrainingJobs
 
 
 class Workflow:
-    """A configuration's plan, and its jobs by stage.
+    """The plan of a configuration that the user gives, and its jobs by stage.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Workflow:
     """
 
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
-        self.config = checked(config)
+        self.config = trusted(config)
         self.plan = Plan(self.config, check_scenes)
         self.clouds = CloudJobs(self.plan)
         self.coding = CodingJobs(self.clouds)

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
 from puckbench.core.threads import in_threads
 from puckbench.figures.registry import figure_entry
@@ -20,7 +21,7 @@ from puckbench.report.claims import Claims, claim_cards
 from puckbench.report.clouds import viewer_payload
 from puckbench.report.contents import Contents, add_own
 from puckbench.report.curves import curves
-from puckbench.report.facts import run_facts
+from puckbench.report.facts import RunFacts, run_facts
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import Picture, embedded
@@ -111,7 +112,7 @@ def build_page(
     if CLAIMS in tables:
         shown["claims"] = _claims(contents, tables[CLAIMS], folder)
     shown["figures"] = _chapters(contents, folder)
-    shown["run"] = run_facts(contents.configuration, metrics, tables.get("clouds"), machine, style)
+    shown["run"] = _facts(contents, metrics, tables.get("clouds"), machine, style)
     there = {**data, **shown}
     return whole_page(
         title=contents.title,
@@ -120,6 +121,13 @@ def build_page(
         data=data,
         shown=shown,
     )
+
+
+def _facts(contents: Contents, *more: Any) -> RunFacts:
+    try:
+        return run_facts(contents.configuration, *more)
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError("contents of the report: configuration: not that of a run") from error
 
 
 def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import TYPE_CHECKING
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
 from puckbench.metrics.bjontegaard import LEAST_POINTS
+from puckbench.metrics.lossless import LOSSLESS, lossless_rows
+from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.rate_deltas import bd_rate
 from puckbench.report.reference_results import DIGEST, ReferenceResults
 
@@ -186,7 +189,8 @@ def _deltas(
 
     options = {k: v for k, v in reference.bd_rate.items() if k in ("resamples", "seed")}
     found = []
-    columns = ["dataset", "cloud", "codec", "rate", "bpp", *qualities]
+    own, theirs = (_judged(table) for table in (own, theirs))
+    columns = ["dataset", "cloud", "codec", "rate", "bpp", LOSSLESS, PEAK, *qualities]
     for codec in reference.style.ordered_codecs(theirs["codec"]):
         anchor = f"{codec} ({reference.name})"  # no codec's name has brackets
         rows = theirs.loc[theirs["codec"] == codec, columns].assign(codec=anchor)
@@ -197,6 +201,12 @@ def _deltas(
     if not found:
         raise InputError(f"{reference.name} has no codec with curves on these clouds")
     return pd.concat(found, ignore_index=True)
+
+
+def _judged(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with the columns that rates and PSNRs are judged by, also those of older runs."""
+    table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
+    return table if PEAK in table else table.assign(**{PEAK: nan})
 
 
 def _with_values(

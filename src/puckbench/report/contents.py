@@ -50,7 +50,7 @@ class Contents(Model):
     tables, figures
         Name -> file (CSV; PNG).
     own_figures, own_tables
-        Places of those that are a user's own.
+        Places of those that are a user's own; they are loaded where they are trusted.
     examples
         Clouds of the viewer.
     logs
@@ -117,7 +117,10 @@ class Contents(Model):
 
 
 def add_own(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """List a user's own figures and tables, by their places, beside ours."""
+    """List a user's own figures and tables, by their places, beside ours.
+
+    InputError where a place is not trusted (`puckbench.core.registry.trust`).
+    """
     for place in figures:
         FIGURES.add(place)
     for place in tables:

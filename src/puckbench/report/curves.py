@@ -10,6 +10,8 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.frames import FRAME
+from puckbench.metrics.lossless import with_lossless_best, without_lossless
+from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
 from puckbench.report.quantities import Measured, in_order, is_known, unit_in
 
 if TYPE_CHECKING:
@@ -26,8 +28,10 @@ def curves(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
     ``datasets`` and ``codecs`` (name, title; colour, marker and line of matplotlib), ``metrics``
     (name, words, unit, group), and ``cells``: one per data set, codec and rate with the number of
     ``clouds`` and ``values``, column -> [first quartile, median, third quartile] over the clouds.
-    A column without a value there (no true surface, an infinite PSNR) is left out of the cell.
+    A column without a value there (no true surface, the PSNR of a lossless rate) is left out of the
+    cell.
     """
+    metrics = with_lossless_best(without_mixed_peaks(metrics))
     shown = _shown(metrics)
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
@@ -65,7 +69,14 @@ def _shown(metrics: pd.DataFrame) -> list[Measured]:
     frames = {"metric"} if FRAME in metrics else {"scaled"}
     if FRAME in metrics and metrics[FRAME].isna().any():
         frames.add("scaled")
-    return [replace(item, unit=unit_in(item.unit, frames)) for item in found]
+    peak = peak_phrase(metrics)
+    return [_with_peak(replace(item, unit=unit_in(item.unit, frames)), peak) for item in found]
+
+
+def _with_peak(item: Measured, peak: str) -> Measured:
+    """The words of a PSNR with its peak."""
+    is_named = item.column in WITH_PEAK and peak
+    return replace(item, words=f"{item.words}, {peak}") if is_named else item
 
 
 def _described(item: Measured) -> dict[str, str]:
@@ -83,7 +94,7 @@ def _cells(
 
 
 def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
-    values = rows[columns].astype(float).quantile(_SHARES)
+    values = without_lossless(rows[columns].astype(float).quantile(_SHARES))
     known = {
         name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()
     }

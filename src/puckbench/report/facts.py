@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from puckbench import __version__
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.lossless import LOSSLESS
+from puckbench.metrics.peaks import peaks_of_datasets
 from puckbench.report.quantities import in_words
 from puckbench.report.tables import text_of
 
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MAKES = {"sample": "sampled", "scan": "scanned", "cloud": "as captured"}
-_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group", "digest"])
+_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group", "digest", LOSSLESS])
 _MOST_VALUES = 5
 _PACKAGES = ("numpy", "scipy", "pandas", "numba", "open3d", "open3d-cpu", "DracoPy", "torch")
 
@@ -52,6 +54,7 @@ class RunFacts:
         "Error model",
         "Clouds",
         "Points, median",
+        "Peak of PSNRs",
     )
     codec_heads: tuple[str, ...] = (
         "Codec",
@@ -83,7 +86,7 @@ def run_facts(
         Gives titles and orders.
     """
     return RunFacts(
-        datasets=tuple(_datasets(configuration, clouds, style)),
+        datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
         machine={**machine, **({} if metrics is None else _measured_on(metrics))},
         configuration=_as_yaml(configuration) if configuration else "",
@@ -91,14 +94,18 @@ def run_facts(
 
 
 def _datasets(
-    configuration: Mapping[str, Any], clouds: pd.DataFrame | None, style: FigureStyle
+    configuration: Mapping[str, Any],
+    metrics: pd.DataFrame | None,
+    clouds: pd.DataFrame | None,
+    style: FigureStyle,
 ) -> Iterable[Row]:
+    peaks = {} if metrics is None else peaks_of_datasets(metrics)
     for name, value in configuration.get("datasets", {}).items():
         scenes = value["scenes"]
         loader = configuration["scenes"][scenes]["loader"]
         errors = value["errors"] if value["make"] == "scan" else ""
         made = (f"{scenes} ({loader})", _MAKES[value["make"]], errors)
-        yield Row(style.title(name), name, (*made, *_sizes(clouds, name)))
+        yield Row(style.title(name), name, (*made, *_sizes(clouds, name), peaks.get(name, "")))
 
 
 def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.lossless import lossless_rows
+from puckbench.metrics.rate_deltas import is_below_zero, log_ratios
 from puckbench.report.curves import codec_payload
+from puckbench.report.deltas import delta_note, delta_value, has_delta, holds_zero
 from puckbench.report.quantities import measured
 
 if TYPE_CHECKING:
@@ -26,15 +31,11 @@ _EXACT = 1e-4
 
 @dataclass(frozen=True)
 class Cell:
-    """A value of a codec with a remark; `rank` orders the codecs, None where it cannot.
-
-    is_clear: whether it differs from the reference's by more than its interval.
-    """
+    """A value of a codec with a remark; `rank` orders the codecs, None where it cannot."""
 
     text: str = "\N{EN DASH}"
     note: str = ""
     rank: float | None = None
-    is_clear: bool = True
 
 
 @dataclass(frozen=True)
@@ -50,19 +51,31 @@ class Column:
         value.
     cells
         Codec -> value.
+    has_winner
+        Whether the first is better than each of the others beyond chance.
     """
 
     head: str
     group: str
     purpose: str
     cells: Mapping[str, Cell]
+    has_winner: bool = True
 
     @property
-    def best(self) -> tuple[str, ...]:
-        """The codecs with the lowest value; none where fewer than two have a rank."""
+    def ranking(self) -> tuple[str, ...]:
+        """The codecs that have a rank, the lowest first; none where only one has."""
         ranks = {codec: cell.rank for codec, cell in self.cells.items() if cell.rank is not None}
-        lowest = min(ranks.values(), default=None)
-        return tuple(c for c, rank in ranks.items() if rank == lowest) if len(ranks) > 1 else ()
+        return tuple(sorted(ranks, key=lambda codec: ranks[codec] or 0)) if len(ranks) > 1 else ()
+
+    @property
+    def best(self) -> str | None:
+        """The codec with the lowest value, where it is the lowest beyond chance."""
+        return self.ranking[0] if self.ranking and self.has_winner else None
+
+    def tested(self, is_better: Callable[[str, str], bool]) -> Column:
+        """The column with the test of its first codec against each other that has a rank."""
+        first, *others = self.ranking or ("",)
+        return replace(self, has_winner=all(is_better(first, other) for other in others))
 
 
 @dataclass(frozen=True)
@@ -81,10 +94,21 @@ class DatasetFindings:
 
 @dataclass(frozen=True)
 class Findings:
-    """The findings of a run; `anchor` is the title of the codec that bits are compared with."""
+    """The findings of a run.
+
+    Parameters
+    ----------
+    datasets
+        What was found on each.
+    anchor
+        Title of the codec that bits are compared with.
+    lossless
+        The lossless rates of each codec, in words; empty where there are none.
+    """
 
     datasets: tuple[DatasetFindings, ...]
     anchor: str = ""
+    lossless: str = ""
 
     @property
     def is_timed(self) -> bool:
@@ -118,7 +142,20 @@ def findings(
         )
         for name in style.ordered_datasets(metrics["dataset"])
     ]
-    return Findings(tuple(found), anchor)
+    return Findings(tuple(found), anchor, lossless_text(metrics, style))
+
+
+def lossless_text(metrics: pd.DataFrame, style: FigureStyle) -> str:
+    """Lossless rates by codec, such as "G-PCC 1mm (3 clouds)"; empty where there are none."""
+    rows = metrics[lossless_rows(metrics)]
+    texts = []
+    for codec in style.ordered_codecs(rows["codec"]):
+        own = rows[rows["codec"] == codec]
+        clouds = len(own[["dataset", "cloud"]].drop_duplicates())
+        rates = ", ".join(ordered_rates(set(own["rate"])))
+        counted = "1 cloud" if clouds == 1 else f"{clouds} clouds"
+        texts.append(f"{style.of_codec(codec).title} {rates} ({counted})")
+    return "; ".join(texts)
 
 
 def _rows(table: pd.DataFrame | None, dataset: str) -> Any:
@@ -133,7 +170,11 @@ def _of_dataset(
     style: FigureStyle,
 ) -> DatasetFindings:
     codecs = style.ordered_codecs(metrics["codec"])
-    columns = [*_bits(deltas, codecs), *_nearest(metrics, errors, codecs), *_times(metrics, codecs)]
+    columns = [
+        *_bits(metrics, deltas, codecs),
+        *_nearest(metrics, errors, codecs),
+        *_times(metrics, codecs),
+    ]
     best: dict[str, str] = {}
     for column in columns:
         if column.group and (told := _told(column, style)):
@@ -145,24 +186,43 @@ def _of_dataset(
 
 def _told(column: Column, style: FigureStyle) -> str:
     """Which codec is the best of a column, with its value; empty where none is."""
-    if not column.best:
+    if not column.ranking:
         return ""
-    title, cell = style.of_codec(column.best[0]).title, column.cells[column.best[0]]
-    rivals = column.cells.values() if cell.note == _REFERENCE else [cell]
-    if any(rival.rank is not None and not rival.is_clear for rival in rivals):
+    if column.best is None:
         return f"no clear winner{column.purpose}"
+    title, cell = style.of_codec(column.best).title, column.cells[column.best]
     remark = f" ({cell.note})" if cell.note else ""
     return f"{title}: {cell.text}{column.purpose}{remark}"
 
 
-def _bits(deltas: pd.DataFrame | None, codecs: Sequence[str]) -> Iterator[Column]:
+def _bits(
+    metrics: pd.DataFrame, deltas: pd.DataFrame | None, codecs: Sequence[str]
+) -> Iterator[Column]:
     """BD-rates of every codec, a column for each measure of quality."""
     if deltas is None:
         return
     for metric, rows in deltas.groupby("metric", sort=False):
         quality = _short(str(metric))
         cells = _bd_rates(rows, codecs)
-        yield Column(f"BD-rate, {quality}", "Fewest bits", f" for equal {quality}", cells)
+        column = Column(f"BD-rate, {quality}", "Fewest bits", f" for equal {quality}", cells)
+        yield column.tested(_needs_fewer_bits(metrics, rows, str(metric)))
+
+
+def _needs_fewer_bits(
+    metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
+) -> Callable[[str, str], bool]:
+    """Whether a codec's BD-rate against another is negative beyond chance.
+
+    That of one of them against the anchor is in the table; others are compared with each other.
+    """
+    anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
+
+    def is_better(first: str, other: str) -> bool:
+        if anchor in (first, other):
+            return not holds_zero(by_codec[other if first == anchor else first])
+        return is_below_zero(log_ratios(metrics, other, first, metric))
+
+    return is_better
 
 
 def _short(metric: str) -> str:
@@ -181,50 +241,48 @@ def _bd_rates(rows: pd.DataFrame, codecs: Sequence[str]) -> dict[str, Cell]:
 
 
 def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
-    """One BD-rate; a codec that shares no range on some clouds is not ranked with the others."""
-    if row is None or not row["compared"]:
-        return Cell(note="no common range")
-    value, low, high = (row[f"bd_rate_percent{end}"] for end in ("", "_low", "_high"))
-    notes = [] if isnan(low) else [f"{percent_text(low)} to {percent_text(high)}"]
-    whole = row["compared"] == row["clouds"]
-    notes += [] if whole else [f"{row['compared']} of {row['clouds']} clouds"]
-    is_clear = not low <= 0 <= high  # of one cloud there is no interval
-    return Cell(percent_text(value), ", ".join(notes), float(value) if whole else None, is_clear)
-
-
-def percent_text(value: float) -> str:
-    """A change in percent, with its sign: −53.6 %, +118 %."""
-    text = f"{abs(value):.0f}" if abs(value) >= 100 else f"{abs(value):.1f}"
-    sign = "\N{MINUS SIGN}" if value < 0 else "+"
-    return f"{sign}{text}\N{NO-BREAK SPACE}%"
+    """One BD-rate; a codec that cannot be compared on some clouds is not ranked with the others."""
+    if row is None or not has_delta(row):
+        return Cell(note=delta_note(row))
+    is_whole = row["compared"] == row["clouds"]
+    rank = float(row["bd_rate_percent"]) if is_whole else None
+    return Cell(delta_value(row), delta_note(row), rank)
 
 
 def _nearest(
     metrics: pd.DataFrame, errors: pd.DataFrame | None, codecs: Sequence[str]
 ) -> Iterator[Column]:
     """The least distance to the true surface at any rate, and where it is reached."""
-    column = _distance_of(metrics)
-    if column is not None:
-        medians = metrics.groupby(["codec", "rate"])[[column, "bpp"]].median()
-        cells = {codec: _least(medians, column, codec) for codec in codecs}
-        own = _own_error(errors, column)
+    distance = _distance_of(metrics)
+    if distance is not None:
+        medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()
+        rates = {codec: _nearest_rate(medians[distance], codec) for codec in codecs}
+        cells = {codec: _least(medians, rates[codec], codec) for codec in codecs}
+        own = _own_error(errors, distance)
         # Of a scan without errors the finest rate is the nearest, which tells nothing.
-        yield Column("Distance to the truth", "Nearest to the truth" if own else "", own, cells)
+        group = "Nearest to the truth" if own else ""
+        column = Column("Distance to the truth", group, own, cells)
+        yield column.tested(
+            _is_less(metrics[metrics["rate"] == metrics["codec"].map(rates)], distance)
+        )
 
 
 def _distance_of(table: pd.DataFrame) -> str | None:
     return next((name for name in _NEAREST if name in table and table[name].notna().any()), None)
 
 
-def _least(medians: pd.DataFrame, column: str, codec: str) -> Cell:
-    own = medians.loc[codec].dropna()
-    if own.empty:
+def _nearest_rate(distances: pd.Series[float], codec: str) -> str | None:
+    rows = zip(*map(distances.index.get_level_values, ("codec", "rate")), distances, strict=True)
+    own = {rate: value for name, rate, value in rows if name == codec}
+    return min(ordered_rates(set(own)), key=lambda name: own[name], default=None)
+
+
+def _least(medians: pd.DataFrame, rate: str | None, codec: str) -> Cell:
+    if rate is None:
         return Cell()
-    values, bpp = (
-        dict(zip(own.index, own[name].tolist(), strict=True)) for name in (column, "bpp")
-    )
-    rate = min(ordered_rates(set(values)), key=lambda name: values[name])
-    return Cell(distance_text(values[rate], column), f"{rate}, {bpp[rate]:.3g} bpp", values[rate])
+    distance = str(medians.columns[0])
+    value, bpp = (float(medians[name].to_dict()[codec, rate]) for name in (distance, "bpp"))
+    return Cell(distance_text(value, distance), f"{rate}, {bpp:.3g} bpp", value)
 
 
 def distance_text(value: float, column: str) -> str:
@@ -246,7 +304,20 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[Column]:
         if f"{way}_s" in metrics:
             medians = metrics.groupby("codec")[f"{way}_s"].median()
             cells = {codec: _seconds(float(medians[codec])) for codec in codecs}
-            yield Column(f"Time{purpose}", FASTEST, purpose, cells)
+            column = Column(f"Time{purpose}", FASTEST, purpose, cells)
+            yield column.tested(_is_less(metrics, f"{way}_s"))
+
+
+def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
+    """Whether a codec's medians over the rates of each cloud are less than another's."""
+    medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
+
+    def is_less(first: str, other: str) -> bool:
+        pairs = medians[[first, other]].dropna()
+        ours, theirs = pairs[(pairs > 0).all(axis="columns")].to_numpy(float).T
+        return is_below_zero(np.log(ours / theirs))
+
+    return is_less
 
 
 def _seconds(value: float) -> Cell:

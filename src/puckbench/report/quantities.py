@@ -54,8 +54,11 @@ _PLAIN = {
     "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
     "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
 }
-_COUNTS = ("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b")
-NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation"])
+_COUNTS = (
+    *("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b"),
+    *("dropped_points", "missing_returns"),
+)
+NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
 """Columns that describe the cloud or the measurement, not what the codec did."""
 
 _ENDINGS = {
@@ -76,6 +79,7 @@ _OF_TABLES = {
     "dataset": ("Data set", ""),
     "d1_psnr": ("PSNR D1", "dB"),
     "d2_psnr": ("PSNR D2", "dB"),
+    "peak": ("Peak of the PSNRs", ""),
 }
 _OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
 _SUFFIXES = {
@@ -83,6 +87,8 @@ _SUFFIXES = {
     "high": "interval to",
     "half": "half the interval",
     "arithmetic": "arithmetic mean",
+    "least": "least of the clouds",
+    "most": "greatest of the clouds",
     **_OF_CLOUDS,
 }
 """What the end of a column's name says of the quantity before it."""

@@ -14,9 +14,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import written_whole
-from puckbench.core.models import among
+from pydantic import Field
+
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import json_of, written_whole
+from puckbench.core.models import Model, among, parsed
 from puckbench.report.quantities import in_words, is_time
 from puckbench.report.run_record import RunRecord
 
@@ -42,12 +44,36 @@ _TITLES = {
 _DIGITS = 6
 """Significant digits of measured numbers."""
 _CLOUD = ["dataset", "cloud"]
+_COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
+"""Columns that every file has."""
 _TIMED = ("encode_curve", "evaluate_curve")
 """Jobs whose calls of a codec are timed: the second one decodes."""
 LEAST_SHARE = 0.95
 """Processor time of these jobs over their wall time, with one thread each, below which a machine
 was busy. On an idle one it was 0.97 for encoding and 0.99 for decoding with measuring, beside other
 work 0.83 and 0.88 (docs/notes/times.md)."""
+
+
+class _BdRate(Model, extra="ignore"):
+    """Options of tables of Bjontegaard deltas, as a file has them."""
+
+    anchor: str
+    qualities: tuple[str, ...]
+    resamples: int = Field(2000, ge=1, le=100_000)
+    seed: int = Field(0, ge=0)
+
+
+class _About(Model, extra="ignore"):
+    """What `ReferenceResults.about` must be."""
+
+    configuration: Mapping[str, Any]
+    style: tuple[Mapping[str, Any], ...]
+    bd_rate: _BdRate
+    machine: Mapping[str, str]
+    record: Mapping[str, Any]
+    clouds: tuple[Mapping[str, Any], ...]
+    scan_errors: tuple[Mapping[str, Any], ...] = ()
+    not_timed: str = ""
 
 
 @dataclass(frozen=True)
@@ -139,17 +165,22 @@ def read_reference(name: str) -> ReferenceResults:
 
 
 def _read(path: Path) -> ReferenceResults:
+    from puckbench.figures.style import FigureStyle
     from puckbench.io.columns import metadata_of
     from puckbench.io.tables import read_table
 
     table = read_table(path)
-    try:
-        about = json.loads(metadata_of(path)[KEY.encode()])
-        version = about["format"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a file of reference results") from error
-    if version != FORMAT:
-        raise InputError(f"{path}: format {version}, but this version reads {FORMAT}")
+    with naming(path):
+        about = json_of(metadata_of(path).get(KEY.encode(), b"{}"), "its metadata")
+        if not isinstance(about, dict) or "format" not in about:
+            raise InputError("not a file of reference results")
+        if about["format"] != FORMAT:
+            raise InputError(f"format {about['format']!r}, but this version reads {FORMAT}")
+        if missing := [name for name in _COLUMNS if name not in table]:
+            raise InputError(f"not reference results, without {', '.join(missing)}")
+        parsed(_About, about, "its metadata")
+        FigureStyle.from_config(*about["style"])
+        RunRecord.from_json(about["record"])
     return ReferenceResults(path.stem, table, about)
 
 

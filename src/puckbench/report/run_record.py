@@ -5,7 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+from puckbench.core.models import Model, parsed
+
+
+def _moment_of(text: str | None) -> datetime | None:
+    return datetime.fromisoformat(text) if text else None
+
+
+Moment = Annotated[datetime | None, BeforeValidator(_moment_of)]
+
+
+class _Kept(Model):
+    """A `RunRecord` as JSON has it."""
+
+    jobs: int
+    processor_s: float
+    began: Moment
+    ended: Moment
+    busy_s: float
+    commits: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -52,12 +74,8 @@ class RunRecord:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
-        """The record that `as_json` gives."""
-        began, ended = (
-            datetime.fromisoformat(value[name]) if value.get(name) else None
-            for name in ("began", "ended")
-        )
-        return cls(**{**value, "began": began, "ended": ended, "commits": tuple(value["commits"])})
+        """The record that `as_json` gives; InputError for another value."""
+        return cls(**dict(parsed(_Kept, value, "record")))
 
     def as_json(self) -> dict[str, Any]:
         """The record as a JSON object."""

@@ -21,8 +21,8 @@ MOST_ROWS = 1000
 """Rows of a table that stand in the page; the file has all of them."""
 _SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
 _BOOKKEEPING = re.compile(
-    "anchor|clouds|compared|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
-    "|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
+    "anchor|clouds|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
+    "|little_overlap|anchor_lossless|bd_rate_percent_(least|most)|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
 """Columns that tell how values came about: with empty ones they stand last, behind a fold."""

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 
 _LONGEST = 5
+_PORTION = 1 << 20
+"""Numbers that are unpacked at a time, which bounds the memory beside them."""
 Numbers = NDArray[np.int64]
 
 
@@ -28,12 +30,24 @@ def unpacked_signed(data: bytes, count: int) -> Numbers:
     ends = np.flatnonzero(groups < 128)
     if len(ends) != count or (count and ends[-1] != len(groups) - 1) or (not count and data):
         raise InputError("the stream is damaged (its numbers)")
+    numbers = np.empty(count, np.int64)
+    start = 0
+    for first in range(0, count, _PORTION):
+        part = ends[first : first + _PORTION]
+        numbers[first : first + _PORTION] = _numbers(groups[start : part[-1] + 1], part - start)
+        start = int(part[-1]) + 1
+    return numbers
+
+
+def _numbers(groups: NDArray[np.uint8], ends: Numbers) -> Numbers:
+    """The numbers of groups of seven bits, of which the last ones stand at `ends`."""
     lengths = np.diff(ends, prepend=-1)
     if lengths.max(initial=0) > _LONGEST:
         raise InputError("the stream is damaged (its numbers)")
-    zigzag = np.zeros(count, np.int64)
+    zigzag = np.zeros(len(ends), np.int64)
     starts = ends - lengths + 1
     for place in range(int(lengths.max(initial=0))):
         rows = lengths > place
         zigzag[rows] |= (groups[starts[rows] + place].astype(np.int64) & 127) << 7 * place
-    return (zigzag >> 1) ^ -(zigzag & 1)
+    numbers: Numbers = (zigzag >> 1) ^ -(zigzag & 1)
+    return numbers

@@ -131,6 +131,6 @@ def read_points(path: Path, what: str) -> Floats:
         There is no such file, or it holds no points.
     """
     try:
-        return read_cloud(path).xyz
+        return read_cloud(path, keep_missing=True).xyz
     except InputError as error:
         raise InputError(f"{what}: no points came back ({error})") from error

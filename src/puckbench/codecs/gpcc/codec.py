@@ -12,7 +12,7 @@ from pydantic import Field
 from puckbench import __version__
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.gpcc.container import packed, unpacked
-from puckbench.codecs.gpcc.grid import Frame, Rounding, frame_of, in_frame, quantised
+from puckbench.codecs.gpcc.grid import MOST_BITS, Frame, Rounding, frame_of, in_frame, quantised
 from puckbench.codecs.gpcc.options import PROFILES, GpccOptions
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
@@ -82,6 +82,7 @@ class GridCodec(Codec):
     magic = b"PBGP"
     pace = Pace(0.05, 1.5)
     bare_magic = b"\0\0\0"
+    most_steps = float(2**MOST_BITS - 2)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)

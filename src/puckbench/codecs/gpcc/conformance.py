@@ -140,7 +140,7 @@ def program(words: str) -> Decode:
             names = {"{stream}": str(source), "{points}": str(target)}
             filled = [_filled(word, names) for word in command]
             _run(filled)
-            return read_cloud(target).xyz
+            return read_cloud(target, keep_missing=True).xyz
 
     return decode
 

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats, bounds
 
 Rounding = Literal["nearest", "truncate"]
@@ -66,7 +66,7 @@ def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) ->
         ends = bounds(units)
         widest = float(np.ptp(ends, axis=0).max()) * scale
     if not widest < 2**MOST_BITS - 1:
-        raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}")
+        raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}{NARROWER}")
     positions = _rounded(units, scale, rounding)
     origin = _rounded(ends, scale, rounding)[0]  # rounding keeps the order
     positions -= origin

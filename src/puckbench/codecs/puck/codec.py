@@ -107,15 +107,12 @@ class Puck(ReturnsCodec):
         layout = unpacked(_body(records, Kind.LAYOUT))[0]
         bare = unpacked_beams(_body(records, Kind.BEAMS), layout)
         decoder = TurnDecoder(layout)
-        turns, steps, ranges = [], [], 0
-        for record in records:
-            if record.kind not in (Kind.TURN, Kind.END):
-                raise InputError(DAMAGED)
-            if record.kind == Kind.TURN:
-                ranges += ranges_of(layout, record.body)
-                check_ranges(ranges, len(stream))
-                turns.append(decoder.decode(record.body))
-                steps.append(decoder.step * bare.quantum_m)
+        bodies = [_turn_body(record) for record in records if record.kind != Kind.END]
+        check_ranges(sum(ranges_of(layout, body) for body in bodies), len(stream))
+        turns, steps = [], []
+        for body in bodies:
+            turns.append(decoder.decode(body))
+            steps.append(decoder.step * bare.quantum_m)
         return replace(bare, turns=tuple(turns)), steps
 
 
@@ -126,4 +123,10 @@ def _body(records: Iterator[Record], kind: Kind) -> bytes:
         raise InputError(
             "is no stream of returns alone; a compressed recording has to be decompressed first"
         )
+    return record.body
+
+
+def _turn_body(record: Record) -> bytes:
+    if record.kind != Kind.TURN:
+        raise InputError(DAMAGED)
     return record.body

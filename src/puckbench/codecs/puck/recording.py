@@ -11,6 +11,7 @@ import lzma
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.common.byte_io import Reader, base_128
 from puckbench.codecs.puck.layout import packed, unpacked
 from puckbench.codecs.puck.records import Kind, Record, read_records, start
-from puckbench.codecs.puck.stream import check_ranges, ranges_of
+from puckbench.codecs.puck.stream import most_ranges, ranges_of
 from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
@@ -40,34 +41,83 @@ _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; their turns are one batch."""
 _MOST_RAW = 1 << 26
 """Bytes between the packets of a batch, at most."""
-_MANY_RANGES, _RANGES_PER_BYTE = 1 << 22, 1024
-"""Ranges of a recording that any stream may hold, and for each byte of it beside them: a sensor
-whose window is covered has some hundred."""
+_MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
+"""Bytes of a recording that any stream may hold, and for each byte of it beside them."""
+_FRAME = 16
+"""Bytes that say how long a window without packets is, at most."""
 _GROUPS = 32
 """Lengths of gaps that are coded together, at most."""
-_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 1 << 24}]
 _HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
 """LZMA of headers' columns, where a byte's neighbours and place tell little: no larger than by the
 preset alone, in a fifth of the time."""
 _SQLITE = b"SQLite format 3\x00"
 _LINK = 4
+_SMALLEST_PAGE, _LARGEST_PAGE = 512, 1 << 16
+_CHUNK = 1 << 16
+"""Bytes of a chunk that LZMA2 stores, at most."""
 _DAMAGED = "the stream is damaged"
 
 Bytes = NDArray[np.uint8]
 Tell = Callable[[int, int], None]
 
 
-@dataclass
-class Account:
-    """What was in a recording, and what became of it."""
+@dataclass(kw_only=True)
+class _Contents:
+    """Counts of what is in a recording or in a part of it."""
 
-    bytes: int = 0
-    compressed: int = 0
     packets: int = 0
     turns: int = 0
     returns: int = 0
     ranges: int = 0
+
+    def add(self, part: _Contents) -> None:
+        """Count a further part."""
+        self.packets += part.packets
+        self.turns += part.turns
+        self.returns += part.returns
+        self.ranges += part.ranges
+
+
+@dataclass(kw_only=True)
+class Account(_Contents):
+    """What was in a recording, and what became of it."""
+
+    bytes: int = 0
+    compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """What a stream of `size` bytes may hold, at most; a trusted one anything."""
+
+    size: int
+    trusted: bool = False
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of a recording, without the links of its pages."""
+        return _MANY_BYTES + _BYTES_PER_BYTE * self.size
+
+    @property
+    def ranges(self) -> int:
+        """Ranges, and what turns cost beside them."""
+        return most_ranges(self.size)
+
+    def check(self, number: int, most: int, what: str) -> None:
+        """Refuse more than there may be, before it is decoded."""
+        if number > most and not self.trusted:
+            raise InputError(
+                f"{number} {what} in {self.size} bytes: more than they may hold; if you trust the "
+                "file, restore it with puckbench decompress --trusted"
+            )
+
+
+@dataclass(kw_only=True)
+class _Batch(_Contents):
+    """The records of a window, and counts of what is in them."""
+
+    records: list[Record] = field(default_factory=list)
 
 
 def compress(
@@ -98,20 +148,33 @@ def compress(
     data = _opened(recording)
     account = Account(bytes=len(data))
     with written_whole(out) as temporary, temporary.open("wb") as stream:
-        stream.write(start())
-        for record in _records(data, chosen, account, tell):
-            body = record.packed()
+        account.compressed = stream.write(start())
+        for record in _records(data, chosen, account, tell or _silent):
+            written = stream.write(record.packed())
             name = record.kind.name.lower()
-            account.parts[name] = account.parts.get(name, 0) + len(body)
-            stream.write(body)
-        account.compressed = stream.tell()
-        _check_ranges(account)
+            account.parts[name] = account.parts.get(name, 0) + written
+            account.compressed += written
     return account
 
 
+def _silent(done: int, size: int) -> None:
+    """Tell nothing."""
+
+
 @RECORDING_COMPRESSIONS.register("PUCK")
-def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
+def decompress(
+    path: Path, out: Path, tell: Tell | None = None, *, trusted: bool = False
+) -> Account:
     """Write the recording of a stream.
+
+    Parameters
+    ----------
+    path, out
+        The stream, and the recording to write.
+    tell
+        Called with the numbers of bytes done and in all.
+    trusted
+        Restore also what is far larger than `compress` lets a stream of this size become.
 
     Raises
     ------
@@ -126,7 +189,7 @@ def decompress(path: Path, out: Path, tell: Tell | None = None) -> Account:
     except OSError as error:
         raise unreadable(path, error) from error
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        return _restore(source, stream, size, tell)
+        return _restore(source, stream, _Limits(size, trusted), tell or _silent)
 
 
 def _check_apart(source: Path, out: Path) -> None:
@@ -147,10 +210,8 @@ def _opened(path: Path) -> Bytes:
     return data
 
 
-def _records(
-    data: Bytes, settings: Settings, account: Account, tell: Tell | None
-) -> Iterator[Record]:
-    """The records of a recording's bytes."""
+def _records(data: Bytes, settings: Settings, account: Account, tell: Tell) -> Iterator[Record]:
+    """The records of a recording's bytes; whoever writes one adds its bytes to `account`."""
     page = _page_size(data)
     check = _check_of(data)
     size = len(data)
@@ -158,7 +219,7 @@ def _records(
         pages = data.reshape(-1, page)
         yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK]), _HEADERS))
         size = len(pages) * (page - _LINK)
-    encoder = _PacketEncoder(settings, account)
+    encoder = _PacketEncoder(settings)
     done = 0
     while done < size:
         window = _window(data, page, done, min(done + _WINDOW, size))
@@ -166,12 +227,25 @@ def _records(
         is_last = done + len(window) == size
         # A packet that the window cuts is whole in the next one.
         end = len(window) if is_last else max(len(window) - PACKET_BYTES + 1, _end_of(places))
-        for record, reached in encoder.batch(window[:end], places):
-            yield record
-            if tell is not None and reached:
-                tell(done + reached, size)
+        batches = encoder.batches(window[:end], places, partial(_tell_within, tell, done, size))
+        batch = next(each for each in batches if _fits(each, account, done + end))
+        account.add(batch)
+        yield from batch.records
         done += end
+        tell(done, size)
     yield Record(Kind.END, account.bytes.to_bytes(8, "little") + check)
+
+
+def _tell_within(tell: Tell, done: int, size: int, reached: int) -> None:
+    if reached:
+        tell(done + reached, size)
+
+
+def _fits(batch: _Batch, account: Account, done: int) -> bool:
+    """Whether a decoder takes `done` bytes of a recording, the last of them from a batch."""
+    limits = _Limits(account.compressed + sum(len(record.body) for record in batch.records))
+    done += _FRAME
+    return account.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
 
 def _window(data: Bytes, page: int, first: int, end: int) -> Bytes:
@@ -200,8 +274,10 @@ def _page_size(data: Bytes) -> int:
     if data[: len(_SQLITE)].tobytes() != _SQLITE or len(data) < 512:
         return 0
     size = int.from_bytes(data[16:18].tobytes(), "big")
-    size = 65536 if size == 1 else size
-    return size if size >= 512 and len(data) % size == 0 else 0
+    size = _LARGEST_PAGE if size == 1 else size
+    if size < _SMALLEST_PAGE or len(data) % size or len(data) // size * _LINK > _MOST_RAW:
+        return 0
+    return size
 
 
 def _linked(links: Bytes) -> bytes:
@@ -222,22 +298,31 @@ def _unlinked(body: bytes) -> Bytes:
 class _PacketEncoder:
     """Encodes batches of packets and what lies between them."""
 
-    def __init__(self, settings: Settings, account: Account) -> None:
-        self._settings, self._account = settings, account
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
         self._kind: PacketKind | None = None
         self._turns: TurnEncoder | None = None
 
-    def batch(self, data: Bytes, places: NDArray[np.int64]) -> Iterator[tuple[Record, int]]:
-        """The records of some bytes with packets at some places, and how far they reach.
+    def batches(
+        self, data: Bytes, places: NDArray[np.int64], tell: Callable[[int], None]
+    ) -> Iterator[_Batch]:
+        """Some bytes with packets at some places in three ways, the smallest first.
 
-        0 for as far as before. All bytes are reached by the last record alone.
+        Packets as turns, all bytes by LZMA, and all bytes as they are, which always fits.
         """
+        yield self._batch(data, places, tell)
+        self._turns = None
+        raw = _gathered([data.tobytes()])
+        for gaps in (_packed(raw), _stored(raw)):
+            yield _Batch(records=[Record(Kind.GAPS, base_128(0) + gaps)])
+
+    def _batch(self, data: Bytes, places: NDArray[np.int64], tell: Callable[[int], None]) -> _Batch:
+        batch = _Batch()
         if len(places):
-            rows, packets = places[:, None] + np.arange(PACKET_BYTES), 0
+            rows = places[:, None] + np.arange(PACKET_BYTES)
             for kind, payloads in split_turns(data[rows]):
-                packets += len(payloads)
-                reached = int(places[packets - 1])
-                yield from ((record, reached) for record in self._turn(kind, payloads))
+                self._add_turn(kind, payloads, batch)
+                tell(int(places[batch.packets - 1]))
         starts = np.concatenate([[0], places + PACKET_BYTES])
         ends = np.concatenate([places, [len(data)]])
         gaps = [
@@ -247,19 +332,21 @@ class _PacketEncoder:
         # What outweighs the packets is no headers.
         options = _HEADERS if len(data) < 2 * PACKET_BYTES * len(places) else {}
         packed_gaps = _packed(_gathered(gaps), options)
-        yield Record(Kind.GAPS, base_128(len(places)) + packed_gaps), len(data)
+        batch.records.append(Record(Kind.GAPS, base_128(len(places)) + packed_gaps))
+        return batch
 
-    def _turn(self, kind: PacketKind, payloads: Payloads) -> Iterator[Record]:
+    def _add_turn(self, kind: PacketKind, payloads: Payloads, batch: _Batch) -> None:
         if self._turns is None or kind != self._kind:
             self._kind, self._turns = kind, TurnEncoder(kind.layout, self._settings)
-            yield Record(Kind.LAYOUT, packed(kind.layout) + bytes([kind.product, kind.mode]))
+            layout = packed(kind.layout) + bytes([kind.product, kind.mode])
+            batch.records.append(Record(Kind.LAYOUT, layout))
         turn = turn_of(kind, payloads)
-        self._account.turns += 1
-        self._account.packets += len(payloads)
-        self._account.returns += turn.returns
         body = self._turns.encode(turn)
-        self._account.ranges += ranges_of(kind.layout, body)
-        yield Record(Kind.TURN, body)
+        batch.records.append(Record(Kind.TURN, body))
+        batch.turns += 1
+        batch.packets += len(payloads)
+        batch.returns += turn.returns
+        batch.ranges += ranges_of(kind.layout, body)
 
 
 def _gathered(gaps: list[bytes]) -> bytes:
@@ -336,19 +423,32 @@ def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
     return words, np.ascontiguousarray(rows[:, whole:])
 
 
-def _packed(raw: bytes, options: dict[str, int]) -> bytes:
-    """Bytes by LZMA, after their number; with no more memory to clear than they need."""
-    needed = min(1 << max(len(raw).bit_length(), 12), 1 << 24)
-    filters = [{**_FILTERS[0], "dict_size": needed, **options}]
+def _packed(raw: bytes, options: dict[str, int] | None = None) -> bytes:
+    """Bytes by LZMA, after their number."""
+    filters = [{**_filter(len(raw)), **(options or {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
-def _unpacked(reader: Reader) -> bytes:
-    """The bytes of `_packed`; InputError when they are damaged or too many."""
+def _stored(raw: bytes) -> bytes:
+    """As `_packed`, in chunks of LZMA2 that are not compressed."""
+    chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
+    parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
+    return base_128(len(raw)) + b"".join(parts) + b"\0"
+
+
+def _filter(size: int) -> dict[str, int]:
+    """LZMA2 of so many bytes, with no more memory to clear than they need."""
+    needed = min(1 << max(size.bit_length(), 12), 1 << 24)
+    return {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": needed}
+
+
+def _unpacked(reader: Reader, admit: Callable[[int], None]) -> bytes:
+    """The bytes of `_packed`, whose number `admit` checks; InputError when they are damaged."""
     size = reader.number()
     if size > _MOST_RAW:
         raise InputError(_DAMAGED)
-    machine = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=_FILTERS)
+    admit(size)
+    machine = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=[_filter(size)])
     try:
         raw = machine.decompress(reader.rest(), size + 1)
     except lzma.LZMAError as error:
@@ -361,17 +461,26 @@ def _unpacked(reader: Reader) -> bytes:
 class _Out:
     """Writes a recording, with the links of its pages where it has any."""
 
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream = stream
+    def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
+        self._stream, self._limits = stream, limits
         self.check, self.size = 0, 0
         self._links: Bytes | None = None
         self._page, self._at = 0, 0
 
-    def paged(self, page: int, links: Bytes) -> None:
-        """From the beginning on, insert these links (n, 4), one at the start of each page."""
-        if self.size or not 512 <= page <= 65536:
+    def admit(self, size: int) -> None:
+        """Refuse more bytes without links than a recording may have."""
+        self._limits.check(self._at + size, self._limits.bytes, "bytes")
+
+    def paged(self, body: bytes) -> None:
+        """From the beginning on, insert the links of a record, one at the start of each page."""
+        reader = Reader(body)
+        page = reader.number()
+        if self._at or self._page or not _SMALLEST_PAGE <= page <= _LARGEST_PAGE:
             raise InputError(_DAMAGED)
-        self._page, self._links = page - _LINK, links
+        links = _unpacked(reader, lambda size: self.admit(size // _LINK * (page - _LINK)))
+        if len(links) % _LINK:
+            raise InputError(_DAMAGED)
+        self._page, self._links = page - _LINK, _unlinked(links)
 
     def write(self, data: bytes) -> None:
         """Write bytes of the recording without links."""
@@ -387,6 +496,7 @@ class _Out:
             self._at += len(part)
             rest = rest[len(part) :]
         self._put(rest)
+        self._at += len(rest)
 
     def _put(self, data: bytes | memoryview) -> None:
         self.check = zlib.crc32(data, self.check)
@@ -394,38 +504,43 @@ class _Out:
         self._stream.write(data)
 
 
-def _restore(source: IO[bytes], stream: IO[bytes], size: int, tell: Tell | None) -> Account:
+def _restore(source: IO[bytes], stream: IO[bytes], limits: _Limits, tell: Tell) -> Account:
     """Write the recording of the records of `source`."""
-    account, out, packets = Account(compressed=size), _Out(stream), _PacketDecoder()
+    account, packets = Account(compressed=limits.size), _PacketDecoder()
+    out = _Out(stream, limits)
+    account.ranges = _ranges_of(source)
+    limits.check(account.ranges, limits.ranges, "ranges")
+    source.seek(0)
     for record in read_records(source):
-        if tell is not None and record.kind != Kind.END:
-            tell(source.tell(), size)
+        if record.kind != Kind.END:
+            tell(source.tell(), limits.size)
         if record.kind == Kind.PAGES:
-            reader = Reader(record.body)
-            page = reader.number()
-            links = _unpacked(reader)
-            if len(links) % _LINK:
-                raise InputError(_DAMAGED)
-            out.paged(page, _unlinked(links))
+            out.paged(record.body)
         elif record.kind == Kind.LAYOUT:
             packets.begin(record.body)
         elif record.kind == Kind.TURN:
-            account.ranges += packets.ranges(record.body)
-            _check_ranges(account)
             account.returns += packets.turn(record.body)
             account.turns += 1
         elif record.kind == Kind.GAPS:
             account.packets += packets.write(record.body, out)
         elif record.body != out.size.to_bytes(8, "little") + out.check.to_bytes(4, "little"):
             raise InputError("the stream is damaged, or holds no recording")
-    if tell is not None:
-        tell(size, size)
+    tell(limits.size, limits.size)
     account.bytes = out.size
     return account
 
 
-def _check_ranges(account: Account) -> None:
-    check_ranges(account.ranges, account.compressed, _MANY_RANGES, _RANGES_PER_BYTE)
+def _ranges_of(source: IO[bytes]) -> int:
+    """Ranges of all turns of a stream, none of which is decoded."""
+    ranges, layout = 0, None
+    for record in read_records(source):
+        if record.kind == Kind.LAYOUT:
+            layout = unpacked(record.body)[0]
+        elif record.kind == Kind.TURN:
+            if layout is None:
+                raise InputError(_DAMAGED)
+            ranges += ranges_of(layout, record.body)
+    return ranges
 
 
 class _PacketDecoder:
@@ -448,12 +563,6 @@ class _PacketDecoder:
             raise InputError(_DAMAGED)
         self._kind, self._turns = replace(known, layout=layout), TurnDecoder(layout)
 
-    def ranges(self, body: bytes) -> int:
-        """Ranges of a coded turn."""
-        if self._kind is None:
-            raise InputError(_DAMAGED)
-        return ranges_of(self._kind.layout, body)
-
     def turn(self, body: bytes) -> int:
         """Decode a turn; its number of returns."""
         if self._turns is None or self._kind is None:
@@ -472,7 +581,7 @@ class _PacketDecoder:
         reader = Reader(body)
         if reader.number() != len(packets):
             raise InputError(_DAMAGED)
-        gaps = _scattered(_unpacked(reader), len(packets) + 1)
+        gaps = _scattered(_unpacked(reader, out.admit), len(packets) + 1)
         out.write(b"".join(part for pair in zip(gaps, packets, strict=False) for part in pair))
         out.write(gaps[-1])
         return len(packets)

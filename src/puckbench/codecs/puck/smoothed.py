@@ -27,8 +27,7 @@ class PuckSmoothed(Puck):
     """As `puck`; decoded points lie on planes that fit the returns, and lasers' biases are gone.
 
     The decoded returns are `puck`'s, in the sensor's own numbers, without loss at the finest rate;
-    the points are estimates at every rate (`puckbench.codecs.puck.smoothing`), whose last bits may
-    differ between machines.
+    the points are estimates at every rate (`puckbench.codecs.puck.smoothing`).
     """
 
     title = "Puck, smoothed"

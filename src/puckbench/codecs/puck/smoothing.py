@@ -8,7 +8,8 @@ the stream gives for its range by more than three standard deviations. Where ret
 their plane by more than noise explains (leaves), they are moved less, in proportion. Of a return
 that no plane supports, the bias of its laser alone is removed.
 
-Results are the same on one machine; between machines the last bits may differ.
+Results do not depend on a machine's libraries of linear algebra; where sines or square roots are
+rounded in another way, the last bits may differ.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from puckbench.codecs.puck.planes import (
     fitted_planes,
     range_error,
 )
-from puckbench.core.compiling import compiled_in_place
+from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Turn
@@ -183,15 +184,70 @@ def _biases(image: RangeImage, planes: Planes, std: float) -> Floats:
     _sum_by_laser(
         image.ranges, image.rows, labels, vectors, most, places, products, mixed, numbers, targets
     )
-    normal = products[:, :, :3]
-    ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)
-    inverse = np.linalg.inv(normal + ridge[:, None, None] * np.eye(3))
-    through = np.einsum("gli,gij->glj", mixed, inverse)
+    matrix, right = np.diag(numbers), targets
+    _eliminate(products, mixed, matrix, right)
     weight = 1 / (std * std * _CORRELATED)
-    matrix = np.diag(numbers) - np.einsum("gli,gki->lk", through, mixed)
-    right = targets - np.einsum("gli,gi->l", through, products[:, :, 3])
-    found = -np.linalg.solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, weight * right)
-    return np.asarray(found - found.mean())
+    found = weight * right
+    _solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, found)
+    biases: Floats = np.asarray(found.mean() - found)
+    return biases if np.isfinite(biases).all() else np.zeros(lasers)
+
+
+@inlined
+def _factorise(matrix: Floats) -> None:
+    """Cholesky's factor of a positive definite matrix, in place, in its lower half.
+
+    By loops of our own, here as below: what a library of linear algebra returns depends in its last
+    digits on the processor, and bits of the points would.
+    """
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
+
+
+@inlined
+def _substitute(factor: Floats, right: Floats) -> None:
+    """Solve factor . x = right for x, in place; the factor is a lower triangle."""
+    for i in range(len(right)):
+        for k in range(i):
+            right[i] -= factor[i, k] * right[k]
+        right[i] /= factor[i, i]
+
+
+@_loop
+def _solve(matrix: Floats, right: Floats) -> None:
+    """Solve matrix . x = right for x, in place; the matrix is positive definite."""
+    _factorise(matrix)
+    _substitute(matrix, right)
+    for i in range(len(right) - 1, -1, -1):
+        for k in range(i + 1, len(right)):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]
+
+
+@_loop
+def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -> None:
+    """Take the planes out of the normal equations of planes and biases.
+
+    matrix, right: (lasers, lasers) and (lasers,), the equations of the biases, which are changed.
+    products, mixed: as of `_sum_by_laser`; they are overwritten.
+    """
+    for plane in range(len(products)):
+        normal, target, each = products[plane, :, :3], products[plane, :, 3], mixed[plane]
+        ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
+        for i in range(3):
+            normal[i, i] += ridge
+        _factorise(normal)
+        _substitute(normal, target)
+        for laser in range(len(right)):
+            _substitute(normal, each[laser])
+            for i in range(3):
+                right[laser] -= each[laser, i] * target[i]
+                for other in range(laser + 1):
+                    matrix[laser, other] -= each[laser, i] * each[other, i]
 
 
 @_loop

@@ -12,11 +12,13 @@ from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder, is_k
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import Layout, Turn
 
-_MANY_RANGES, _RANGES_PER_BYTE = 1 << 21, 32
-"""Ranges of a cloud that any stream may hold, and for each byte of it beside them: of scans without
-noise that are coded with much loss, which have few bits a range."""
-_TURN = 256
-"""Ranges that take as long as a turn without any."""
+_FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32
+"""Ranges that any stream may hold, and for each byte of it beside them: of scans without noise that
+are coded with much loss, which have few bits a range."""
+_SMALL, _MANY_RANGES = 1 << 20, 6 << 20
+"""Bytes of a small stream, and the most ranges in one: those of some seconds."""
+_TURN = 1024
+"""Ranges that take as long as a turn without any: a key turn of two returns takes 1 ms."""
 
 
 def ranges_of(layout: Layout, body: bytes) -> int:
@@ -27,14 +29,18 @@ def ranges_of(layout: Layout, body: bytes) -> int:
     return reader.number() * layout.columns_per_block * layout.lasers * layout.kinds + _TURN
 
 
-def check_ranges(
-    ranges: int, size: int, most: int = _MANY_RANGES, per_byte: int = _RANGES_PER_BYTE
-) -> None:
+def most_ranges(size: int) -> int:
+    """Ranges that a stream of `size` bytes may hold, at most."""
+    few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
+    return few + _RANGES_PER_BYTE * max(size - _SMALL, 0)
+
+
+def check_ranges(ranges: int, size: int) -> None:
     """Refuse more ranges than a stream of `size` bytes may hold, before they are decoded.
 
     Encoders ask too, so that they write nothing that a decoder refuses.
     """
-    if ranges > most + per_byte * size:
+    if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
 
 
@@ -96,6 +102,7 @@ def decode(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
                 waiting = []
             waiting.append((layout, record.body))
             number += 1
+    check_ranges(sum(ranges_of(*each) for each in waiting), len(stream))
     return _decoded(waiting)[len(waiting) - (number - first) :] if number > first else []
 
 

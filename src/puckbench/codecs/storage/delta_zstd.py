@@ -22,7 +22,7 @@ from puckbench.codecs.common.framing import Framing
 from puckbench.codecs.common.varints import packed_signed, unpacked_signed
 from puckbench.codecs.common.zstandard import compressed, decompressed
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.storage.steps import check_points_of, in_steps
+from puckbench.codecs.storage.steps import MOST_STEPS, check_points_of, in_steps
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
@@ -52,6 +52,7 @@ class DeltaZstd(Codec):
     rank = 150
     pace = Pace(0.02, 2.0)
     metric_rates = lengths()
+    most_steps = MOST_STEPS
     Options = DeltaZstdOptions
     options: DeltaZstdOptions
     magic = b"PBDZ"

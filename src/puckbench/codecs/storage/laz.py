@@ -12,7 +12,7 @@ import numpy as np
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.storage.steps import check_points_of, in_steps
+from puckbench.codecs.storage.steps import MOST_STEPS, check_points_of, in_steps
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats
 
@@ -42,6 +42,7 @@ class Laz(Codec):
     rank = 160
     pace = Pace(0.05, 1.5)
     metric_rates = lengths()
+    most_steps = MOST_STEPS
     magic = b"LASF"
     version = f"laspy {version('laspy')}, lazrs {version('lazrs')}"
 

@@ -6,17 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.common.most_points import most_points
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats
 
 _POINTS_PER_BYTE = 256
 _FEW_POINTS = 65536
+MOST_STEPS = float(2**30)
+"""Extent of a cloud that `in_steps` takes, as it lies within a kilometre of the origin."""
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
     """Points (n, 3) rounded to whole steps; InputError beyond 31 bits, which formats hold."""
     if np.abs(points).max() / step >= 2**31 - 1:
-        raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m")
+        raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m{NARROWER}")
     return np.rint(points / step).astype(np.int64)
 
 

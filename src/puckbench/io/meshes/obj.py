@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections import Counter
 from itertools import accumulate
 from pathlib import Path
@@ -37,7 +38,9 @@ def parse_obj(data: bytes, what: str) -> Polygons:
     """Like `read_obj`, of bytes; `what` names them in errors."""
     lines = _lines(data)
     kinds = [line.partition(b" ")[0] for line in lines]
-    faces = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"f"]
+    faces = [
+        line[1:].partition(b"#")[0] for line, kind in zip(lines, kinds, strict=True) if kind == b"f"
+    ]
     points = [line[1:] for line, kind in zip(lines, kinds, strict=True) if kind == b"v"]
     materials, material_id = _materials(lines, kinds) if b"usemtl" in data else ((), None)
     del lines
@@ -57,6 +60,7 @@ def parse_obj(data: bytes, what: str) -> Polygons:
 
 def _lines(data: bytes) -> list[bytes]:
     """Lines without blanks around them, continued lines joined."""
+    data = data.removeprefix(codecs.BOM_UTF8)
     if b"\\" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     return [line.strip() for line in data.replace(b"\t", b" ").splitlines()]

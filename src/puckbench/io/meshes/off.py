@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from pathlib import Path
 
@@ -33,7 +34,9 @@ def read_off(path: Path) -> Polygons:
 
 def _counts_and_rows(data: bytes, path: Path) -> tuple[tuple[int, int], list[bytes]]:
     """The counts of vertices and faces, and the lines after them; blank lines left out."""
-    stripped = (line.partition(b"#")[0].strip() for line in data.splitlines())
+    stripped = (
+        line.partition(b"#")[0].strip() for line in data.removeprefix(codecs.BOM_UTF8).splitlines()
+    )
     rows = [line for line in stripped if line]
     if rows and (header := _HEADER.match(rows[0])):
         rest = rows[0][header.end() :].strip()
@@ -68,4 +71,7 @@ def _faces(rows: list[bytes], path: Path) -> tuple[Integers, Integers]:
         if not 0 <= size < len(tokens):
             raise InputError(f"{path}: face {index} has fewer corners than it says")
         sizes[index] = size
-    return np.array(corners, dtype=np.int64), sizes
+    try:
+        return np.array(corners, dtype=np.int64), sizes
+    except OverflowError as error:
+        raise InputError(f"{path}: a face refers to a vertex that does not exist") from error

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Primitive, SceneObject
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import read_description, sidecar
 from puckbench.io.meshes.polygons import Integers, Polygons
 from puckbench.io.ply import CORNERS, read_elements
 
@@ -22,18 +21,24 @@ _IDS = ("object_id", "primitive_id")
 def read_ply(path: Path) -> Polygons:
     """Read the faces of a PLY file, and its labels where the JSON beside it explains them."""
     elements = read_elements(path)
-    if not {"vertex", "face"} <= {element.name for element in elements}:
+    names = {element.name for element in elements}
+    if "tristrips" in names and "face" not in names:
+        raise InputError(f"{path}: its faces are triangle strips, which are not read: export faces")
+    if not {"vertex", "face"} <= names:
         raise InputError(f"{path}: a cloud, not a mesh: the PLY file has no faces")
     faces = np.asarray(elements["face"].data)
     corners, sizes = _face_corners(path, faces)
-    labels = _labels(path, faces)
+    labels = _labels(path, faces, len(elements["vertex"].data))
     return Polygons(_vertices(path, elements["vertex"].data), corners, sizes, labels=labels)
 
 
 def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
     if not {"x", "y", "z"} <= set(rows.dtype.names or ()):
         raise InputError(f"{path}: the vertices have no x, y, z")
-    return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    axes = [rows[axis] for axis in "xyz"]
+    if any(axis.dtype == object for axis in axes):
+        raise InputError(f"{path}: x, y, z of the vertices are not numbers")
+    return np.stack(axes, axis=1).astype(np.float64)
 
 
 def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
@@ -41,18 +46,25 @@ def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
     if name is None:
         raise InputError(f"{path}: the faces have no vertex_indices")
     lists = rows[name]
-    if lists.dtype != object:
-        corners = lists.astype(np.int64)
-        return corners.reshape(-1), np.full(len(corners), corners.shape[1], dtype=np.int64)
-    sizes = np.fromiter((len(corners) for corners in lists), dtype=np.int64, count=len(lists))
-    joined = np.concatenate(lists) if len(lists) else np.empty(0)
+    if lists.dtype == object:
+        sizes = np.fromiter((len(corners) for corners in lists), dtype=np.int64, count=len(lists))
+        joined = np.concatenate(lists) if len(lists) else np.empty(0, dtype=np.int64)
+    elif lists.ndim == 2:
+        joined = lists.reshape(-1)
+        sizes = np.full(len(lists), lists.shape[1], dtype=np.int64)
+    else:
+        raise InputError(f"{path}: {name} of the faces is not a list")
+    if joined.dtype.kind not in "iu":
+        raise InputError(f"{path}: {name} of the faces are not integers")
     return joined.astype(np.int64), sizes
 
 
-def _labels(path: Path, rows: NDArray[Any]) -> Labels | None:
-    if not set(_IDS) <= set(rows.dtype.names or ()) or not sidecar(path).exists():
+def _labels(path: Path, rows: NDArray[Any], vertices: int) -> Labels | None:
+    if not set(_IDS) <= set(rows.dtype.names or ()):
         return None
-    about = read_json(sidecar(path))
+    about = read_description(path, {"triangles": len(rows), "vertices": vertices})
+    if about is None:
+        return None
     try:
         objects = tuple(SceneObject(item["name"], item["semantic"]) for item in about["objects"])
         primitives = tuple(

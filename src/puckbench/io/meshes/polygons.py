@@ -1,4 +1,4 @@
-"""Polygon meshes as files hold them, and their triangulation by fans."""
+"""Polygon meshes as files hold them, and their triangulation."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh
+from puckbench.io.meshes.concave import clip_ears, fan_fails
 
 Integers = NDArray[np.int64]
+
+MOST_CORNERS = 5000
+"""Of a concave face: the time of clipping ears may grow with the square."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +46,11 @@ def uniform(vertices: Floats, faces: Integers) -> Polygons:
 
 
 def triangulate(polygons: Polygons, what: str) -> tuple[Mesh, Integers]:
-    """Cut every face into a fan around its first corner.
+    """Cut every face into a fan around its first corner, or, where that fails, into ears.
 
-    Returns the mesh and, per triangle, the face it comes from (t,). Faces of fewer than three
-    corners give no triangle. Raises InputError when a face refers to a missing vertex.
+    Returns the mesh and, per triangle, the face it comes from (t,), ascending. Faces of fewer than
+    three corners give no triangle. Raises InputError when a face refers to a missing vertex, or is
+    concave and has more than `MOST_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):
@@ -56,7 +61,33 @@ def triangulate(polygons: Polygons, what: str) -> tuple[Mesh, Integers]:
     step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
     first = starts[face]
     triangles = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    concave = fan_fails(polygons.vertices, triangles, face, len(fans))
+    if len(concave):
+        _check_sizes(polygons.sizes, concave, what)
+        triangles, face = _with_ears(polygons, starts, triangles, face, concave)
     return Mesh(polygons.vertices, triangles, _labels_of(polygons.labels, face)), face
+
+
+def _check_sizes(sizes: Integers, concave: Integers, what: str) -> None:
+    largest = concave[np.argmax(sizes[concave])]
+    if sizes[largest] > MOST_CORNERS:
+        fault = f"face {largest + 1} is concave and has {sizes[largest]} corners"
+        raise InputError(f"{what}: {fault} (at most {MOST_CORNERS}): cut it into triangles")
+
+
+def _with_ears(
+    polygons: Polygons, starts: Integers, fans: Integers, face: Integers, concave: Integers
+) -> tuple[Integers, Integers]:
+    """Triangles, and the face of each, with ears in place of the fans of the concave faces."""
+    parts, owners = [fans[~np.isin(face, concave)]], [face[~np.isin(face, concave)]]
+    for number in concave.tolist():
+        corners = polygons.corners[starts[number] :][: polygons.sizes[number]]
+        ears = corners[clip_ears(polygons.vertices[corners])]
+        parts.append(ears)
+        owners.append(np.full(len(ears), number))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(parts)[order], owner[order]
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.content import plain_suffix, unpacked
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
@@ -20,6 +22,7 @@ from puckbench.io.meshes.ply import read_ply
 from puckbench.io.meshes.polygons import Polygons, select_triangles, triangulate
 from puckbench.io.meshes.stl import read_stl
 
+_LOG = logging.getLogger(__name__)
 _READERS: dict[str, Callable[[Path], Polygons]] = {
     ".glb": read_glb,
     ".obj": read_obj,
@@ -36,7 +39,16 @@ def read_mesh(path: Path, up: str = "z") -> Mesh:
     Raises InputError, one line that names the file, when it is missing, damaged, empty, has no
     faces, no face with an area, or a face without finite vertices.
     """
-    return read_mesh_report(path, up)[0]
+    mesh, report = read_mesh_report(path, up)
+    remark_skipped(path, report["skipped"])
+    return mesh
+
+
+def remark_skipped(path: Path, skipped: Mapping[str, int]) -> None:
+    """Say in one line what a reader left out of a mesh file."""
+    if skipped:
+        parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
+        _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
@@ -48,9 +60,11 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
-    polygons = _reader(path)(path)
+    read = _reader(path)
+    with unpacked(path) as plain:
+        polygons = read(plain)
     turned = _turned(polygons, polygons.up or up)
-    return mesh_of_polygons(turned, str(path), path.suffix[1:].lower())
+    return mesh_of_polygons(turned, str(path), plain_suffix(path)[1:])
 
 
 def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
@@ -87,7 +101,7 @@ def y_up_to_z_up(points: Floats) -> Floats:
 
 
 def _reader(path: Path) -> Callable[[Path], Polygons]:
-    reader = _READERS.get(path.suffix.lower())
+    reader = _READERS.get(plain_suffix(path))
     if reader is None:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
     if not path.is_file():

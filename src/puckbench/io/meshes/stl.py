@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from pathlib import Path
 
@@ -9,43 +10,51 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
 from puckbench.io.meshes.polygons import Polygons, uniform
 
+_LOG = logging.getLogger(__name__)
 _HEADER_BYTES = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+_PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNORECASE)
 
 
 def read_stl(path: Path) -> Polygons:
-    """Read an STL file; every triangle keeps three vertices of its own, as in the file."""
+    """Read an STL file; every face keeps vertices of its own, as in the file."""
     data = read_bytes(path)
-    corners = _ascii(data, path) if _is_ascii(data) else _binary(data, path)
-    return uniform(corners, np.arange(len(corners), dtype=np.int64).reshape(-1, 3))
+    return _ascii(data, path) if _is_ascii(data) else _binary(data, path)
 
 
 def _is_ascii(data: bytes) -> bool:
-    # Binary files may begin with "solid" too; their length then fits their triangle count.
-    said = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
-    fits = len(data) == _HEADER_BYTES + said * _RECORD.itemsize
-    return data.lstrip()[:5].lower() == b"solid" and not fits
+    # Binary files may begin with "solid" too; their numbers have zero bytes, which text has not.
+    return data.lstrip()[:5].lower() == b"solid" and b"\0" not in data
 
 
-def _ascii(data: bytes, path: Path) -> Floats:
+def _ascii(data: bytes, path: Path) -> Polygons:
+    """Faces of the loops, which have three corners by the format and more in some files."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
+    parts = _PARTS.findall(data)
+    ends = np.flatnonzero([bool(part[3]) for part in parts])
+    if len(parts) != (ends[-1] + 1 if len(ends) else 0):
+        raise InputError(f"{path}: a vertex lies outside of the loops")
     try:
-        return np.array(_VERTEX.findall(data)).astype(np.float64).reshape(-1, 3)
+        numbers = [float(number) for part in parts if not part[3] for number in part[:3]]
     except ValueError as error:
         raise InputError(f"{path}: a vertex is not three numbers") from error
+    corners = np.array(numbers, dtype=np.float64).reshape(-1, 3)
+    return Polygons(corners, np.arange(len(corners)), np.diff(ends, prepend=-1) - 1)
 
 
-def _binary(data: bytes, path: Path) -> Floats:
+def _binary(data: bytes, path: Path) -> Polygons:
     if len(data) < _HEADER_BYTES:
         raise InputError(f"{path}: too short for an STL file ({len(data)} bytes)")
     said = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
-    there = (len(data) - _HEADER_BYTES) // _RECORD.itemsize
+    there, rest = divmod(len(data) - _HEADER_BYTES, _RECORD.itemsize)
     if there < said:
         raise InputError(f"{path}: truncated or not STL: {there} of {said} triangles are there")
+    if there > said:
+        beyond = (there - said) * _RECORD.itemsize + rest
+        _LOG.warning("%s: left out %d bytes after its %d triangles", path, beyond, said)
     records = np.frombuffer(data, dtype=_RECORD, count=said, offset=_HEADER_BYTES)
-    return records["corners"].reshape(-1, 3).astype(np.float64)
+    corners = records["corners"].reshape(-1, 3).astype(np.float64)
+    return uniform(corners, np.arange(len(corners)).reshape(-1, 3))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.files import write_json, written_whole
+from puckbench.core.files import written_whole
 from puckbench.geometry.mesh import Labels, Mesh, check_mesh
-from puckbench.io.clouds import sidecar
+from puckbench.io.descriptions import write_description
 
 LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
@@ -29,7 +29,8 @@ def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> N
             stream.write(_header(mesh))
             stream.write(vertices.tobytes())
             stream.write(_face_rows(mesh).tobytes())
-        write_json(sidecar(path), {**(about or {}), **counts, **_described(mesh.labels)})
+        description = {**(about or {}), **counts, **_described(mesh.labels)}
+        write_description(path, "mesh", description)
 
 
 def _header(mesh: Mesh) -> bytes:

@@ -2,119 +2,224 @@
 
 from __future__ import annotations
 
-import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from io import BytesIO
-from typing import Any, NamedTuple
+from functools import lru_cache
+from ipaddress import ip_address
+from struct import unpack_from
+from typing import NamedTuple
 
 from puckbench.core.errors import InputError
+from puckbench.io.recordings.frames import Frames, is_capture
 
-_RECORD = 16
-_ETHERNET, _RAW_IP, _LINUX_COOKED = 1, 101, 113
-_IPV4, _VLANS = 0x0800, (0x8100, 0x88A8)
-_UDP = 17
-_BIG_ENDIAN = (b"\xa1\xb2\xc3\xd4", b"\xa1\xb2\x3c\x4d")
+_ETHERNET = 1
+_TYPED = {_ETHERNET: (12, 14), 113: (14, 16), 276: (0, 20)}
+"""Link types whose header has an EtherType: where it stands, and bytes of the header."""
+_RAW = (12, 14, 101, 228, 229)
+_LOOPBACK = (0, 108)
+_LINKS = "Ethernet (1), loopback (0, 108), raw IP (12, 14, 101, 228, 229), Linux cooked (113, 276)"
+_INTERNET = (0x0800, 0x86DD)
+_VLANS = (0x8100, 0x88A8)
+_FAMILIES = (2, 10, 23, 24, 28, 30)
+"""Numbers that systems give to IPv4 (2) and to IPv6."""
+_UDP, _FRAGMENT = 17, 44
+_EXTENSIONS = (0, 43, 60)
+"""Headers between IPv6 and what it carries: hop-by-hop options, routing, destination options."""
+_MOST_LISTED = 4
+
+
+class Stream(NamedTuple):
+    """From which address and port datagrams are sent, and to which."""
+
+    sender: str
+    sender_port: int
+    receiver: str
+    receiver_port: int
+
+    def __str__(self) -> str:
+        return f"{self.sender}:{self.sender_port} to {self.receiver}:{self.receiver_port}"
 
 
 class Datagram(NamedTuple):
-    """A UDP datagram: its sender's address, payload, and time of reception (s since 1970)."""
+    """A UDP datagram.
 
-    sender: str
+    length: bytes that the payload had when it was sent. received: s since 1970.
+    """
+
+    stream: Stream
     payload: bytes
+    length: int
     received: float = 0.0
 
 
 @dataclass(frozen=True)
 class Capture:
-    """The UDP datagrams of a packet capture, and what else was in the file.
+    """The whole UDP datagrams of a packet capture, and what else is in the file.
 
-    others: how many packets were none. bytes_cut_off: of a last packet that is not whole.
+    Parameters
+    ----------
+    datagrams
+        Those that are whole.
+    cut
+        Number of packets that the snap length cut.
+    cut_sizes
+        How many of these were datagrams of a length in bytes to a port.
+    fragments
+        Number of fragments of IP packets.
+    others
+        Number of packets of other protocols.
+    bytes_cut_off
+        Bytes of a last packet that is not whole.
     """
 
     datagrams: list[Datagram]
+    cut: int
+    cut_sizes: Mapping[tuple[int, int], int]
+    fragments: int
     others: int
     bytes_cut_off: int
 
+    def contents(self) -> str:
+        """What the capture holds, as part of a sentence."""
+        sizes = Counter((one.length, one.stream.receiver_port) for one in self.datagrams)
+        cut = "; ".join(_listed(self.cut_sizes))
+        counts = {
+            f"packets cut by the snap length{f' ({cut})' if cut else ''}": self.cut,
+            "fragments of IP packets": self.fragments,
+            "packets of other protocols": self.others,
+            "bytes of a packet that is not whole": self.bytes_cut_off,
+        }
+        rest = [f"{count:,} {what}" for what, count in counts.items() if count]
+        return ", ".join([*_listed(sizes), *rest]) or "no packet"
+
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the UDP datagrams over IPv4 of a capture file's bytes.
+    """Read the UDP datagrams over IPv4 and IPv6 of a capture file's bytes.
 
     A file that is cut short gives its whole packets.
 
     Raises
     ------
     InputError
-        It is no packet capture, or one of another link layer than Ethernet, raw IP or Linux cooked.
+        It is no packet capture, or one of other link layers alone.
     """
-    import dpkt
-
-    stream = BytesIO(data)
-    reader = _opened(stream)
-    link = reader.datalink() & 0xFFFF
-    if link not in (_ETHERNET, _RAW_IP, _LINUX_COOKED):
-        raise InputError(f"a capture of link type {link}, where Ethernet (1) is expected")
-    found, others, end = [], 0, stream.tell()
-    try:
-        for time, frame in reader:
-            if _is_cut(data, end, len(frame), stream.tell()):
-                break
-            end = stream.tell()
-            datagram = udp_datagram(frame, link)
-            if datagram is None:
-                others += 1
-            else:
-                found.append(datagram._replace(received=float(time)))
-    except (dpkt.dpkt.Error, struct.error, ValueError, IndexError):
-        pass  # the last block is not whole: bytes_cut_off tells
-    return Capture(found, others, len(data) - end)
+    if not is_capture(data):
+        raise InputError("not a packet capture (.pcap, .pcapng)")
+    frames, datagrams = Frames(data), list[Datagram]()
+    cut, fragments, others = 0, 0, 0
+    cut_sizes: Counter[tuple[int, int]] = Counter()
+    for frame in frames:
+        content = data[frame.start : frame.end]
+        packet = _ip_packet(content, frame.link)
+        datagram = None if packet is None else _datagram(content, packet, frame.received)
+        if datagram is not None and len(datagram.payload) == datagram.length:
+            datagrams.append(datagram)
+        elif packet is not None and packet.is_fragment:
+            fragments += 1
+        elif datagram is not None or len(content) < frame.length:
+            cut += 1
+            if datagram is not None:
+                cut_sizes[datagram.length, datagram.stream.receiver_port] += 1
+        else:
+            others += 1
+    _check_links(frames.links)
+    rest = len(data) - frames.end
+    return Capture(datagrams, cut, cut_sizes, fragments, others + frames.unreadable, rest)
 
 
 def udp_datagram(frame: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """The UDP datagram of a frame over IPv4, or None: something else, a fragment, or cut short.
+    """The UDP datagram of a frame, or None for something else or a fragment.
 
-    Four times as fast as dpkt's objects for every layer (17 against 74 us a packet).
+    The payload is shorter than its length where the frame is cut.
     """
+    packet = _ip_packet(frame, link)
+    return None if packet is None else _datagram(frame, packet)
+
+
+class _IpPacket(NamedTuple):
+    addresses: bytes
+    protocol: int
+    is_fragment: bool
+    payload: int
+
+
+def _ip_packet(frame: bytes, link: int) -> _IpPacket | None:
     start = _ip_start(frame, link)
-    if start is None or len(frame) < start + 28 or frame[start] >> 4 != 4:
+    if start is None or len(frame) < start + 20:
         return None
+    version = frame[start] >> 4
+    if version == 4:
+        return _ipv4(frame, start)
+    return _ipv6(frame, start) if version == 6 and len(frame) >= start + 40 else None
+
+
+def _ipv4(frame: bytes, start: int) -> _IpPacket | None:
     header = 4 * (frame[start] & 15)
-    fragment: int = struct.unpack_from(">H", frame, start + 6)[0]
-    udp = start + header
-    if frame[start + 9] != _UDP or fragment & 0x3FFF or header < 20 or len(frame) < udp + 8:
+    if header < 20:
         return None
-    length: int = struct.unpack_from(">H", frame, udp + 4)[0]
-    sender = ".".join(map(str, frame[start + 12 : start + 16]))
-    return Datagram(sender, frame[udp + 8 : udp + max(length, 8)])
+    is_fragment = bool(unpack_from(">H", frame, start + 6)[0] & 0x3FFF)
+    addresses = frame[start + 12 : start + 20]
+    return _IpPacket(addresses, frame[start + 9], is_fragment, start + header)
 
 
-def _opened(stream: BytesIO) -> Any:
-    import dpkt
+def _ipv6(frame: bytes, start: int) -> _IpPacket:
+    protocol, at = frame[start + 6], start + 40
+    while protocol in _EXTENSIONS and at + 8 <= len(frame):
+        protocol, at = frame[at], at + 8 + 8 * frame[at + 1]
+    addresses = frame[start + 8 : start + 40]
+    return _IpPacket(addresses, protocol, protocol == _FRAGMENT, at)
 
-    try:
-        return dpkt.pcap.UniversalReader(stream)
-    except (dpkt.dpkt.Error, struct.error, ValueError, IndexError) as error:
-        raise InputError("not a packet capture (.pcap, .pcapng)") from error
+
+def _datagram(frame: bytes, packet: _IpPacket, received: float = 0.0) -> Datagram | None:
+    start = packet.payload + 8
+    if packet.protocol != _UDP or packet.is_fragment or len(frame) < start:
+        return None
+    length = max(unpack_from(">H", frame, start - 4)[0] - 8, 0)
+    stream = _stream(packet.addresses, frame[start - 8 : start - 4])
+    return Datagram(stream, frame[start : start + length], length, received)
 
 
-def _is_cut(data: bytes, start: int, frame: int, end: int) -> bool:
-    """Whether the record of a .pcap from `start` to `end` has fewer bytes than it states.
+@lru_cache(maxsize=1 << 12)
+def _stream(addresses: bytes, ports: bytes) -> Stream:
+    half = len(addresses) // 2
+    sender, receiver = unpack_from(">HH", ports)
+    return Stream(_address(addresses[:half]), sender, _address(addresses[half:]), receiver)
 
-    Blocks of a .pcapng are longer than header and frame, and raise where they are cut.
-    """
-    if end < len(data) or end - start != _RECORD + frame:
-        return False
-    order = ">" if data[:4] in _BIG_ENDIAN else "<"
-    return bool(struct.unpack_from(order + "I", data, start + 8)[0] > frame)
+
+def _address(raw: bytes) -> str:
+    return f"{ip_address(raw)}" if len(raw) == 4 else f"[{ip_address(raw)}]"
 
 
 def _ip_start(frame: bytes, link: int) -> int | None:
-    """Where the IPv4 header starts; None when the frame holds another protocol."""
-    if link == _RAW_IP:
+    """Where the IP header starts; None when the frame holds another protocol."""
+    if link in _RAW:
         return 0
-    at = 12 if link == _ETHERNET else 14
-    while len(frame) >= at + 4:
-        kind: int = struct.unpack_from(">H", frame, at)[0]
+    if link in _LOOPBACK:
+        is_ip = any(int.from_bytes(frame[:4], order) in _FAMILIES for order in ("little", "big"))
+        return 4 if is_ip else None
+    at, start = _TYPED.get(link, (0, len(frame)))
+    while start + 4 <= len(frame):
+        kind = unpack_from(">H", frame, at)[0]
         if kind not in _VLANS:
-            return at + 2 if kind == _IPV4 else None
-        at += 4
+            return start if kind in _INTERNET else None
+        at, start = start + 2, start + 4
     return None
+
+
+def _check_links(links: set[int]) -> None:
+    known = (*_TYPED, *_RAW, *_LOOPBACK)
+    if links and not links.intersection(known):
+        types = ", ".join(map(str, sorted(links)))
+        raise InputError(f"a capture of link type {types}, where one of {_LINKS} is expected")
+
+
+def _listed(sizes: Mapping[tuple[int, int], int]) -> Iterator[str]:
+    """The most frequent lengths of datagrams and their ports, and how many others there are."""
+    ordered = sorted(sizes.items(), key=lambda item: (-item[1], item[0]))
+    for (length, port), count in ordered[:_MOST_LISTED]:
+        what = "datagram" if count == 1 else "datagrams"
+        yield f"{count:,} {what} of {length:,} bytes to port {port}"
+    rest = sum(count for _, count in ordered[_MOST_LISTED:])
+    if rest:
+        yield f"{rest:,} other datagrams"

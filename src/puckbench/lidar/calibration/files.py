@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 
 from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_bytes
+from puckbench.core.yaml_files import yaml_text
 from puckbench.lidar.calibration.calibrating import FRAME, SPOT, Calibration, Settings
 from puckbench.lidar.calibration.fitting import Estimate
 from puckbench.lidar.calibration.likelihood import NAMES
@@ -132,8 +132,7 @@ def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) ->
         The content of the file.
     """
     content = model_file(found, [described_table(table) for table in tables])
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=100)
-    write_bytes(path, text.encode())
+    write_bytes(path, yaml_text(content).encode())
     return content
 
 

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import yaml
 from pydantic import NonNegativeFloat, NonNegativeInt, model_validator
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
 from puckbench.core.models import parsed
 from puckbench.core.seeding import generator
+from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.noise import Distribution, standard_noise
@@ -158,10 +157,7 @@ def read_parameters(file: str) -> dict[str, Any]:
     """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)
-    try:
-        content = yaml.safe_load(read_bytes(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    content = read_yaml(path)
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise InputError(f"{path}: not a model file of puckbench calibrate (format: {FORMAT})")
     parameters = content.get("parameters")

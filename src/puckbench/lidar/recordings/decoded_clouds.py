@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from puckbench.io.las import read_las
 from puckbench.io.pcd import read_pcd
 from puckbench.io.ply import read_ply
 from puckbench.lidar.recordings.returns import RETURN_COLUMNS, RecordedReturns
+from puckbench.lidar.recordings.times import TimeUnit, seconds_of, unit_of
 from puckbench.lidar.sensor import Sensor, load_sensor
 
 _READERS = {
@@ -29,65 +31,143 @@ SUFFIXES = tuple(_READERS)
 _IDS = ("laser_id", "laser", "label")
 # ROS drivers number the lasers from the lowest to the highest.
 _RANKS = ("ring", "channel")
-_TIMES = ("timestamp", "time")
+_TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
 _REFLECTIVITIES = ("reflectivity", "intensity")
+MOST_OFF_DEG = 0.5
+"""Median angle between the points of a laser and its cone, at most."""
 
 Columns = Mapping[str, NDArray[Any]]
 
 
-def read_points(path: Path, sensor: Sensor | None = None) -> RecordedReturns:
+def read_points(
+    path: Path, sensor: Sensor | None = None, time_unit: TimeUnit | None = None
+) -> RecordedReturns:
     """Points x, y, z (sensor's frame) with a laser column, as a table; m.
 
     Laser ids are taken from `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
-    count lasers by elevation. The coordinates stay as they are, in the file's axes and with or
-    without the vertical correction; azimuths count clockwise from y, distances are those of the
-    horizontal range at the laser's nominal elevation. Unknown: turn and kind of return (0).
+    count lasers by elevation: from the first whose points lie on the cones of the lasers. The
+    coordinates stay as they are, in the file's axes and with or without the vertical correction;
+    azimuths count clockwise from y, distances are those of the horizontal range at the laser's
+    nominal elevation. Unknown: turn and kind of return (0). Points that are not finite in all
+    coordinates, or at the origin, are missing returns, which are left out and counted.
 
-    Raises InputError when the file is damaged, empty, or lacks one of these columns.
+    Parameters
+    ----------
+    path
+        The cloud.
+    sensor
+        By default the VLP-16.
+    time_unit
+        Of the times; None where they tell it.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, empty, lacks one of these columns, or is no recording of the sensor.
     """
     device = sensor or load_sensor("vlp16")
-    columns = _READERS[path.suffix.lower()](path)
-    missing = [axis for axis in "xyz" if axis not in columns]
-    if missing:
-        raise InputError(f"no column {', '.join(missing)} of numbers")
-    with np.errstate(invalid="ignore"):
-        xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    columns, counts = _returned(path, _READERS[path.suffix.lower()](path))
+    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     check_points(xyz, str(path))
-    laser = _lasers(columns, device)
+    laser = _lasers(columns, xyz, device)
+    azimuth = np.mod(np.arctan2(xyz[:, 0], xyz[:, 1]), 2 * np.pi)
     elevation = np.radians(device.laser_elevation_deg)[laser]
     known = {
-        "timestamp": _first(columns, _TIMES, len(xyz)),
+        "timestamp": _seconds(path, columns, azimuth, time_unit),
         "laser_id": laser,
-        "azimuth": np.mod(np.arctan2(xyz[:, 0], xyz[:, 1]), 2 * np.pi),
+        "azimuth": azimuth,
         "elevation": elevation,
         "distance": np.hypot(xyz[:, 0], xyz[:, 1]) / np.cos(elevation),
-        "reflectivity": np.clip(np.rint(_first(columns, _REFLECTIVITIES, len(xyz))), 0, 255),
+        "reflectivity": np.clip(np.rint(_numbers(columns, _REFLECTIVITIES)[1]), 0, 255),
         **{axis: xyz[:, place] for place, axis in enumerate("xyz")},
     }
     unknown = np.zeros(len(xyz))
     table = {
         name: known.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
-    return RecordedReturns(table, {"sensor": device.name, "format": path.suffix[1:].lower()})
+    about = {"sensor": device.name, "format": path.suffix[1:].lower(), **counts}
+    return RecordedReturns(table, about)
 
 
-def _lasers(columns: Columns, sensor: Sensor) -> NDArray[np.intp]:
-    """Laser id of each point."""
-    name = next((name for name in (*_IDS, *_RANKS) if name in columns), None)
-    if name is None:
+def _returned(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
+    """Columns of the points alone, and counts of the missing returns."""
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"no column {', '.join(missing)} of numbers")
+    axes = [columns[axis] for axis in "xyz"]
+    is_missing = np.all([np.isnan(axis) for axis in axes], axis=0)
+    is_missing |= np.all([axis == 0 for axis in axes], axis=0)
+    count = int(is_missing.sum())
+    if not count:
+        return columns, {}
+    logging.getLogger(__name__).warning("%s: left out %d missing returns", path, count)
+    rows = {name: part[~is_missing] for name, part in columns.items()}
+    return rows, {"dropped_points": count, "missing_returns": count}
+
+
+def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
+    """Laser id of each point: of the first column and way to number lasers that fits the points."""
+    names = [name for name in (*_IDS, *_RANKS) if name in columns]
+    if not names:
         raise InputError(f"no laser column ({', '.join((*_IDS, *_RANKS))})")
-    values = np.asarray(columns[name], dtype=np.float64)
-    whole = np.isfinite(values) & (values == np.floor(values))
-    if not (whole & (values >= 0) & (values < sensor.lasers)).all():
-        raise InputError(f"column {name} has a value that is no laser of the {sensor.name}")
-    lasers = values.astype(np.intp)
-    return np.argsort(sensor.laser_elevation_deg)[lasers] if name in _RANKS else lasers
+    ids, by_rank = np.arange(sensor.lasers), np.argsort(sensor.laser_elevation_deg)
+    faults = []
+    for name in names:
+        for order in (by_rank, ids) if name in _RANKS else (ids, by_rank):
+            try:
+                lasers = order[_numbered(columns[name], sensor)]
+                _check_cones(xyz, lasers, sensor)
+            except InputError as error:
+                faults.append(f"column {name} {error}")
+            else:
+                return lasers
+    raise InputError(faults[0])
 
 
-def _first(columns: Columns, names: tuple[str, ...], rows: int) -> Floats:
-    """The first of the named columns, or zeros."""
-    name = next((name for name in names if name in columns), None)
-    values = np.zeros(rows) if name is None else np.asarray(columns[name], dtype=np.float64)
+def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
+    """Values of a laser column as numbers of lasers."""
+    values = np.asarray(column, dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        is_laser = (values == np.floor(values)) & (values >= 0) & (values < sensor.lasers)
+    if not is_laser.all():
+        raise InputError(f"has a value that is no laser of the {sensor.name}")
+    return values.astype(np.intp)
+
+
+def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
+    """InputError unless points lie on the cones of their lasers, corrected vertically or not."""
+    level = np.hypot(xyz[:, 0], xyz[:, 1])
+    corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
+    worst = []
+    for height in (corrections, np.zeros(sensor.lasers)):
+        seen = np.degrees(np.arctan2(xyz[:, 2] - height[lasers], level))
+        off = np.abs(seen - np.asarray(sensor.laser_elevation_deg)[lasers])
+        worst.append(max((float(np.median(off[lasers == k])), int(k)) for k in np.unique(lasers)))
+    degrees, laser = min(worst)
+    if degrees > MOST_OFF_DEG:
+        raise InputError(
+            f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
+            f" is no recording of a {sensor.name} in its frame (another sensor: --sensor)"
+        )
+
+
+def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | None) -> Floats:
+    """Times of the points, or zeros; a remark says the unit that was taken where it is not s."""
+    name, times = _numbers(columns, _TIMES)
+    taken = unit or unit_of(times, azimuth)
+    if taken is None:
+        raise InputError(
+            f"column {name} has whole numbers whose unit cannot be told: name it, as --time-unit ns"
+        )
+    if unit is None and taken != "s":
+        logging.getLogger(__name__).warning("%s: times in column %s: %s", path, name, taken)
+    return seconds_of(times, taken)
+
+
+def _numbers(columns: Columns, names: tuple[str, ...]) -> tuple[str, NDArray[Any]]:
+    """Name and values of the first of the named columns, or zeros."""
+    name = next((name for name in names if name in columns), "")
+    values = columns[name] if name else np.zeros(len(columns["x"]))
     if not np.isfinite(values).all():
         raise InputError(f"column {name} has a value that is not finite")
-    return values
+    return name, values

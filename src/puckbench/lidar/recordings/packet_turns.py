@@ -169,8 +169,9 @@ def returns_of_packets(payloads: Payloads) -> Returns:
     if not whole.all():
         raise InputError(f"packet {int(np.argmin(whole))} is damaged")
     parts = list(split_turns(payloads))
-    if len({kind for kind, _ in parts}) > 1:
-        raise InputError("packets of more than one sensor or return mode")
+    kinds = dict.fromkeys(f"{PRODUCTS[kind.product]} {MODES[kind.mode]}" for kind, _ in parts)
+    if len(kinds) > 1:
+        raise InputError(f"packets of more than one sensor or return mode ({', '.join(kinds)})")
     return parts[0][0].returns(turn_of(kind, part) for kind, part in parts)
 
 

@@ -11,12 +11,20 @@ from typing import Protocol
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.core.registry import Registry
+from puckbench.io.recordings.frames import is_capture
 from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
+from puckbench.lidar.recordings.data_packets import (
+    LEFT_OUT,
+    packets_of_capture,
+    remark,
+    whole_packets,
+)
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
-from puckbench.lidar.recordings.packet_turns import is_whole, returns_of_packets
-from puckbench.lidar.recordings.packets import PACKET_BYTES, PacketLog, decode_packets, joined
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.recordings.packets import PacketLog, decode_packets
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
+from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.sensor import Sensor
 
@@ -26,6 +34,16 @@ MESSAGES = {
     SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
 }
 """Messages of the ROS driver velodyne_msgs, in ROS's notation."""
+
+
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bzip2",
+    b"PK\x03\x04": "ZIP",
+    b"\xfd7zXZ": "xz",
+    b"\x28\xb5\x2f\xfd": "Zstandard",
+}
+"""First bytes of files that other programs packed."""
 
 
 class Restore(Protocol):
@@ -44,6 +62,8 @@ def read_recording(
     sensor: Sensor | None = None,
     start_s: float = 0.0,
     end_s: float = math.inf,
+    stream: str | None = None,
+    time_unit: TimeUnit | None = None,
 ) -> RecordedReturns:
     """Read the returns of a packet capture, a ROS bag, a decoded cloud or a table of returns.
 
@@ -57,11 +77,16 @@ def read_recording(
         None for the one that the packets name; a table has its own.
     start_s, end_s
         The interval to read, in seconds after the first packet (or point).
+    stream
+        As of `read_packets`.
+    time_unit
+        Of a cloud's times; None where they tell it.
 
     Returns
     -------
     RecordedReturns
-        `about` has the format and what was left aside: `other_packets`, `bytes_cut_off`.
+        `about` has the format and counts of what was left out: `other_packets`, `bytes_cut_off`,
+        and those above 0 of `data_packets.LEFT_OUT`.
 
     Raises
     ------
@@ -70,12 +95,17 @@ def read_recording(
         Puck Hi-Res.
     """
     try:
-        if path.suffix.lower() == ".parquet":
+        is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
+        if stream is not None and (is_cloud or is_table):
+            raise InputError(f"stream '{stream}': only packet captures have streams")
+        if time_unit is not None and not is_cloud:
+            raise InputError(f"time unit {time_unit}: only times of clouds have units")
+        if is_table:
             table = _between(read_returns(path), start_s, end_s)
-        elif path.suffix.lower() in SUFFIXES:
-            table = _between(read_points(path, sensor), start_s, end_s)
+        elif is_cloud:
+            table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         else:
-            log = read_packets(path).between(start_s, end_s)
+            log = _interval(read_packets(path, stream), start_s, end_s)
             decoded = decode_packets(log.payloads, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
@@ -85,15 +115,14 @@ def read_recording(
     return replace(table, about={**table.about, "source": path.name})
 
 
-def read_turns(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int]]:
-    """The turns of a recording, and counts of what was left out of them.
-
-    Packets that are damaged are left out and counted as `damaged_packets`, and the bytes of a last
-    one that is not whole as `bytes_cut_off`; only counts above 0 are told.
+def read_turns(
+    path: Path, start_s: float = 0.0, stream: str | None = None
+) -> tuple[Returns, dict[str, int]]:
+    """The turns of a recording, and counts above 0 of what was left out (`LEFT_OUT`).
 
     Parameters
     ----------
-    path
+    path, stream
         As of `read_packets`.
     start_s
         Seconds to leave out at the start.
@@ -104,66 +133,80 @@ def read_turns(path: Path, start_s: float = 0.0) -> tuple[Returns, dict[str, int
         One line that names the file, when it holds no turns of one known sensor and return mode.
     """
     with naming(path):
-        log = read_packets(path).between(start_s, math.inf)
-        whole = is_whole(log.payloads)
-        if len(log) and not whole.any():
-            raise InputError(f"none of its {len(log)} data packets has the flags of a Velodyne's")
-        counts = {
-            "damaged_packets": int((~whole).sum()),
-            "bytes_cut_off": int(log.about.get("bytes_cut_off", 0)),
-        }
-        left_out = {name: count for name, count in counts.items() if count}
-        return returns_of_packets(log.payloads[whole]), left_out
+        log = _interval(read_packets(path, stream), start_s, math.inf)
+        left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
+        return returns_of_packets(log.payloads), left_out
 
 
-def read_packets(path: Path) -> PacketLog:
-    """Data packets of a recording, compressed or not.
+def read_packets(path: Path, stream: str | None = None) -> PacketLog:
+    """Whole data packets of a recording, compressed or not; a remark says what was left out.
 
-    The format is known by its first bytes, not by its name.
+    Parameters
+    ----------
+    path
+        The recording, whose format is known by its first bytes, not by its name.
+    stream
+        Of a packet capture with several senders or receivers, the one to read, such as
+        ``192.168.1.201:2368``; None for the only one.
     """
-    if path.is_dir():
-        return _packets_of_bag(path)
+    with naming(path):
+        log = _packets_of_bag(path, stream) if path.is_dir() else _packets_of_file(path, stream)
+    remark(path, log.about)
+    return log
+
+
+def _packets_of_file(path: Path, stream: str | None) -> PacketLog:
     data = read_bytes(path)
     letters = data[:4].decode("ascii", "replace")
-    if letters.isalpha() and letters in RECORDING_COMPRESSIONS:
-        with TemporaryDirectory() as folder:
-            restored = Path(folder, "recording")
-            RECORDING_COMPRESSIONS.get(letters)(path, restored)
-            return read_packets(restored)
-    return _packets_of_bag(path) if bag_format(data) else packets_of_capture(data)
+    if not letters.isalpha() or letters not in RECORDING_COMPRESSIONS:
+        return _packets_of(path, data, stream)
+    with TemporaryDirectory() as folder:
+        restored = Path(folder, "recording")
+        RECORDING_COMPRESSIONS.get(letters)(path, restored)
+        content = read_bytes(restored)
+        if content.startswith(data[: len(letters)]):
+            raise InputError("a compressed recording within another; decompress it first")
+        return _packets_of(restored, content, stream)
 
 
-def packets_of_capture(data: bytes) -> PacketLog:
-    """Data packets of a packet capture's bytes.
-
-    Packets of other sizes (the sensor's position packets among them) are counted in `about` as
-    `other_packets`, bytes of a last packet that is not whole as `bytes_cut_off`.
-
-    Raises
-    ------
-    InputError
-        For another format, or data packets from several senders.
-    """
-    recording = read_datagrams(data)
-    packets = [one for one in recording.datagrams if len(one.payload) == PACKET_BYTES]
-    senders = sorted({one.sender for one in packets})
-    if len(senders) > 1:
-        names = ", ".join(senders[:4])
-        raise InputError(f"data packets of {len(senders)} senders ({names}): keep one of them")
-    others = recording.others + len(recording.datagrams) - len(packets)
-    about = {"format": "pcap", "other_packets": others, "bytes_cut_off": recording.bytes_cut_off}
-    return joined([one.payload for one in packets], [one.received for one in packets], about)
+def _packets_of(path: Path, data: bytes, stream: str | None) -> PacketLog:
+    """Data packets of a bag, or of a capture with these bytes."""
+    if bag_format(data):
+        return _packets_of_bag(path, stream)
+    if not is_capture(data):
+        raise InputError(_what_is_read(data))
+    return packets_of_capture(read_datagrams(data), stream)
 
 
-def _packets_of_bag(path: Path) -> PacketLog:
+def _what_is_read(data: bytes) -> str:
+    packer = next((name for start, name in _PACKED.items() if data.startswith(start)), None)
+    read = "a packet capture (.pcap, .pcapng), ROS bag (.bag, .db3, .mcap) or compressed recording"
+    hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
+    return f"not {read} (.puck); {hint}"
+
+
+def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
     """Data packets of a bag's VelodyneScan messages, in the order of the messages."""
+    if stream is not None:
+        raise InputError(f"stream '{stream}': only packet captures have streams")
     bag = read_messages(path, SCAN, MESSAGES)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
         raise InputError("the ROS bag has no data packet of a Velodyne")
     received = [one.stamp.sec + one.stamp.nanosec * 1e-9 for one in packets]
     about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
-    return joined([one.data.tobytes() for one in packets], received, about)
+    return whole_packets([one.data.tobytes() for one in packets], received, about)
+
+
+def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
+    """Packets of an interval; InputError where there is none."""
+    found = log.between(start_s, end_s)
+    if not len(found):
+        last = log.received[-1] - log.received[0]
+        raise InputError(
+            f"no data packet from {start_s:g} to {end_s:g} s; the last is at {last:g} s"
+        )
+    return found
 
 
 def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:

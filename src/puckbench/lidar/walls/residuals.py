@@ -26,6 +26,7 @@ from puckbench.geometry.ransac import ransac_plane
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import RecordedReturns, read_recording
 from puckbench.lidar.recordings.returns import BOTH
+from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.residual_table import COLUMNS, REAL, SURFACES, about_plane
 from puckbench.lidar.walls.detection import (
     PlaneSearch,
@@ -69,6 +70,10 @@ class RecordingOptions(Model):
     ----------
     sensor
         Name or YAML file of the sensor; by default the one that the packets name.
+    stream
+        Of a packet capture with several sensors, the one to read, as ``192.168.1.201:2368``.
+    time_unit
+        Of the times of a cloud: ``s``, ``ms``, ``us`` or ``ns``; by default what they tell.
     still_s
         ``[start, end]`` of the interval that counts, seconds after the first packet; by default the
         longest one in which the turns repeat its first.
@@ -86,6 +91,8 @@ class RecordingOptions(Model):
     """
 
     sensor: str | None = None
+    stream: str | None = None
+    time_unit: TimeUnit | None = None
     still_s: tuple[float, ...] | None = None
     most_shift_m: PositiveFloat = SHIFT_M
     most_turns: PositiveInt = 100
@@ -140,7 +147,8 @@ def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
-    table, still = read_recording(path, sensor, start, end), None
+    table = read_recording(path, sensor, start, end, options.stream, options.time_unit)
+    still = None
     with naming(path):
         if options.still_s is None:
             table, still = still_rows(table, options.most_shift_m)

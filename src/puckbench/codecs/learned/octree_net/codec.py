@@ -18,7 +18,7 @@ from puckbench.codecs.gpcc.grid import frame_of, in_frame, quantised
 from puckbench.codecs.learned.catalogue import OCTREE_NET
 from puckbench.codecs.learned.codec import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class SparseOctreeNet(Learned["Weights"]):
     Options: type[OctreeNetOptions] = OctreeNetOptions
     options: OctreeNetOptions
     magic = b"PBON"
+    most_steps = float(2**20 - 2)
     memory = Memory(1500, 3000)
     training = "puckbench.codecs.learned.octree_net.training_settings:Training"
     version = "sparse_octree_net, stream version 3"
@@ -76,7 +77,9 @@ class SparseOctreeNet(Learned["Weights"]):
         frame = frame_of(points, float(parameters.get("step_m", self.options.step)), scale)
         positions, origin = quantised(points, frame, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
-            raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}")
+            raise InputError(
+                f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}{NARROWER}"
+            )
         weights = self._weights(parameters)
         coder = Coder(weights.model, self.options.threads)
         parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))

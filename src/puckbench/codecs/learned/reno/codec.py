@@ -17,7 +17,7 @@ from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
 from puckbench.codecs.learned.catalogue import RENO
 from puckbench.codecs.learned.codec import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
+from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class Reno(Learned["Weights"]):
     Options: type[RenoOptions] = RenoOptions
     options: RenoOptions
     magic = b"RENO"
+    most_steps = float(2**20 - 2)
     memory = Memory(1000, 1500)
     pace = Pace(0.3, 12.0)
     version = "RENO, stream version 1"
@@ -70,6 +71,10 @@ class Reno(Learned["Weights"]):
         """Load the weights, and compile what is compiled on first use."""
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
         self._decode(self._encode(corner, {"step_m": 1.024}))
+
+    def most_extent(self, rate: str) -> float:
+        """As of any codec, without the offset of the authors' grid."""
+        return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _where(self) -> str:
         where = self.options.weights
@@ -92,7 +97,9 @@ class Reno(Learned["Weights"]):
         offsets = _offsets(millimetres)
         voxels = np.rint((millimetres + offsets * float(_OFFSET)) / posq).astype(np.int64)
         if voxels.max() >= 2**AXIS_BITS:
-            raise InputError(f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}")
+            raise InputError(
+                f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}"
+            )
         weights = self._weights(parameters)
         tree = Coder(weights, self.options.threads).encode(unique_keys(morton_keys(voxels)))
         x, y, z = offsets.tolist()

@@ -1,0 +1,113 @@
+"""Files as they are, or compressed by a general program (.gz, .bz2, .xz, .zst)."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import lzma
+import sys
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, refuse_pointer, unreadable
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+_OPENERS: dict[str, Callable[[Path], Any]] = {
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+    ".xz": lzma.open,
+    ".zst": zstd.open,
+}
+COMPRESSED = tuple(_OPENERS)
+"""Suffixes of compressed files."""
+LEAST_LIMIT = 1 << 28
+MOST_TIMES = 40
+"""Content has up to 256 MiB, or forty times the bytes of its file."""
+_PORTION, _HEAD = 1 << 20, 1 << 10
+
+
+def plain_suffix(path: Path) -> str:
+    """The suffix in lower case, of a compressed file that of its content: .ply of a.ply.gz."""
+    return plain_name(path).suffix.lower()
+
+
+def plain_name(path: Path) -> Path:
+    """The path, of a compressed file without the last suffix."""
+    return path.with_suffix("") if path.suffix.lower() in COMPRESSED else path
+
+
+def limit_of(path: Path) -> int:
+    """Bytes that the content of a file may have."""
+    return max(LEAST_LIMIT, MOST_TIMES * path.stat().st_size)
+
+
+def read_content(path: Path, most: int | None = None) -> bytes:
+    """Read a file, decompressed where its name says that it is compressed.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Bytes from its beginning to read; all by default.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is damaged, or has more content than `limit_of` allows.
+    """
+    if most is None and path.suffix.lower() not in COMPRESSED:
+        return read_bytes(path)
+    content = io.BytesIO()
+    with _reading(path) as stream:
+        left = limit_of(path) + 1 if most is None else most
+        while left and (portion := stream.read(min(left, _PORTION))):
+            content.write(portion)
+            left -= len(portion)
+    if most is None and not left:
+        raise InputError(f"{path}: unpacks to more than {limit_of(path):,} bytes")
+    return content.getvalue()
+
+
+@contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """Yield the file, or of a compressed one a temporary file with its content and plain name.
+
+    An InputError of the block names the compressed file.
+    """
+    if path.suffix.lower() not in COMPRESSED:
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder, plain_name(path).name)
+        plain.write_bytes(read_content(path))
+        try:
+            yield plain
+        except InputError as error:
+            raise InputError(str(error).replace(str(plain), str(path))) from error
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[BinaryIO]:
+    """The content as a stream; InputError when it cannot be read."""
+    opener = _OPENERS.get(path.suffix.lower(), partial(Path.open, mode="rb"))
+    try:
+        with path.open("rb") as stream:
+            refuse_pointer(path, stream.read(_HEAD))
+        with opener(path) as stream:
+            yield stream
+    except (EOFError, zlib.error, lzma.LZMAError, zstd.ZstdError) as error:
+        raise InputError(f"{path}: damaged compressed file ({error})") from error
+    except OSError as error:
+        raise unreadable(path, error, f"damaged compressed file ({error})") from error

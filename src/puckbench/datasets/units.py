@@ -1,0 +1,36 @@
+"""The unit of a user's own files: one for all of them, or one for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from pydantic import PositiveFloat
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import closest
+
+Units = PositiveFloat | dict[str, PositiveFloat]
+"""Metres per unit: of all files, or of those that a table names; the others are in metres."""
+
+
+def is_named(path: Path, name: str) -> bool:
+    """Whether a name stands for a file: its path, or as much of the path's end as it has."""
+    parts = Path(name).parts
+    return bool(parts) and path.parts[-len(parts) :] == parts
+
+
+def unit_of(path: Path, units: float | Mapping[str, float]) -> float:
+    """Metres per unit of a file; of a table, the first entry for it."""
+    if not isinstance(units, Mapping):
+        return units
+    return next((unit for name, unit in units.items() if is_named(path, name)), 1.0)
+
+
+def check_units(units: float | Mapping[str, float], paths: Iterable[Path]) -> None:
+    """Raise InputError where a table names a file that is not among `paths`."""
+    files = list(paths)
+    for name in units if isinstance(units, Mapping) else ():
+        if not any(is_named(path, name) for path in files):
+            near = closest(name, [path.name for path in files])
+            raise InputError(f"no cloud or mesh '{name}'{near}")

@@ -1,0 +1,105 @@
+"""Units of a LAS file's coordinates, by its coordinate reference system (WKT or GeoTIFF keys)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+METRE, FOOT, US_SURVEY_FOOT = 1.0, 0.3048, 1200 / 3937
+_NEAR = 1e-7
+"""Relative error of the feet that files write: the two feet differ by 2e-6."""
+_PROJECTED, _LINEAR_UNIT, _UNIT_SIZE = 3072, 3076, 3077
+_VERTICAL, _VERTICAL_UNIT = 4096, 4099
+_MODEL, _GEOGRAPHIC_MODEL = 1024, 2
+_USER_DEFINED = 32767
+_DOUBLES = 34736
+
+
+@dataclass(frozen=True)
+class Units:
+    """Lengths of the units of x and y, and of z, in metres; None for what nothing tells.
+
+    `is_degrees`: x and y are longitude and latitude.
+    """
+
+    horizontal: float | None = None
+    vertical: float | None = None
+    is_degrees: bool = False
+
+
+def units_of(header: Any) -> Units:
+    """Units of a laspy header's coordinate reference system.
+
+    The unit of GeoTIFF keys counts more than that of the system that they name, as in GDAL. Where
+    nothing tells the unit of z, it is that of x and y.
+
+    Raises
+    ------
+    pyproj.exceptions.CRSError
+        The reference system is not readable.
+    """
+    crs = header.parse_crs()
+    units = Units() if crs is None else _units_of_crs(crs)
+    records = header.vlrs.get("GeoKeyDirectoryVlr")
+    if records and not header.vlrs.get("WktCoordinateSystemVlr"):
+        units = _with_keys(units, *_keys(records[0], header.vlrs.get("GeoDoubleParamsVlr")))
+    vertical = units.horizontal if units.vertical is None else units.vertical
+    return Units(units.horizontal, vertical, units.is_degrees)
+
+
+def _units_of_crs(crs: Any) -> Units:
+    lengths = {axis.direction in ("up", "down"): axis for axis in reversed(crs.axis_info)}
+    across, up = (
+        _length(lengths[is_up].unit_conversion_factor) if is_up in lengths else None
+        for is_up in (False, True)
+    )
+    return Units(None, up, is_degrees=True) if crs.is_geographic else Units(across, up)
+
+
+def _keys(directory: Any, doubles: list[Any]) -> tuple[dict[int, int], dict[int, float]]:
+    """Keys with their short values, and those with a double."""
+    short = {key.id: key.value_offset for key in directory.geo_keys if not key.tiff_tag_location}
+    values = [float(value.value) for value in doubles[0].doubles] if doubles else []
+    return short, {
+        key.id: values[key.value_offset]
+        for key in directory.geo_keys
+        if key.tiff_tag_location == _DOUBLES and key.value_offset < len(values)
+    }
+
+
+def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -> Units:
+    import pyproj
+
+    if short.get(_MODEL) == _GEOGRAPHIC_MODEL and _PROJECTED not in short:
+        return Units(None, units.vertical, is_degrees=True)
+    horizontal = _unit(short.get(_LINEAR_UNIT), doubles.get(_UNIT_SIZE)) or units.horizontal
+    vertical = _unit(short.get(_VERTICAL_UNIT)) or units.vertical
+    code = short.get(_VERTICAL, _USER_DEFINED)
+    if vertical is None and 1024 <= code < _USER_DEFINED:
+        vertical = _units_of_crs(pyproj.CRS.from_epsg(code)).vertical
+    return Units(horizontal, vertical, units.is_degrees)
+
+
+def _unit(code: int | None, size: float | None = None) -> float | None:
+    """Length of a unit of EPSG's, or of one that the file defines."""
+    from pyproj.database import get_units_map
+
+    if code == _USER_DEFINED:
+        return None if size is None else _length(size)
+    units = get_units_map(auth_name="EPSG", category="linear").values()
+    return next((_length(unit.conv_factor) for unit in units if unit.code == str(code)), None)
+
+
+def _length(factor: float) -> float | None:
+    """A length in metres, the exact one of a foot where that is meant; None if it is none."""
+    if not 0 < factor < math.inf:
+        return None
+    exact = (METRE, FOOT, US_SURVEY_FOOT)
+    return next((unit for unit in exact if math.isclose(unit, factor, rel_tol=_NEAR)), factor)
+
+
+def named(length: float) -> str:
+    """A unit in words."""
+    names = {METRE: "metres", FOOT: "feet", US_SURVEY_FOOT: "US survey feet"}
+    return names.get(length, f"units of {length:g} m")

@@ -1,0 +1,94 @@
+"""Peaks of MPEG's PSNRs in tables of results: PSNRs of several peaks are never compared."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.metrics.frames import FRAME
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PEAK = "peak"
+"""Column of result rows: peak of ``d1_psnr`` and ``d2_psnr``, in the cloud's units."""
+WITH_PEAK = ("d1_psnr", "d2_psnr")
+"""Columns that depend on it."""
+_DIGITS = 4
+"""Of a peak that is computed from rounded errors and PSNRs."""
+_ALIKE = 1.001
+"""Peaks differ where one is more than this times the other."""
+
+
+def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Result rows with the column `PEAK`; of older runs from the errors and PSNRs of each cloud."""
+    if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
+        return metrics
+    found = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
+    medians = found.groupby([metrics["dataset"], metrics["cloud"]]).transform("median")
+    return metrics.assign(**{PEAK: [float(f"{value:.{_DIGITS}g}") for value in medians]})
+
+
+def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
+    """Refuse PSNRs of several peaks on one cloud.
+
+    Parameters
+    ----------
+    metrics
+        Result rows; without the column `PEAK` nothing is refused.
+    columns
+        That are compared; the peak matters to `WITH_PEAK`.
+
+    Raises
+    ------
+    InputError
+        Names the cloud and its peaks.
+    """
+    if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
+        return
+    for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:
+        if part.max() > _ALIKE * part.min():
+            raise InputError(
+                f"PSNRs of {dataset}/{cloud} have the peaks {part.min():g} and {part.max():g}: "
+                "measure all with one peak, or compare d1_mse and d2_mse"
+            )
+
+
+def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Result rows without the PSNRs of data sets whose clouds have several peaks, with a remark.
+
+    A median over such PSNRs would follow the peaks, not the errors.
+    """
+    if PEAK not in metrics:
+        return metrics
+    mixed = metrics.groupby("dataset")[PEAK].transform("nunique") > 1
+    if not mixed.any():
+        return metrics
+    names = ", ".join(map(str, dict.fromkeys(metrics.loc[mixed, "dataset"])))
+    logging.getLogger(__name__).warning(
+        f"PSNRs of {names} have several peaks: no medians of them over clouds"
+    )
+    columns = [name for name in WITH_PEAK if name in metrics]
+    return metrics.assign(**{name: metrics[name].mask(mixed) for name in columns})
+
+
+def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
+    """The peak of each data set in words, such as "30 m"; data sets without PSNRs are left out."""
+    table = with_peaks(metrics)
+    if PEAK not in table:
+        return {}
+    table = table.dropna(subset=[PEAK])
+    is_metric = (table[FRAME] == "metric") if FRAME in table else table[PEAK].isna()
+    words = [f"{p:g}{' m' if m else ''}" for p, m in zip(table[PEAK], is_metric, strict=True)]
+    distinct = table[["dataset"]].assign(words=words).drop_duplicates().groupby("dataset")["words"]
+    return {str(name): " and ".join(values) for name, values in distinct}
+
+
+def peak_phrase(metrics: pd.DataFrame) -> str:
+    """The peaks of result rows, such as "peak 1023 or 30 m"; empty where there are no PSNRs."""
+    several = dict.fromkeys(peaks_of_datasets(metrics).values())
+    return f"peak {' or '.join(several)}" if several else ""

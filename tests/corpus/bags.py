@@ -1,0 +1,160 @@
+"""ROS bags: logs beside them, views, bombs, indices that overlap, other topics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from puckbench.lidar.recordings import decode_packets
+from puckbench.lidar.recordings.reading import SCAN
+from tests.corpus.case import Case, content
+from tests.support.bag_files import (
+    LOG,
+    MESSAGE,
+    TOPIC,
+    bag_with_log,
+    bz2_bomb,
+    mcap_bytes,
+    ros1_bag,
+    ros1_bytes,
+    ros2_bag,
+    sqlite_bag,
+)
+
+POINTS = decode_packets(LOG.payloads).xyz
+Write = Callable[[Path], Any]
+CLOUDS = "sensor_msgs/msg/PointCloud2"
+TOPICS = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT);"
+NUMBERS = "WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r"
+ENDLESS = "".join([TOPICS, "CREATE VIEW messages AS ", NUMBERS, ") SELECT x AS topic_id FROM r;"])
+ROW = f"'{TOPIC}', '{SCAN}' FROM r;"
+PRODUCT = "".join(
+    [
+        "CREATE TABLE topics(id, name, type); CREATE TABLE messages(topic_id, timestamp, data);",
+        *("INSERT INTO topics ", NUMBERS, " LIMIT 5000) SELECT 1, ", ROW),
+        *("INSERT INTO messages ", NUMBERS, " LIMIT 5000) SELECT 1, x, x'' FROM r;"),
+    ]
+)
+"""Every message belongs to every topic."""
+COMPUTED = (
+    f"{TOPICS} CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER,"
+    " data BLOB AS (zeroblob(1000000000)));"
+)
+
+
+def folder_without_a_file(path: Path) -> None:
+    """Metadata name a file that is not there."""
+    ros2_bag(path, "SQLITE3")
+    next(path.glob("*.db3")).unlink()
+
+
+def two_bags(path: Path) -> None:
+    """A folder of two bags without metadata."""
+    path.mkdir()
+    for name in ("a.db3", "b.db3"):
+        sqlite_bag(path / name)
+
+
+def only_log(path: Path) -> None:
+    """A bag in a folder without metadata, with its write-ahead log, as after a crash."""
+    path.mkdir()
+    bag_with_log(path / "a.db3")
+
+
+def with_log_and_marks(path: Path) -> None:
+    """A path with marks that addresses of databases may not have."""
+    bag_with_log(path)
+    assert path.name == "log #1?.db3"
+
+
+def tables(script: str) -> Write:
+    """Writes a database made by a script."""
+    return lambda path: sqlite_bag(path, tables=script)
+
+
+def topics(names: Sequence[tuple[str, str]]) -> Write:
+    """Writes a bag of these topics and types; its message belongs to the first."""
+    return lambda path: sqlite_bag(path, topics=names)
+
+
+CASES = [
+    Case("log #1?.db3", with_log_and_marks, "returns", points=POINTS),
+    Case("only_log", only_log, "returns", points=POINTS),
+    Case("plain.mcap", content(mcap_bytes()), "returns", points=POINTS),
+    Case("bzip2.bag", lambda path: ros1_bag(path, "BZ2"), "returns", points=POINTS),
+    Case("lz4.bag", lambda path: ros1_bag(path, "LZ4"), "returns", points=POINTS),
+    *(
+        Case(f"folder_{kind}".lower(), write, "returns", points=POINTS)
+        for kind, write in {
+            "sqlite": lambda path: ros2_bag(path, "SQLITE3"),
+            "sqlite_files_zstd": lambda path: ros2_bag(path, "SQLITE3", "FILE"),
+            "sqlite_messages_zstd": lambda path: ros2_bag(path, "SQLITE3", "MESSAGE"),
+            "mcap": lambda path: ros2_bag(path, "MCAP"),
+            "mcap_zstd": lambda path: ros2_bag(path, "MCAP", "STORAGE"),
+        }.items()
+    ),
+    Case(
+        "endless_view.db3",
+        tables(ENDLESS),
+        "returns",
+        line="no plain table messages",
+    ),
+    Case(
+        "computed.db3",
+        tables(COMPUTED),
+        "returns",
+        line="no plain table messages",
+    ),
+    Case(
+        "tables_of_others.db3",
+        tables("CREATE TABLE a(b);"),
+        "returns",
+        line="no plain table topics",
+    ),
+    Case("product.db3", tables(PRODUCT), "returns", line=r"product.db3: .* \(InterruptError"),
+    Case(
+        "text.db3",
+        lambda path: sqlite_bag(path, ["text"]),
+        "returns",
+        line=r"text.db3: not a readable ROS bag \(ValueError: a message that is not binary",
+    ),
+    Case(
+        "bomb.bag",
+        content(ros1_bytes(bz2_bomb(5 << 30), "bz2", 100)),
+        "returns",
+        line="bomb.bag: not a readable ROS bag .parsing it takes more than (2 GiB|10 s)",
+    ),
+    Case(
+        "chunk_named_often.mcap",
+        content(mcap_bytes([MESSAGE] * 2, 500)),
+        "returns",
+        line="chunk_named_often.mcap: not a readable ROS bag .*chunks overlap",
+    ),
+    Case(
+        "clouds.db3",
+        topics([("/points\n", CLOUDS), ("/tf", "tf2_msgs/msg/TFMessage")]),
+        "returns",
+        line=rf"one topic of {SCAN}; it has /points\? \({CLOUDS}\), /tf .*: record",
+    ),
+    Case(
+        "many_topics.db3",
+        topics([(f"/{n:03}", CLOUDS) for n in range(300)]),
+        "returns",
+        line="/007 .*, 292 others: record",
+    ),
+    Case(
+        "two_sensors.db3",
+        topics([("/left", SCAN), ("/right", SCAN)]),
+        "returns",
+        line="it has /left, /right: keep one of them",
+    ),
+    Case("no_topics.db3", topics([]), "returns", line="it has no topic"),
+    Case(
+        "missing_part",
+        folder_without_a_file,
+        "returns",
+        line="missing_part: metadata.yaml names files that are not there: ",
+    ),
+    Case("two_bags", two_bags, "returns", line="two_bags: 2 ROS bags"),
+]

@@ -1,0 +1,44 @@
+"""Compressed recordings (.puck) that would unpack to far more than their size allows."""
+
+from __future__ import annotations
+
+import lzma
+from pathlib import Path
+
+from puckbench.codecs.common.byte_io import base_128
+from puckbench.codecs.puck.recording import compress
+from puckbench.codecs.puck.records import Kind, Record, stream_of
+from tests.corpus.case import Case, content
+from tests.support.spinning import pcap, rows, spin
+
+_ZEROS = 1 << 24
+_LZMA2 = [{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 24}]
+
+
+def _zeros(records: int) -> bytes:
+    """A stream of records of 16 MiB of zeros between no packets."""
+    gaps = base_128(1) + base_128(_ZEROS) + base_128(1) + bytes(_ZEROS)
+    packed = lzma.compress(gaps, lzma.FORMAT_RAW, filters=_LZMA2)
+    record = Record(Kind.GAPS, base_128(0) + base_128(len(gaps)) + packed)
+    return stream_of([record] * records)
+
+
+def _nested(path: Path) -> None:
+    inner = path.with_name("inner")
+    inner.write_bytes(pcap(rows(spin(packets=4))))
+    compress(inner, path)
+    path.replace(inner)
+    compress(inner, path)
+    inner.unlink()
+
+
+CASES = [
+    Case(
+        "zeros.puck",
+        lambda path: path.write_bytes(_zeros(8)),
+        "turns",
+        line=r"zeros\.puck: \d+ bytes in \d+ bytes: more than they may hold; .* --trusted",
+    ),
+    Case("nested.puck", _nested, "turns", line=r"nested\.puck: a compressed recording within"),
+    Case("torn.puck", content(b"PUCK\x01\x03"), "turns", line=r"torn\.puck: the stream is damaged"),
+]

@@ -1,0 +1,144 @@
+"""Points as text, as programs write them."""
+
+from __future__ import annotations
+
+from tests.corpus.case import Case, content
+
+TWO = [(1, 2, 3), (4, 5, 6)]
+INTENSITY = {"Intensity": [7, 8]}
+
+
+def _case(
+    file: str, text: bytes | str, points: object = TWO, line: str | None = None, **more: object
+) -> Case:
+    return Case(file, content(text), "cloud", None if line else points, line, **more)  # type: ignore[arg-type]
+
+
+_NAMED = "{0}1{0}2{0}3{0}7\n{0}4{0}5{0}6{0}8\n"
+"""Lines that begin with an index or an empty value."""
+
+CASES = [
+    _case("plain.xyz", "1 2 3\n4 5 6\n"),
+    _case("empty.xyz", "", line="empty.xyz: the cloud is empty"),
+    _case("names_alone.csv", "x,y,z\n", line="names_alone.csv: the cloud is empty"),
+    # Names and separators
+    _case(
+        "blank_in_a_name.csv",
+        "Point ID,X,Y,Z,Intensity\n9,1,2,3,7\n9,4,5,6,8\n",
+        fields={"Point ID": [9, 9], **INTENSITY},
+    ),
+    _case(
+        "blank_in_a_name_tabs.txt",
+        "Point ID\tX\tY\tZ\tIntensity\n9\t1\t2\t3\t7\n9\t4\t5\t6\t8\n",
+        fields={"Point ID": [9, 9], **INTENSITY},
+    ),
+    _case("pandas_index.csv", ",x,y,z,Intensity\n0,1,2,3,7\n1,4,5,6,8\n", fields=INTENSITY),
+    _case("cloudcompare.asc", "//X,Y,Z,Intensity\n1,2,3,7\n4,5,6,8\n", fields=INTENSITY),
+    _case("cloudcompare_count.asc", "//X Y Z Intensity\n2\n1 2 3 7\n4 5 6 8\n", fields=INTENSITY),
+    _case("savetxt.txt", "# x, y, z, Intensity\n1 2 3 7\n4 5 6 8\n", fields=INTENSITY),
+    _case("surveyed.csv", "Easting,Northing,Height\n1,2,3\n4,5,6\n"),
+    _case("surveyed_order.csv", "Northing;Easting;Elevation\n2;1;3\n5;4;6\n"),
+    _case("paraview.csv", '"Points:0","Points:1","Points:2","Intensity"\n1,2,3,7\n4,5,6,8\n'),
+    _case("paraview_5_11.csv", "Intensity,Points_0,Points_1,Points_2\n7,1,2,3\n8,4,5,6\n"),
+    _case(
+        "veloview.csv",
+        '"Intensity","Points_m_XYZ:0","Points_m_XYZ:1","Points_m_XYZ:2"\n7,1,2,3\n8,4,5,6\n',
+        fields=INTENSITY,
+    ),
+    _case("unit_in_names.csv", "X [m],Y [m],Z [m]\n1,2,3\n4,5,6\n"),
+    _case("order_of_columns.txt", "z y x\n3 2 1\n6 5 4\n"),
+    _case("units_below_names.csv", "x,y,z\nm,m,m\n1,2,3\n4,5,6\n"),
+    _case("title_above_names.csv", "Scan of a room\nx,y,z\n1,2,3\n4,5,6\n"),
+    _case("quoted.csv", '"x","y","z"\n"1","2","3"\n"4","5","6"\n'),
+    _case("joined.csv", "x,y,z\n1,2,3\nx,y,z\n4,5,6\n"),
+    _case("byte_order_mark.csv", "\ufeffx,y,z\n1,2,3\n4,5,6\n"),
+    _case("accents.csv", "Höhe,x,y,z\n7,1,2,3\n8,4,5,6\n", fields={"Höhe": [7, 8]}),
+    _case("utf16.csv", "x,y,z\n1,2,3\n4,5,6\n".encode("utf-16")),
+    _case(
+        "numbers_of_columns.csv",
+        "0,1,2\n1.5,2,3\n4,5,6\n",
+        [(1.5, 2, 3), (4, 5, 6)],
+        remark="numbers_of_columns.csv: its first line numbers the columns, and is no point",
+    ),
+    _case(
+        "numbers_of_columns_and_rows.csv",
+        ",0,1,2\n0,1,2,3\n1,4,5,6\n",
+        remark="its first line numbers the columns",
+    ),
+    _case("first_point_7_0_1.csv", "7,0,1,2\n4,5.5,6,1\n", [(7, 0, 1), (4, 5.5, 6)]),
+    _case(
+        "text_with_blanks_tabs.txt",
+        "x\ty\tz\twho\n1\t2\t3\tAnn Lee\n4\t5\t6\tBob\n",
+        remark="left out: who",
+    ),
+    _case("aligned_by_tabs.xyz", "1\t\t2\t3\n4\t\t5\t6\n"),
+    _case("numbers_between_tabs.xyz", "1 2\t3\n4 5\t6\n"),
+    _case("first_point_0_1_2.csv", "0,1,2\n4,5,6\n", [(0, 1, 2), (4, 5, 6)]),
+    # Numbers
+    _case("decimal_comma.csv", "x;y;z\n1,5;2;3\n4;5,25;6\n", [(1.5, 2, 3), (4, 5.25, 6)]),
+    _case("decimal_comma_blanks.xyz", "1,5 2,0 3,0\n4,0 5,25 6,0\n", [(1.5, 2, 3), (4, 5.25, 6)]),
+    _case("decimal_comma_tabs.txt", "1\t2\t3\n4,5\t5\t6\n", [(1, 2, 3), (4.5, 5, 6)]),
+    _case("nearest_double.xyz", "0.1 1e-3 +2.5E2\n-.5 3. 1\n", [(0.1, 0.001, 250), (-0.5, 3, 1)]),
+    _case(
+        "whole_then_broken.csv",
+        "x,y,z\n" + "1,1,1\n" * 3 + "0.5,1,1\n",
+        [(1, 1, 1)] * 3 + [(0.5, 1, 1)],
+    ),
+    _case(
+        "large_numbers.xyz",
+        "500000.123 5400000.456 1\n1 2 3\n",
+        [(500000.123, 5400000.456, 1), (1, 2, 3)],
+    ),
+    _case(
+        "not_finite.xyz", "1 2 nan\n4 5 6\n", line="1 of 2 points are not finite .*--drop-invalid"
+    ),
+    _case(
+        "not_finite_dropped.xyz",
+        "1 2 inf\n1 2 3\n4 5 6\n",
+        options={"drop_invalid": True},
+        remark="not_finite_dropped.xyz: 1 of 3 points are not finite: left out",
+    ),
+    # Lines
+    _case("crlf.xyz", "1 2 3 \r\n4 5 6 \r\n"),
+    _case("cr.xyz", "1 2 3\r4 5 6\r"),
+    _case("blank_lines.csv", "\n\nx,y,z\n\n1,2,3\n  \n4,5,6\n\n"),
+    _case("indented.xyz", "  1\t 2   3\n\t4 5 6\n"),
+    _case("trailing_separators.csv", "x,y,z,\n1,2,3,\n4,5,6,\n"),
+    _case("trailing_separators_of_points.csv", "x,y,z\n1,2,3,\n4,5,6,\n"),
+    _case("trailing_separators_of_names.csv", "x,y,z,,\n1,2,3\n4,5,6\n"),
+    _case("trailing_separators_alone.csv", "1,2,3,\n4,5,6,\n"),
+    _case("comments.xyz", "# x y\n1 2 3\n# in the middle\n // another\n4 5 6\n# end"),
+    _case("empty_column.csv", "x,empty,y,z\n1,,2,3\n4,,5,6\n"),
+    _case(
+        "words.csv",
+        "x,y,z,who\n1,2,3,Ann\n4,5,6,Bob\n",
+        remark="columns without numbers are left out: who",
+    ),
+    _case("several_scans.pts", "1\n1 2 3 7\n1\n4 5 6 8\n", fields={"intensity": [7, 8]}),
+    _case("long_comments.xyz", "# a comment\n" * 9000 + "1 2 3\n4 5 6\n"),
+    # Refused
+    _case("no_count.pts", "9" * 5000 + "\n1 2 3\n", line="not a table of numbers"),
+    _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", line="2 points where its head says 3"),
+    _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", line="2 points where its head says 3"),
+    _case("too_few_names.csv", "x,y,z\n1,2,3,4\n", line="3 names .* for 4 columns"),
+    _case("too_many_names.csv", "x,y,z,w\n1,2,3\n", line="4 names .* for 3 columns"),
+    _case("names_of_r.txt", 'x y z\n"1" 1 2 3\n', line="3 names .* for 4 columns"),
+    _case("too_many_names_in_a_comment.xyz", "# y x z w\n1 2 3\n", line="4 names .* for 3 columns"),
+    _case("twice.csv", "x,y,z,X\n1,2,3,4\n", line="two columns are named x"),
+    _case(
+        "grid.asc",
+        "ncols 4\nnrows 2\nNODATA_value -9999\n1 2 3 4\n5 6 7 8\n",
+        line="2 names .* for 4 columns",
+    ),
+    _case(
+        "ragged.xyz", "1 2 3\n4 5 6 7\n", line="not a table of numbers .*Expected 3 columns, got 4"
+    ),
+    _case("two_columns.xyz", "1 2\n3 4\n", line="not a table of numbers"),
+    _case("word_for_a_number.csv", "x,y,z\n1,2,3\n4,5,six\n", line="column z has 'six'"),
+    _case("word_for_a_number.xyz", "1 2 3\n4 5 six\n", line="not a table of numbers"),
+    _case("no_coordinates.csv", "a,b,c\n1,2,3\n", line="no x, y, z .their columns: a, b, c"),
+    _case("feet.csv", "X [ft],Y [ft],Z [ft]\n1,2,3\n", line="no x, y, z"),
+    _case("binary.xyz", b"1 2 3\n\0\0\0", line="not a text file"),
+    _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", line="a page of the web .HTML"),
+    _case("unknown.abc", "1 2 3\n", line="not a point cloud by its name .*.ply, "),
+]

@@ -1,0 +1,29 @@
+"""What a script prints where NumPy and its linear algebra take other instructions."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+_PROCESSORS: tuple[dict[str, str], ...] = (
+    {},
+    {
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX2 FMA3 AVX512F AVX512_SKX",
+    },
+    {"OPENBLAS_CORETYPE": "Haswell"},
+)
+"""Environments that choose the instructions: this machine's, an old processor's, a newer one's."""
+
+
+def printed_on_processors(script: str) -> set[str]:
+    """The different outputs of a script, run once for each of the processors of x86-64."""
+    return {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore", **changes},
+            check=True, capture_output=True, text=True,
+        ).stdout
+        for changes in _PROCESSORS
+    }  # fmt: skip
