@@ -15,7 +15,6 @@ if SOURCE.is_dir():
 from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
-from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.run_bar import show_bar
 from puckbench.planning.run_time import compiling_seconds, job_seconds
@@ -35,7 +34,6 @@ if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
-plan_faster()
 
 
 def or_stop(step, *arguments):
