@@ -41,7 +41,9 @@ def test_every_way_to_import_a_module_is_followed(tmp_path: Path, statement: str
 def test_modules_beside_a_file_are_followed_to_what_they_import(tmp_path: Path) -> None:
     user = written(tmp_path / "user.py", "import numpy\nimport helper\n")
     helper = written(tmp_path / "helper.py", "from parts.first import one\n")
-    first = written(tmp_path / "parts" / "first.py", "import helper\nfrom puckbench.core import files\n")
+    first = written(
+        tmp_path / "parts" / "first.py", "import helper\nfrom puckbench.core import files\n"
+    )
     reached = reached_files(user)
     assert {user, helper, first, SOURCE / "core" / "files.py"} <= reached
     assert not any("site-packages" in str(path) for path in reached)

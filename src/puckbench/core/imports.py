@@ -32,7 +32,9 @@ def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = Non
         file = waiting.pop()
         if file not in reached:
             reached.add(file)
-            waiting += (each for each in imported_files(file) if not (is_left_out and is_left_out(each)))
+            waiting += (
+                each for each in imported_files(file) if not (is_left_out and is_left_out(each))
+            )
     return reached
 
 

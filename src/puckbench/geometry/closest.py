@@ -72,6 +72,7 @@ class Surface:
 
     def _ray_casting_scene(self) -> Any:
         import open3d as o3d
+
         soup = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
         scene = o3d.t.geometry.RaycastingScene()
         numbers = np.arange(len(soup), dtype=np.uint32).reshape(-1, 3)
