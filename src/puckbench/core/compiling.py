@@ -52,8 +52,8 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 class SourcesLocator(InTreeCacheLocator):
     """Names the folder of a function's machine code after the state of its sources.
 
-    Numba's setting ``CACHE_LOCATOR_CLASSES`` takes such classes. It holds for a process, so that
-    the functions that a user's codec compiles with numba alone are kept in the same way.
+    Numba's setting ``CACHE_LOCATOR_CLASSES`` names such classes. It holds for a process: functions
+    of a user's codec that numba compiles later are kept in the same way.
     """
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:

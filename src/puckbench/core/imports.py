@@ -77,10 +77,9 @@ def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
 def _file(name: str, importer: Path) -> Path | None:
     """The source file of a module, if it is followed."""
     top, first = top_folder(importer), name.partition(".")[0]
-    if top not in _INSTALLED or importer.relative_to(top).parts[0] == first:
-        if file := module_file(name, top):
-            return file
-    return module_file(name, _PACKAGE.parent) if first == _PACKAGE.name else None
+    is_near = top not in _INSTALLED or importer.relative_to(top).parts[0] == first
+    file = module_file(name, top) if is_near else None
+    return file or (module_file(name) if first == _PACKAGE.name else None)
 
 
 @cache
