@@ -49,6 +49,15 @@ def test_modules_beside_a_file_are_followed_to_what_they_import(tmp_path: Path) 
     assert not any("site-packages" in str(path) for path in reached)
 
 
+def test_of_an_installed_module_other_packages_are_not_followed(tmp_path: Path) -> None:
+    folder = tmp_path / "site-packages"
+    written(folder / "other.py")
+    inner = written(folder / "mine" / "inner.py")
+    written(folder / "mine" / "__init__.py")
+    user = written(folder / "mine" / "user.py", "import other\nimport mine.inner\n")
+    assert imported_files(user) == {inner}
+
+
 def test_a_package_counts_where_a_name_that_it_defines_is_imported(tmp_path: Path) -> None:
     package = written(tmp_path / "far" / "__init__.py", "from far.inner import value\n")
     inner = written(tmp_path / "far" / "inner.py", "value = 1\n")

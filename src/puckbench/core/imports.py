@@ -7,13 +7,13 @@ of an installation are not.
 from __future__ import annotations
 
 import ast
-import sysconfig
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[1]
-_INSTALLED = {Path(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
+_INSTALLED = {"site-packages", "dist-packages"}
+"""Folders of installed packages, which lie beside each other for no reason."""
 
 
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
@@ -77,7 +77,7 @@ def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
 def _file(name: str, importer: Path) -> Path | None:
     """The source file of a module, if it is followed."""
     top, first = top_folder(importer), name.partition(".")[0]
-    is_near = top not in _INSTALLED or importer.relative_to(top).parts[0] == first
+    is_near = top.name not in _INSTALLED or importer.relative_to(top).parts[0] == first
     file = module_file(name, top) if is_near else None
     return file or (module_file(name) if first == _PACKAGE.name else None)
 
