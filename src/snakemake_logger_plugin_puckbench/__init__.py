@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from snakemake.logging import DefaultFilter
+from snakemake.logging import DefaultFilter  # type: ignore[import-untyped]
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
@@ -76,11 +76,12 @@ class LogHandler(LogHandlerBase):
         """Take in an event, and show what has changed."""
         if not self.writes_to_stream:  # Snakemake writes
             return
+        event: Any = getattr(record, "event", None)
         take = {
             LogEvent.RUN_INFO: self._take_run,
             LogEvent.JOB_INFO: self._take_start,
             LogEvent.JOB_FINISHED: self._take_end,
-        }.get(getattr(record, "event", None))
+        }.get(event)
         if take:
             take(vars(record))
         elif (record.levelno >= logging.WARNING or not self._jobs) and self._is_shown(record):

@@ -57,7 +57,7 @@ class SourcesLocator(InTreeCacheLocator):
     """
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
-        super().__init__(py_func, py_file)
+        super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
         file = Path(py_file).absolute()
         place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
         self._folder = loops_folder(file.parent) / place
