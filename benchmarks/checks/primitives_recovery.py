@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from puckbench.codecs.primitives.preparation import prepare
 from puckbench.codecs.primitives.settings import rate_settings
 from puckbench.codecs.registry import open_codec
-from puckbench.core.open3d_library import open3d
 from puckbench.geometry.mesh import Primitive
 from puckbench.geometry.ransac import least_squares_plane
 from puckbench.metrics.recovery import (
@@ -79,7 +78,7 @@ def decoded(room: Scanned, rate: str) -> tuple[float, Segmentation]:
 
 def patches(room: Scanned) -> Ints:
     """Araujo and Oliveira (2020): the nearest of the patches whose box a point lies in, or -1."""
-    o3d = open3d()
+    import open3d as o3d
 
     xyz = room.scan.to_metres(room.scan.xyz)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz))
@@ -95,7 +94,7 @@ def patches(room: Scanned) -> Ints:
 
 def ransac(room: Scanned) -> Ints:
     """The plane with the most inliers, its connected parts; then again among the points left."""
-    o3d = open3d()
+    import open3d as o3d
 
     xyz = room.scan.to_metres(room.scan.xyz)
     o3d.utility.random.seed(0)

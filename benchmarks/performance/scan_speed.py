@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.core.open3d_library import open3d
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.lidar import (
@@ -97,7 +96,7 @@ def room(name: str | None, cells: int) -> Mesh:
 
 def bare_cast(mesh: Mesh, origin: Floats) -> Callable[[], object]:
     """The cast alone: scene built, rays ready, one call."""
-    o3d = open3d()
+    import open3d as o3d
 
     table = scan(mesh, SENSOR, SWEEP, open_error_model("none"), origin, np.random.default_rng(0))
     rays = np.zeros((len(table), 6), dtype=np.float32)

@@ -4,15 +4,11 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from puckbench.core import compiling
 from puckbench.core.compiling import CompilingNotice
 from puckbench.core.loop_cache import loops_folder
 
@@ -81,45 +77,6 @@ def test_a_cached_function_follows_one_of_another_room(tmp_path: Path) -> None:
     assert _run(tmp_path, tmp_path) == "2 1"
     inner.write_text(INNER.format(value=5))
     assert _run(tmp_path, tmp_path) == "6 0"
-
-
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "from far import inner",
-        "from far.inner import value",
-        "import far.inner",
-        "from . import inner",
-        "from .inner import (\n    value,\n)",
-        "def late():\n    from far import (  # why\n        inner,\n    )",
-    ],
-)
-def test_every_way_to_import_a_module_is_followed(tmp_path: Path, statement: str) -> None:
-    package = tmp_path / "far"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "inner.py").write_text("value = 1\n")
-    (package / "user.py").write_text(f"{statement}\n")
-    assert package / "inner.py" in compiling._reached(package / "user.py")
-
-
-def test_of_a_package_the_file_that_is_run_and_the_names_in_it_are_followed() -> None:
-    reached = compiling._reached(SOURCE / "puckbench" / "io" / "meshes" / "ply.py")
-    names = {str(path.relative_to(SOURCE / "puckbench")) for path in reached}
-    assert {"io/meshes/ply.py", "geometry/mesh.py", "core/errors.py"} <= names
-    assert not any(name.startswith(("cli", "lidar")) for name in names)
-
-
-def test_functions_that_call_blas_are_compiled() -> None:
-    program = (
-        "import sys; from puckbench.core.compiling import compiled; import numba, numpy as np;"
-        "print('scipy.linalg' in sys.modules);"
-        "print(numba.njit(lambda a: a @ a)(np.eye(2) * 3)[1, 1])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split() == ["False", "9.0"]
 
 
 OUTSIDE = """
@@ -207,33 +164,6 @@ def outer():
 
 print(outer())
 """
-
-
-def test_threads_that_compile_do_not_change_each_others_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Numba reads the setting twice: in between another thread may not set it back."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(compiling._config, "CACHE_DIR", "")
-    begun = threading.Event()
-    places: list[str] = []
-
-    def slow_njit(**_: object) -> Callable[[object], object]:
-        begun.set()
-        time.sleep(0.05)  # the others are waiting at the door meanwhile
-        places.append(compiling._config.CACHE_DIR)
-        return lambda function: function
-
-    monkeypatch.setattr(compiling.numba, "njit", slow_njit)
-    threads = [threading.Thread(target=compiling.compiled, args=(_run,)) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert begun.is_set()
-    assert len(set(places)) == 1
-    assert Path(places[0]).is_absolute()
-    assert compiling._config.CACHE_DIR == ""
 
 
 def test_compiling_is_told_on_standard_error_and_loading_is_not(tmp_path: Path) -> None:

@@ -81,9 +81,9 @@ def test_fields_come_back_from_the_clouds_own_file(tmp_path: Path) -> None:
 
 
 def test_coloured_pcd_of_open3d(tmp_path: Path) -> None:
-    from puckbench.core.open3d_library import open3d
 
-    o3d = open3d()
+    import open3d as o3d
+
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
     cloud.colors = o3d.utility.Vector3dVector(COLOURS / 255)
     cloud.normals = o3d.utility.Vector3dVector(np.tile([0.0, 0, 1], (40, 1)))

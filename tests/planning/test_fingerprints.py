@@ -1,19 +1,30 @@
 """Fingerprints change with the code that makes an artefact, and with nothing else."""
 
-import ast
 import shutil
 from pathlib import Path
 
 import pytest
 
-from puckbench.planning.fingerprints import Import, Sources, code_version, imports
+from puckbench.core import imports
+from puckbench.planning import fingerprints
+from puckbench.planning.fingerprints import covered
 
 SOURCE = Path(__file__).parents[2] / "src" / "puckbench"
 
 
+def code_version(*modules: str | Path) -> str:
+    """As a new process sees it, for files that have been edited."""
+    for remembered in (fingerprints.code_version, fingerprints._code_digest):
+        remembered.cache_clear()
+    for found in (imports.imported_files, imports.module_file, imports.top_folder):
+        found.cache_clear()
+    return fingerprints.code_version(*map(str, modules))
+
+
 def _version(path: Path, text: str) -> str:
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
-    return Sources(SOURCE).code_version(str(path))
+    return code_version(path)
 
 
 @pytest.fixture
@@ -24,24 +35,29 @@ def tree(tmp_path: Path) -> Path:
 
 
 ARTEFACTS = {
-    "draco": ("puckbench.codecs.measurement", "puckbench.codecs.draco"),
-    "gpcc": ("puckbench.codecs.measurement", "puckbench.codecs.gpcc.codec"),
-    "scan": ("puckbench.lidar.scan", "puckbench.lidar.errors.vlp16"),
-    "table": ("puckbench.io.tables", "puckbench.thesis.printed_tables"),
-    "figure": ("puckbench.figures.drawing", "puckbench.figures.curves"),
+    "draco": ("codecs/measurement.py", "codecs/draco.py"),
+    "gpcc": ("codecs/measurement.py", "codecs/gpcc/codec.py"),
+    "scan": ("lidar/scan.py", "lidar/errors/vlp16.py"),
+    "table": ("io/tables.py", "thesis/printed_tables.py"),
+    "figure": ("figures/drawing.py", "figures/curves.py"),
 }
 """Some artefacts with the modules of their job and of their plug-in."""
 
 
-def _changed(tree: Path, edited: Path | str, old: str, new: str) -> set[str]:
+def _changed(tree: Path, edited: str, old: str, new: str) -> set[str]:
     """The artefacts whose fingerprints an edit of one file changes."""
-    before = {name: Sources(tree).code_version(*needs) for name, needs in ARTEFACTS.items()}
-    path = tree / edited
+
+    def versions() -> dict[str, str]:
+        return {
+            name: code_version(*(tree / file for file in files))
+            for name, files in ARTEFACTS.items()
+        }
+
+    before, path = versions(), tree / edited
     text = path.read_text() if path.exists() else ""
     assert old in text
     path.write_text(text.replace(old, new, 1) if old else text + new)
-    after = {name: Sources(tree).code_version(*needs) for name, needs in ARTEFACTS.items()}
-    return {name for name, version in after.items() if version != before[name]}
+    return {name for name, version in versions().items() if version != before[name]}
 
 
 def test_a_help_text_of_the_command_line_re_makes_nothing(tree: Path) -> None:
@@ -87,78 +103,22 @@ def test_a_packages_docstring_re_makes_nothing(tree: Path) -> None:
     assert _changed(tree, "geometry/__init__.py", '"""', '"""More about ') == set()
 
 
-def _module(tree: Path, name: str, text: str) -> None:
-    path = tree / f"{name}.py"
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(text)
-
-
-def test_a_packages_re_exports_lead_to_the_modules_that_define_the_names(tree: Path) -> None:
-    _module(tree, "room/near", "def near():\n    return 1\n")
-    _module(tree, "room/far", "def far():\n    return 2\n")
-    _module(
-        tree,
-        "room/__init__",
-        "from puckbench.room.far import far\nfrom puckbench.room.near import near\n",
-    )
-    _module(tree, "user", "from puckbench.room import near\n")
-    assert Sources(tree).covered("puckbench.user") == {"puckbench.user", "puckbench.room.near"}
-
-
-def test_what_a_package_defines_itself_counts_with_what_it_uses(tree: Path) -> None:
-    _module(tree, "room/near", "def near():\n    return 1\n")
-    _module(tree, "room/far", "def far():\n    return 2\n")
-    _module(
-        tree,
-        "room/__init__",
-        "from puckbench.room.far import far\nfrom puckbench.room.near import near\n\n\n"
-        "def nearer():\n    return near()\n",
-    )
-    _module(tree, "user", "from puckbench.room import nearer\n")
-    expected = {"puckbench.user", "puckbench.room", "puckbench.room.near"}
-    assert Sources(tree).covered("puckbench.user") == expected
-
-
-def test_comments_docstrings_and_registries_do_not_count(tmp_path: Path) -> None:
+def test_comments_and_docstrings_do_not_count(tmp_path: Path) -> None:
     path = tmp_path / "a.py"
     plain = _version(path, "def f():\n    return 1\n")
     assert _version(path, "# why\n\n\ndef f():\n    return 1  # because\n") == plain
     with_text = _version(path, 'def f():\n    """Say."""\n    return 1\n')
     assert _version(path, 'def f():\n    """Say more."""\n    return 1\n') == with_text
     assert with_text == plain
-    registry = 'CODECS: Registry[Codec] = Registry("codec", "codecs")\n\n\n'
-    assert _version(path, f"{registry}def f():\n    return 1\n") == plain
 
 
-def test_registrations_do_not_count(tmp_path: Path) -> None:
-    path = tmp_path / "a.py"
-    function = "def f():\n    return 1\n"
-    plain = _version(path, function)
-    assert _version(path, f'@TABLES.register("a", category="All")\n{function}') == plain
-    assert _version(path, f"@cache\n{function}") != plain
-
-
-def test_the_presentation_of_a_plugin_does_not_count(tmp_path: Path) -> None:
-    path = tmp_path / "a.py"
-    registered = '@CODECS.register("a")\nclass A:\n    points = 1\n'
-    plain = _version(path, registered)
-    assert _version(path, f'{registered}    title = "An A"\n    rank: int = 3\n') == plain
-    assert _version(path, f"{registered}    limit = 3\n") != plain
-
-
-def test_fields_of_other_classes_count_whatever_they_are_called(tmp_path: Path) -> None:
-    path = tmp_path / "a.py"
-    assert _version(path, 'class A:\n    title = "a"\n') != _version(path, "class A:\n    pass\n")
-
-
-def test_help_texts_do_not_count(tmp_path: Path) -> None:
-    path = tmp_path / "a.py"
-    field = 'size: int = Field(gt=0, description="{}")\n'
-    assert _version(path, field.format("how many")) == _version(path, field.format("number"))
-    option = 'parser.add_argument("--size", type={}, help="{}")\n'
-    plain = _version(path, option.format("int", "how many"))
-    assert _version(path, option.format("int", "number")) == plain
-    assert _version(path, option.format("str", "number")) != plain
+def test_the_help_text_of_an_option_does_not_count(tree: Path, tmp_path: Path) -> None:
+    shown = 'description="'
+    assert shown in (tree / "codecs/draco.py").read_text()
+    assert _changed(tree, "codecs/draco.py", shown, f"{shown}In other words: ") == set()
+    path, field = tmp_path / "a.py", 'size: int = Field(gt={}, description="{}")\n'
+    assert _version(path, field.format(0, "a")) == _version(path, field.format(0, "b"))
+    assert _version(path, field.format(0, "a")) != _version(path, field.format(1, "a"))
 
 
 def test_imports_for_type_checkers_do_not_count(tmp_path: Path) -> None:
@@ -185,31 +145,55 @@ def test_a_module_of_another_package_counts(
 ) -> None:
     def version(text: str) -> str:
         (tmp_path / "a_package" / "mine.py").write_text(text)
-        return Sources(SOURCE).code_version("a_package.mine")
+        return code_version("a_package.mine")
 
     (tmp_path / "a_package").mkdir()
     monkeypatch.syspath_prepend(tmp_path)
     assert version("x = 1\n") != version("x = 2\n")
 
 
-def test_imports_are_followed_at_every_depth(tmp_path: Path) -> None:
-    path = tmp_path / "a.py"
-    alone = _version(path, "def f():\n    import os\n    return os\n")
-    with_ours = _version(path, "def f():\n    import puckbench.core.files\n    return 1\n")
-    assert alone != with_ours
-    tree = ast.parse("import os\ndef f():\n    from puckbench.codecs import draco\n")
-    assert list(imports(tree)) == [("draco", Import("puckbench.codecs", "draco"))]
+def _version_with(codec: Path, edited: Path, text: str) -> str:
+    """The fingerprint of a codec after an edit of another file."""
+    _version(edited, text)
+    return code_version(codec)
+
+
+def test_what_a_users_codec_imports_beside_its_file_counts(tmp_path: Path) -> None:
+    codec, helper = tmp_path / "mine.py", tmp_path / "helper.py"
+    _version(codec, "def encode():\n    from helper import step\n    return step\n")
+    before = _version_with(codec, helper, "step = 1\n")
+    edited = _version_with(codec, helper, "import parts.first\nstep = 1\n")
+    assert edited != before
+    assert _version_with(codec, tmp_path / "unused.py", "x = 1\n") == edited
+    assert _version_with(codec, tmp_path / "parts" / "first.py", "x = 1\n") != edited
+
+
+@pytest.mark.parametrize("statement", ["from . import helper", "from mine.helper import step"])
+def test_what_a_users_codec_imports_of_its_package_counts(tmp_path: Path, statement: str) -> None:
+    codec, helper = tmp_path / "mine" / "codec.py", tmp_path / "mine" / "helper.py"
+    _version(tmp_path / "mine" / "__init__.py", "")
+    _version(codec, f"{statement}\n")
+    before = _version_with(codec, helper, "step = 1\n")
+    assert _version_with(codec, helper, "step = 2\n") != before
+
+
+def test_one_folder_of_the_same_code_is_as_good_as_another(tmp_path: Path) -> None:
+    def version(folder: Path) -> str:
+        _version(folder / "helper.py", "step = 1\n")
+        return _version(folder / "mine.py", "import helper\n")
+
+    assert version(tmp_path / "a") == version(tmp_path / "b")
 
 
 def test_one_codec_does_not_depend_on_another() -> None:
-    seen = Sources(SOURCE).covered(*ARTEFACTS["draco"])
-    assert "puckbench.codecs.draco" in seen
-    assert "puckbench.codecs.base" in seen
-    assert "puckbench.codecs.draco" not in Sources(SOURCE).covered(*ARTEFACTS["gpcc"])
-    assert not any(name.startswith("puckbench.figures") for name in seen)
+    def names(artefact: str) -> set[str]:
+        files = covered(*(str(SOURCE / file) for file in ARTEFACTS[artefact]))
+        return {file.relative_to(SOURCE).as_posix() for file in files}
+
+    assert {"codecs/draco.py", "codecs/base.py"} <= names("draco")
+    assert "codecs/draco.py" not in names("gpcc")
+    assert not any(name.startswith("figures") for name in names("draco"))
 
 
-def test_a_version_is_that_of_the_sources_in_use() -> None:
-    assert code_version("puckbench.codecs.draco") == Sources(SOURCE).code_version(
-        "puckbench.codecs.draco"
-    )
+def test_a_module_is_that_of_the_sources_in_use() -> None:
+    assert code_version("puckbench.codecs.draco") == code_version(SOURCE / "codecs/draco.py")

@@ -6,11 +6,12 @@ import logging
 from typing import Any
 
 import pytest
+from snakemake.settings.enums import Quietness
 from snakemake_interface_logger_plugins.common import LogEvent
+from snakemake_interface_logger_plugins.settings import LogHandlerSettingsBase
+from snakemake_interface_logger_plugins.tests import MockOutputSettings, TestLogHandlerBase
 
-from puckbench.planning import run_bar
-from puckbench.planning.run_bar import RunBar
-from puckbench.planning.run_time import SAMPLE_S
+from snakemake_logger_plugin_puckbench import LogHandler
 
 JOBS = {"long": 2, "short": 2, "all": 1, "total": 5}
 
@@ -28,25 +29,49 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     found = Clock()
-    monkeypatch.setattr(run_bar, "time", found)
-    monkeypatch.setattr(run_bar, "machine_sample", lambda: SAMPLE_S)
+    monkeypatch.setattr("snakemake_logger_plugin_puckbench.time", found)
     return found
 
 
-def told(bar: RunBar, event: LogEvent, **values: Any) -> None:
+class TestInterface(TestLogHandlerBase):
+    """Snakemake's own tests of a logger plug-in."""
+
+    __test__ = True
+
+    def get_log_handler_cls(self) -> type[LogHandler]:
+        return LogHandler
+
+    def get_log_handler_settings(self) -> LogHandlerSettingsBase:
+        return LogHandlerSettingsBase()
+
+
+def settings(**changes: object) -> MockOutputSettings:
+    shown = MockOutputSettings()
+    vars(shown).update({"printshellcmds": False, "quiet": set(), **changes})
+    return shown
+
+
+def told(bar: LogHandler, event: LogEvent | None, **values: Any) -> None:
     record = logging.LogRecord("snakemake", logging.INFO, "", 0, "", (), None)
     vars(record).update(event=event, **values)
     bar.emit(record)
 
 
-def begun() -> RunBar:
+def begun() -> LogHandler:
     """A run of two jobs of 90 s and two of 10 s, on two cores."""
-    bar = RunBar({"long": 90.0, "short": 10.0}.__getitem__, 2, {"short": "a short one ended"})
+    bar = LogHandler(settings(), None)
+    work = {"long": 90.0, "short": 10.0}
+    bar.expect(
+        work.__getitem__,
+        lambda jobs: sum(work[rule] * count for rule, count in jobs.items()) / 2,
+        2,
+        {"short": "a short one ended"},
+    )
     told(bar, LogEvent.RUN_INFO, stats=JOBS)
     return bar
 
 
-def job(bar: RunBar, number: int, rule: str) -> None:
+def job(bar: LogHandler, number: int, rule: str) -> None:
     told(bar, LogEvent.JOB_INFO, jobid=number, rule_name=rule, wildcards={"cloud": "a"})
     told(bar, LogEvent.JOB_FINISHED, job_id=number)
 
@@ -91,3 +116,26 @@ def test_where_there_is_no_terminal_a_line_is_printed_now_and_then(
         clock.now += 20
         job(bar, number, "long")
     assert capsys.readouterr().err == "puckbench: 2 of 4 jobs done, 4 s left\n"
+
+
+def test_warnings_are_printed_and_what_snakemake_is_told_to_keep_quiet_is_not(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bar = LogHandler(settings(quiet={Quietness.RULES}), None)
+    told(bar, None, msg="before the jobs")
+    told(bar, LogEvent.RUN_INFO, stats=JOBS)
+    told(bar, None, msg="while they run")
+    told(bar, None, msg="a fault", levelno=logging.ERROR)
+    told(bar, LogEvent.JOB_ERROR, msg="of a rule", levelno=logging.ERROR)
+    first, *rest = capsys.readouterr().err.splitlines()
+    assert (first, rest[-1], len(rest)) == ("before the jobs", "a fault", 2)
+
+
+@pytest.mark.parametrize("asked", ["dryrun", "verbose", "printshellcmds"])
+def test_where_more_than_a_bar_is_asked_for_snakemake_writes(
+    asked: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bar = LogHandler(settings(**{asked: True}), None)
+    assert not bar.writes_to_stream
+    told(bar, LogEvent.RUN_INFO, stats=JOBS)
+    assert capsys.readouterr().err == ""

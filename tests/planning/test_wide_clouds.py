@@ -41,8 +41,8 @@ def test_a_wide_cloud_loses_the_rates_that_are_too_fine_for_it() -> None:
         ("clouds", "wider", "gpcc"): ("10mm", "2mm", "1mm"),
     }
     rates = {
-        (cloud, codec): [cell[3] for cell in plan.cells if cell[1:3] == (cloud, codec)]
-        for _, cloud, codec, _ in plan.cells
+        (cloud, codec): list(plan.curve_rates(dataset, cloud, codec))
+        for dataset, cloud, codec in plan.curves
     }
     assert rates["near", "gpcc"] == rates["wider", "draco"] == list(RATES)
     assert rates["wide", "gpcc"] == ["100mm", "10mm"]
@@ -60,17 +60,17 @@ def test_what_is_left_out_is_named_with_its_remedy() -> None:
 
 def test_jobs_are_planned_for_the_other_cells_alone() -> None:
     config = configured("near.npy", "wide.npy", "wider.npy")
-    bench = Workflow(config, check_scenes=True)
-    curves = [curve.rates for curve in bench.coding.curves if curve.codec == "gpcc"]
-    assert curves == [("100mm",), ("10mm",), ("2mm", "1mm")]
-    assert [each.rates for each in bench.coding.curves if each.codec == "draco"] == [RATES]
-    rows = {row.removeprefix("out/metrics/clouds/") for row in bench.coding.first_rows("metrics")}
-    of_gpcc = {row for row in rows if "gpcc" in row}
-    assert of_gpcc == {
-        "near/gpcc/100mm.json", "near/gpcc/10mm.json", "near/gpcc/2mm.json",
-        "wide/gpcc/100mm.json", "wide/gpcc/10mm.json", "wider/gpcc/100mm.json",
-    }  # fmt: skip
-    assert rows - of_gpcc == {f"{name}/draco/100mm.json" for name in ("near", "wide", "wider")}
+    coding = Workflow(config, check_scenes=True).coding
+    names = ("near", "wide", "wider")
+    assert set(coding.rows("metrics")) == {
+        f"metrics/clouds/{name}/{codec}.parquet" for name in names for codec in ("gpcc", "draco")
+    }
+    for name, count in zip(names, (4, 2, 1), strict=True):
+        for job in (coding.encode, coding.evaluate):
+            changes = json.loads(job("clouds", name, "gpcc").record)["changes"]
+            assert tuple(changes["metric_rates"]) == RATES[:count]
+            changes = json.loads(job("clouds", name, "draco").record)["changes"]
+            assert tuple(changes["metric_rates"]) == RATES
 
 
 def test_scaled_clouds_are_never_too_wide() -> None:

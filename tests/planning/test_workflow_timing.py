@@ -38,11 +38,11 @@ def test_a_timed_job_takes_all_cores_when_it_is_to_run_alone(
 
 def test_the_record_says_how_it_is_timed() -> None:
     alone = workflow({"exclusive": True, "repeats": 5}).coding
-    (codec,) = alone.plan.codecs
-    coded = EncodeCurve.model_validate_json(alone.encode("d", codec).record)
+    (curve,) = alone.plan.curves
+    coded = EncodeCurve.model_validate_json(alone.encode(*curve).record)
     assert (coded.repeats, coded.alone) == (5, True)
-    assert not EncodeCurve.model_validate_json(workflow({}).coding.encode("d", codec).record).alone
-    measured = EvaluateCurve.model_validate_json(alone.evaluate("d", codec).record)
+    assert not EncodeCurve.model_validate_json(workflow({}).coding.encode(*curve).record).alone
+    measured = EvaluateCurve.model_validate_json(alone.evaluate(*curve).record)
     assert (measured.repeats, measured.alone) == (5, True)
     assert (measured.dataset, measured.peak, measured.views) == ("d", 1023, 0)
     assert workflow({"threads": 3}).coding.threads_environment["OMP_NUM_THREADS"] == "3"

@@ -78,13 +78,3 @@ def test_a_classical_codecs_job_imports_no_other_codecs_packages(
     )
     loaded = _lines(sys.executable, "-c", program)[-1].split()  # the lines before are the answer
     assert (HEAVY - NEEDED[codec]) & set(loaded) == set()
-
-
-def test_open3d_comes_without_its_pictures_for_notebooks() -> None:
-    program = (
-        "import sys; from puckbench.core.open3d_library import open3d; o3d = open3d();"
-        "o3d.t.geometry.RaycastingScene(); print(*sys.modules)"
-    )
-    loaded = set(_lines(sys.executable, "-c", program)[-1].split())
-    assert "open3d" in loaded
-    assert not {"dash", "plotly", "IPython", "open3d.visualization.draw_plotly"} & loaded

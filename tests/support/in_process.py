@@ -56,9 +56,9 @@ def _coded(bench: Workflow, dataset: str, cloud: str, codec: str) -> Path:
     original = results / "clouds" / dataset / f"{cloud}.ply"
     curve = results / "coded" / dataset / cloud / f"{codec}.zip"
     rows = results / "metrics" / dataset / cloud / f"{codec}.parquet"
-    _do(coding.encode(dataset, codec), cloud=original, curve=curve)
+    _do(coding.encode(dataset, cloud, codec), cloud=original, curve=curve)
     truth = {name: Path(file) for name, file in coding.truth(dataset, cloud).items()}
-    _do(coding.evaluate(dataset, codec), cloud=original, **truth, curve=curve, rows=rows)
+    _do(coding.evaluate(dataset, cloud, codec), cloud=original, **truth, curve=curve, rows=rows)
     return rows
 
 

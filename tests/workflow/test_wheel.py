@@ -72,6 +72,7 @@ def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
     held = {name.removeprefix("puckbench/") for name in names if name.startswith("puckbench/")}
     workflow = {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
     assert held == files_below(ROOT / "src" / "puckbench") | workflow | {"envs/puckbench.yaml"}
+    assert "snakemake_logger_plugin_puckbench/__init__.py" in names
 
 
 def test_the_source_archive_has_the_workflow(archive: Path) -> None:

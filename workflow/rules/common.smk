@@ -16,11 +16,14 @@ from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.closing import closing_lines
 from puckbench.planning.config import check_config_files
-from puckbench.planning.faster_snakemake import plan_faster
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder
-from puckbench.planning.run_bar import show_bar
-from puckbench.planning.run_time import compiling_seconds, job_seconds
+from puckbench.planning.run_time import (
+    compiling_seconds,
+    job_seconds,
+    machine_sample,
+    run_seconds,
+)
 from puckbench.planning.running import (
     check_room,
     failures,
@@ -29,6 +32,7 @@ from puckbench.planning.running import (
     now,
 )
 from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
+from snakemake_logger_plugin_puckbench import LogHandler as RunBar
 
 if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
     # An environment that Snakemake deploys has every package but puckbench.
@@ -36,7 +40,6 @@ if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that stay; Python need not look through them again and again.
 gc.set_threshold(100_000, 50, 100)
-plan_faster()
 
 
 def or_stop(step, *arguments):
@@ -48,16 +51,10 @@ def or_stop(step, *arguments):
         os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
 
 
-def is_run():
-    """Whether jobs will run, and their user has not asked for more than a bar."""
-    shown = workflow.output_settings
-    return workflow.is_main_process and not (shown.dryrun or shown.verbose or shown.printshellcmds)
-
-
-def end_bar():
+def end_bars():
     """Leave the terminal to what comes after the bar."""
-    if BAR:
-        BAR.close()
+    for bar in BARS:
+        bar.close()
 
 
 def one_of(names):
@@ -112,24 +109,29 @@ if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     # Where Snakemake keeps its records; without room there it would end in a traceback.
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
-NOTES = {"first_look": f"the first figures are in {RESULTS}/first_look"}
-BAR = show_bar(job_seconds(bench), CORES or 1, NOTES, compiling_seconds(bench)) if is_run() else None
+# With --logger puckbench, as `puckbench run` has it.
+BARS = [bar for bar in workflow.logger_manager.get_log_handlers() if isinstance(bar, RunBar)]
+for bar in BARS:
+    work_of = job_seconds(bench)
+    here = (CORES or 1, machine_sample(), compiling_seconds(bench))
+    bar.expect(
+        job_s=work_of,
+        run_s=lambda jobs: run_seconds(jobs, work_of, *here),
+        cores=CORES or 1,
+        notes={"first_look": f"the first figures are in {RESULTS}/first_look"},
+    )
 
 
 onstart:
     or_stop(hold_results, plan.results)
     for line in left_out_lines(plan.left_out_rows()):
         print(f"puckbench: {line}", file=sys.stderr, flush=True)
-    # To keep to so many submissions a second, Snakemake weighs the jobs that wait once a second for
-    # each job that has ended: soon a core has no other work. Where jobs run here, cores limit them.
-    if workflow.local_exec:
-        workflow.scheduler.job_rate_limiter = None
-        if not workflow.deployment_settings.deployment_method:  # jobs run in this environment
-            start_fork_server()
+    if workflow.local_exec and not workflow.deployment_settings.deployment_method:
+        start_fork_server()  # for jobs that run here and in this environment
 
 
 onsuccess:
-    end_bar()
+    end_bars()
     if TOLD_BY_CALLER not in os.environ:
         for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
             print(line, flush=True)
@@ -138,7 +140,7 @@ onsuccess:
 
 
 onerror:
-    end_bar()
+    end_bars()
     for line in failures(plan.results / "logs", BEGUN):
         print(line, file=sys.stderr, flush=True)
 

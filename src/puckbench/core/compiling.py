@@ -11,20 +11,19 @@ outside its array raises IndexError. Such machine code, some three times slower,
 from __future__ import annotations
 
 import hashlib
-import importlib
-import re
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba import extending
+from numba.core.caching import InTreeCacheLocator
 from numba.core.event import Event, Listener, register
 
+from puckbench.core.imports import reached_files
 from puckbench.core.loop_cache import loops_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -45,28 +44,27 @@ INLINED: Any = {
 
 _SECONDS_UNTIL_NOTICE = 3.0
 _COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
-_PACKAGE = Path(__file__).parents[1]
-_config: Any = numba.config  # its entries come from the environment
-_PLACING = threading.Lock()
-"""Held while numba looks for a function's cache, whose place is a setting for all threads."""
+_config: Any = numba.config
+_LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
+"""Numba's setting for the place of caches: those of files, and those of cells of a notebook."""
 
 
-def _start_without_blas() -> None:
-    """Import numba without its search for SciPy's BLAS, a sixth of a second of every process.
+class SourcesLocator(InTreeCacheLocator):
+    """Names the folder of a function's machine code after the state of its sources.
 
-    Numba searches again when it compiles a function that calls BLAS.
+    Numba's setting ``CACHE_LOCATOR_CLASSES`` names such classes. It holds for a process: functions
+    of a user's codec that numba compiles later are kept in the same way.
     """
-    from numba.np import linalg
 
-    search: Any = linalg.ensure_blas
-    linalg.ensure_blas = lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = search
+    def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
+        super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
+        file = Path(py_file).absolute()
+        place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
+        self._folder = loops_folder(file.parent) / place
 
-
-_start_without_blas()
+    def get_cache_path(self) -> str:
+        """The folder in which numba keeps the function."""
+        return str(self._folder)
 
 
 class CompilingNotice(Listener):
@@ -104,20 +102,13 @@ _register("numba:compile", NOTICE)
 def compiled(function: Function, **options: Any) -> Function:
     """Compile `function` on its first call; later processes load it from the cache.
 
-    The cache holds while no file changes of the function's module and of the modules of its package
-    and of puckbench that it imports, directly or not. Arithmetic is strict IEEE (no fused or
+    The cache holds while neither the file of the function changes nor one that it imports
+    (`puckbench.core.imports`). Arithmetic is strict IEEE (no fused or
     reordered operations) unless numba's `options` say otherwise: equal distances stay equal. Other
     threads run meanwhile.
     """
-    file = Path(function.__code__.co_filename)
-    place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
-    with _PLACING:
-        chosen = _config.CACHE_DIR
-        _config.CACHE_DIR = str((Path(chosen) if chosen else loops_folder(file.parent)) / place)
-        try:
-            return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
-        finally:
-            _config.CACHE_DIR = chosen
+    _config.CACHE_LOCATOR_CLASSES = _LOCATORS
+    return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
@@ -145,79 +136,12 @@ def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
 def state_of(file: Path) -> str:
     """Name for the contents of a source file and of all that it imports, directly or not."""
     digest = hashlib.sha256()
-    for source in sorted(_reached(file)):
-        digest.update(source.name.encode() + b"\0" + _read(source)[0])
+    for source in sorted(reached_files(file), key=lambda path: path.as_posix()):
+        digest.update(source.name.encode() + b"\0" + _content_digest(source))
     return f"numba-{digest.hexdigest()[:12]}"
 
 
-def _reached(file: Path) -> set[Path]:
-    found: set[Path] = set()
-    waiting = [file]
-    while waiting:
-        source = waiting.pop()
-        if source not in found:
-            found.add(source)
-            waiting += _read(source)[1]
-    return found
-
-
-_IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(\.*)([\w.]*)[ \t]+)?import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE
-)
-
-
-_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:(?:[ \t]+[^\n]*)?\n)*", re.MULTILINE)
-
-
 @cache
-def _read(source: Path) -> tuple[bytes, set[Path]]:
-    """Digest of a file, and the files that it imports, when it runs, of those that are followed."""
-    content = source.read_bytes() if source.is_file() else b""  # a notebook's cell has none
-    statements = set(_IMPORT.findall(_FOR_TYPES.sub("", content.decode(errors="replace"))))
-    imported = {file for each in statements for file in _imported(source, *each)}
-    return hashlib.sha256(content).digest(), imported
-
-
-def _imported(source: Path, dots: str, module: str, names: str) -> Iterator[Path]:
-    """Files of the module and, where it is a package, of its modules that a statement imports."""
-    if dots:
-        package = source.relative_to(_top(source)).parts[: -len(dots)]
-        module = ".".join((*package, *filter(None, [module])))
-    inner = re.findall(r"[\w.]+", names)
-    for each in [module] if module else inner:
-        root = _root(source, each.partition(".")[0])
-        file = _file(root, each) if root else None
-        if file is not None:
-            yield file
-            if module and file.name == "__init__.py":
-                inside = (_file(root, f"{module}.{name}") for name in inner)
-                yield from filter(None, inside)
-
-
-@cache
-def _top(source: Path) -> Path:
-    """The folder that a file's outermost package lies in; without a package, its own folder."""
-    folder = source.parent
-    while (folder / "__init__.py").exists():
-        folder = folder.parent
-    return folder
-
-
-@cache
-def _root(source: Path, package: str) -> Path | None:
-    """Where a package that a file imports is looked for; None when its changes do not count."""
-    if package == _PACKAGE.name:
-        return _PACKAGE.parent
-    top = _top(source)
-    is_own = top == source.parent or source.relative_to(top).parts[0] == package
-    return top if is_own else None
-
-
-@cache
-def _file(root: Path | None, module: str) -> Path | None:
-    """A module's source file, if it has one."""
-    if root is None:
-        return None
-    base = root / module.replace(".", "/")
-    files = (base.with_name(f"{base.name}.py"), base / "__init__.py")
-    return next((file for file in files if file.is_file()), None)
+def _content_digest(file: Path) -> bytes:
+    content = file.read_bytes() if file.is_file() else b""  # a notebook's cell has none
+    return hashlib.sha256(content).digest()

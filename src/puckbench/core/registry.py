@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeGuard, TypeVar
 
 from puckbench.core.errors import InputError
+from puckbench.core.imports import reached_files, top_folder
 from puckbench.core.models import among
 
 T = TypeVar("T")
@@ -209,6 +210,12 @@ def _module(name: str) -> ModuleType:
     if not name.endswith(".py"):
         return importlib.import_module(name)
     path = Path(name).resolve()
+    top = top_folder(path)
+    if str(top) not in sys.path:
+        sys.path.append(str(top))  # also for what it imports later, when it codes
+    _check_visible(path, top)
+    if top != path.parent:
+        return importlib.import_module(".".join(path.relative_to(top).with_suffix("").parts))
     # A name of its own, since data classes and pickle look for the module of a class by its name.
     own = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if own in sys.modules:
@@ -224,3 +231,13 @@ def _module(name: str) -> ModuleType:
         del sys.modules[own]
         raise
     return module
+
+
+def _check_visible(path: Path, top: Path) -> None:
+    """ImportError where a file would import another module of the name of one beside it."""
+    beside = {file for file in reached_files(path) - {path} if top_folder(file) == top}
+    for file in sorted(beside):
+        name = file.relative_to(top).parts[0].removesuffix(".py")
+        spec = importlib.util.find_spec(name)
+        if spec and spec.origin and not Path(spec.origin).is_relative_to(top):
+            raise ImportError(f"{file} is hidden by {spec.origin}: rename it")

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
-from puckbench.core.open3d_library import open3d
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
@@ -72,7 +71,8 @@ class Surface:
         return SurfacePoints(closest, self._normals[chosen], self._solid[chosen])
 
     def _ray_casting_scene(self) -> Any:
-        o3d = open3d()
+        import open3d as o3d
+
         soup = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
         scene = o3d.t.geometry.RaycastingScene()
         numbers = np.arange(len(soup), dtype=np.uint32).reshape(-1, 3)
@@ -80,8 +80,10 @@ class Surface:
         return scene
 
     def _closest_triangles(self, points: Floats) -> NDArray[np.int64]:
+        import open3d as o3d
+
         queries = (points - self._middle).astype(np.float32)
-        found = self._scene.compute_closest_points(open3d().core.Tensor.from_numpy(queries))
+        found = self._scene.compute_closest_points(o3d.core.Tensor.from_numpy(queries))
         return np.asarray(found["primitive_ids"].numpy(), dtype=np.int64)
 
 

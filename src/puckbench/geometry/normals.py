@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.open3d_library import open3d
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import morton_order
 
@@ -15,7 +14,7 @@ def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
     The sign is Open3D's: metrics square the projections, so that it has no effect there.
     A cloud of fewer than three points gets (0, 0, 1).
     """
-    o3d = open3d()
+    import open3d as o3d
 
     order = morton_order(points)  # points in random order cost four times as much
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[order]))

@@ -260,11 +260,7 @@ def _import(modules: Iterable[str]) -> None:
 
     for name in modules:
         with suppress(Exception):
-            if name == "open3d":
-                from puckbench.core.open3d_library import open3d
-
-                open3d()
-            elif name not in sys.modules:
+            if name not in sys.modules:
                 importlib.import_module(name)
 
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.open3d_library import open3d
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.lidar.errors.model import Hits, Surfaces
@@ -41,7 +40,7 @@ class RayCaster:
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
-        o3d = open3d()
+        import open3d as o3d
 
         self.threads = threads
         self.origin = np.asarray(origin, dtype=np.float64)
@@ -78,7 +77,7 @@ class RayCaster:
 
     def clearances(self, places: Floats) -> Floats:
         """Distance to the nearest point of the mesh from places (n, 3) relative to `origin`, m."""
-        o3d = open3d()
+        import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
@@ -120,7 +119,7 @@ class RayCaster:
         )
 
     def _nearest(self, single: NDArray[np.float32]) -> Any:
-        o3d = open3d()
+        import open3d as o3d
 
         return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
 

@@ -96,7 +96,7 @@ class CodingJobs:
         return _parts(rates, self._seconds(codec))
 
     def _rates(self, dataset: str, cloud: str, codec: str, part: str) -> tuple[str, ...]:
-        """The rates of a cloud's curve, or of a part of it; InputError for a part of another name."""
+        """The rates of a cloud's curve, or of a part of it; InputError for an unknown part."""
         rates = self.plan.curve_rates(dataset, cloud, codec)
         if not part:
             return rates

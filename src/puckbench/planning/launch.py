@@ -34,5 +34,6 @@ def snakemake_command(config: Path, cores: int | None, *more: str) -> list[str]:
         Further words: targets and options of Snakemake.
     """
     words = [sys.executable, "-m", "snakemake", *more]
+    words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]
     return [*words, "--configfile", str(config)]

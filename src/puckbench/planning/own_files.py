@@ -350,8 +350,10 @@ def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> 
     """InputError where all clouds of a frame are too wide for a codec at these rates."""
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     if names and not any(
-        dataset in names and coder == codec and rate in rates
-        for dataset, _, coder, rate in plan.cells
+        dataset in names
+        and coder == codec
+        and {*rates} & {*plan.curve_rates(dataset, cloud, coder)}
+        for dataset, cloud, coder in plan.curves
     ):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 

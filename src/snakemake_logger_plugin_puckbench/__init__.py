@@ -1,7 +1,10 @@
-"""What a run shows while it runs: how long it will take, then one bar with what is left.
+"""Logger plug-in of Snakemake: how long a run will take, then one bar with what is left.
 
-Snakemake tells every job by lines of its own; these are kept for its log file, and what is printed
-of them is warnings and errors.
+``puckbench run`` shows it (``--logger puckbench``). Of Snakemake's own lines it prints those before
+the jobs, then warnings and errors; the rest is in Snakemake's log file.
+
+Snakemake imports this module before it reads a workflow, which chooses the `puckbench` to run: so
+nothing of that is imported here.
 """
 
 from __future__ import annotations
@@ -12,84 +15,102 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from puckbench.planning.run_time import machine_sample, run_seconds
-from puckbench.report.run_record import duration_text
+from snakemake.logging import DefaultFilter  # type: ignore[import-untyped]
+from snakemake_interface_logger_plugins.base import LogHandlerBase
+from snakemake_interface_logger_plugins.common import LogEvent
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-_LOGGER = logging.getLogger("snakemake.logging")
 _SECONDS_BETWEEN_LINES = 30.0
 """Where there is no terminal, a line is printed at this interval."""
 _MEASURED_SHARE = 0.1
 """Of the work, after which the time left is judged by what was done so far."""
 
 
-class RunBar(logging.Handler):
-    """Follows a run by the events that Snakemake logs.
+class LogHandler(LogHandlerBase):
+    """Follows a run by the events that Snakemake logs."""
 
-    Parameters
-    ----------
-    seconds
-        What a job takes by its rule's name, as `puckbench.planning.run_time.job_seconds` has it.
-    cores
-        Of the run.
-    notes
-        Lines to print when a rule's job has ended.
-    compiling_s
-        What all jobs take to compile loops, as `puckbench.planning.run_time` has it.
-    """
+    has_filter: bool = True  # Snakemake's would keep the events of jobs from it
+    has_formatter: bool = False
+    needs_rulegraph: bool = False
+    writes_to_file: bool = False
+    writes_to_stream: bool = True
 
-    def __init__(
-        self,
-        seconds: Callable[[str], float],
-        cores: int,
-        notes: Mapping[str, str],
-        compiling_s: float = 0.0,
-    ) -> None:
-        super().__init__(logging.INFO)
-        self._compiling_s = compiling_s
-        self._seconds, self._cores, self._notes = seconds, cores, notes
+    def __post_init__(self) -> None:
+        shown: Any = self.common_settings
+        self.writes_to_stream = not (shown.dryrun or shown.verbose or shown.printshellcmds)
+        self._is_shown = DefaultFilter(
+            shown.quiet, shown.debug_dag, shown.verbose, shown.dryrun, shown.printshellcmds
+        ).filter
+        self.expect(lambda _: 1.0, lambda _: 0.0, 1, {})
         self._running: dict[int, str] = {}
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
         self._began = self._told = time.monotonic()
         self._bar: Progress | None = None
 
+    def expect(
+        self,
+        job_s: Callable[[str], float],
+        run_s: Callable[[Mapping[str, int]], float],
+        cores: int,
+        notes: Mapping[str, str],
+    ) -> None:
+        """Take the estimates of a workflow.
+
+        Parameters
+        ----------
+        job_s
+            Work of a job, by the name of its rule.
+        run_s
+            Seconds of a run of jobs (rule -> how many).
+        cores
+            Of the run.
+        notes
+            Lines to print when a rule's job has ended.
+        """
+        self._job_s, self._run_s, self._cores, self._notes = job_s, run_s, cores, notes
+
     def emit(self, record: logging.LogRecord) -> None:
         """Take in an event, and show what has changed."""
-        event = getattr(record, "event", None)
+        if not self.writes_to_stream:  # Snakemake writes
+            return
+        event: Any = getattr(record, "event", None)
         take = {
-            "run_info": self._take_run,
-            "job_info": self._take_start,
-            "job_finished": self._take_end,
-        }.get(str(getattr(event, "value", "")))
+            LogEvent.RUN_INFO: self._take_run,
+            LogEvent.JOB_INFO: self._take_start,
+            LogEvent.JOB_FINISHED: self._take_end,
+        }.get(event)
         if take:
             take(vars(record))
+        elif (record.levelno >= logging.WARNING or not self._jobs) and self._is_shown(record):
+            self._print(self.format(record))
 
     def close(self) -> None:
         """End the bar, if there is one."""
+        self.acquire()
         if self._bar:
             self._bar.stop()
         self._bar = None
+        self.release()
         super().close()
 
     def _take_run(self, event: dict[str, Any]) -> None:
         """The jobs of the run are known: tell how long they will take."""
-        _warnings_alone()
         jobs = {
             rule: count for rule, count in event["stats"].items() if rule not in {"all", "total"}
         }
         self._jobs = sum(jobs.values())
-        self._work = sum(count * self._seconds(rule) for rule, count in jobs.items())
-        given = (self._cores, machine_sample(), self._compiling_s)
-        self._expected_s = run_seconds(jobs, self._seconds, *given)
+        self._work = sum(count * self._job_s(rule) for rule, count in jobs.items())
+        self._expected_s = self._run_s(jobs)
         self._began = self._told = time.monotonic()
+        left = _duration(self._expected_s)
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"
-        self._tell(f"{self._jobs} jobs, about {duration_text(self._expected_s)} here on {cores}")
+        self._tell(f"{self._jobs} jobs, about {left} here on {cores}")
         if sys.stderr.isatty():
             self._bar = _new_bar()
-            self._bar.add_task("", total=self._work, left=duration_text(self._expected_s))
+            self._bar.add_task("", total=self._work, left=left)
             self._bar.start()
 
     def _take_start(self, event: dict[str, Any]) -> None:
@@ -103,7 +124,7 @@ class RunBar(logging.Handler):
         if rule is None or rule == "all":
             return
         self._done += 1
-        self._done_work += self._seconds(rule)
+        self._done_work += self._job_s(rule)
         if rule in self._notes:
             self._tell(self._notes[rule])
         self._show()
@@ -118,7 +139,7 @@ class RunBar(logging.Handler):
         return (time.monotonic() - self._began) * (1 - share) / share
 
     def _show(self, job: str | None = None) -> None:
-        left = duration_text(self.left_s())
+        left = _duration(self.left_s())
         if self._bar:
             (task,) = self._bar.tasks
             shown = task.description if job is None else job
@@ -128,10 +149,19 @@ class RunBar(logging.Handler):
             self._tell(f"{self._done} of {self._jobs} jobs done, {left} left")
 
     def _tell(self, line: str) -> None:
+        self._print(f"puckbench: {line}")
+
+    def _print(self, text: str) -> None:
         if self._bar:
-            self._bar.console.print(f"puckbench: {line}", highlight=False)
-        else:
-            print(f"puckbench: {line}", file=sys.stderr, flush=True)  # noqa: T201
+            self._bar.console.print(text, highlight=False, markup=False)
+        elif text not in {"", "None"}:  # an event without a text
+            print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def _duration(seconds: float) -> str:
+    from puckbench.report.run_record import duration_text
+
+    return duration_text(seconds)
 
 
 def _new_bar() -> Progress:
@@ -145,22 +175,3 @@ def _new_bar() -> Progress:
         console=Console(stderr=True),
         transient=True,
     )
-
-
-def show_bar(
-    seconds: Callable[[str], float],
-    cores: int,
-    notes: Mapping[str, str],
-    compiling_s: float = 0.0,
-) -> RunBar:
-    """Show a bar in place of Snakemake's own lines for each job, but for warnings and errors."""
-    bar = RunBar(seconds, cores, notes, compiling_s)
-    _LOGGER.handlers.insert(0, bar)  # so that it can keep the others from printing
-    return bar
-
-
-def _warnings_alone() -> None:
-    """Let Snakemake print warnings and errors from now on; its log file has everything."""
-    for handler in _LOGGER.handlers:
-        if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:
-            handler.addFilter(lambda record: record.levelno >= logging.WARNING)

@@ -1,0 +1,99 @@
+"""The source files that a Python file imports: what its results depend on beside its own code.
+
+Modules of puckbench are followed, and those of the file's own package and beside it; other packages
+of an installation are not.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[1]
+_INSTALLED = {"site-packages", "dist-packages"}
+"""Folders of installed packages, which lie beside each other for no reason."""
+
+
+def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
+    """The files themselves and all that they import, directly or not.
+
+    Parameters
+    ----------
+    *files
+        Absolute paths of Python files.
+    is_left_out
+        Tells the imported files that are not followed.
+    """
+    reached: set[Path] = set()
+    waiting = list(files)
+    while waiting:
+        file = waiting.pop()
+        if file not in reached:
+            reached.add(file)
+            waiting += (
+                each for each in imported_files(file) if not (is_left_out and is_left_out(each))
+            )
+    return reached
+
+
+@cache
+def imported_files(file: Path) -> frozenset[Path]:
+    """The followed files that one file imports, at any depth of its code."""
+    if not file.is_file():  # a notebook's cell
+        return frozenset()
+    return frozenset(_imported(ast.parse(file.read_bytes()), file))
+
+
+def _imported(node: ast.AST, importer: Path) -> Iterator[Path]:
+    """Files that the statements within a node import."""
+    if isinstance(node, ast.Import):
+        yield from filter(None, (_file(alias.name, importer) for alias in node.names))
+    elif isinstance(node, ast.ImportFrom):
+        package = _absolute(node, importer)
+        for alias in node.names:  # a module of the package, or what its __init__ defines
+            inner = f"{package}.{alias.name}".lstrip(".")
+            file = _file(inner, importer) or (_file(package, importer) if package else None)
+            yield from filter(None, [file])
+    elif not isinstance(node, ast.expr) and not is_for_types(node):
+        for child in ast.iter_child_nodes(node):
+            yield from _imported(child, importer)
+
+
+def is_for_types(node: ast.AST) -> bool:
+    """Whether a statement is ``if TYPE_CHECKING:``, which never runs."""
+    return isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+
+
+def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
+    """The dotted name of the module in ``from .module import ...``."""
+    if not statement.level:
+        return statement.module or ""
+    parts = importer.relative_to(top_folder(importer)).parts[: -statement.level]
+    return ".".join([*parts, *filter(None, [statement.module])])
+
+
+def _file(name: str, importer: Path) -> Path | None:
+    """The source file of a module, if it is followed."""
+    top, first = top_folder(importer), name.partition(".")[0]
+    is_near = top.name not in _INSTALLED or importer.relative_to(top).parts[0] == first
+    file = module_file(name, top) if is_near else None
+    return file or (module_file(name) if first == _PACKAGE.name else None)
+
+
+@cache
+def top_folder(file: Path) -> Path:
+    """The folder that a file's outermost package lies in; its own folder if it is in no package."""
+    folder = file.parent
+    while (folder / "__init__.py").exists():
+        folder = folder.parent
+    return folder
+
+
+@cache
+def module_file(name: str, folder: Path = _PACKAGE.parent) -> Path | None:
+    """The source file of a module that is looked for in a folder, by default puckbench's."""
+    base = folder / name.replace(".", "/")
+    files = (base.with_name(f"{base.name}.py"), base / "__init__.py")
+    return next((file for file in files if file.is_file()), None)
