@@ -38,6 +38,8 @@ TESTS = {
     "io": "corpus/test_corpus io/test_cloud_formats",
     "io/clouds": "io/test_clouds corpus/test_corpus io/test_cloud_formats",
     "io/descriptions": "io/test_clouds corpus/test_corpus",
+    "io/pcd": "lidar/test_decoded_clouds corpus/test_corpus io/test_cloud_formats",
+    "io/ply": "corpus/test_corpus io/test_clouds io/test_meshes",
     "io/frames": "io/test_frames corpus/test_corpus",
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
