@@ -147,6 +147,12 @@ CASES = [
     _case("fewer_sizes.pcd", _pcd(SIZE="4 4"), line="header .* is damaged"),
     _case("huge_size.pcd", _pcd(SIZE="4 4 4000000000"), line="header .* is damaged"),
     _case("claims_much.pcd", _pcd(POINTS="1000000000000"), line="tells 1000000000000 points"),
+    _case(
+        "compressed_less.pcd",
+        _pcd(_packed(_COLUMNS[:300], len(_COLUMNS)), "binary_compressed", **_PADDED),
+        line="damaged compressed points",
+    ),
+    _case("no_number.pcd", _pcd(POINTS="", HEIGHT=""), line="tells 0 points"),
     _case("no_form.pcd", _pcd(form="zipped"), line="a PCD file of the form zipped"),
     _case("damaged_text.pcd", _pcd(b"1 2 3\n4 5 six\n", "ascii"), line="a damaged line"),
     _case(

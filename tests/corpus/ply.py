@@ -67,6 +67,9 @@ CASES = [
     _case("big_endian.ply", _ply(struct.pack(">6f", *range(1, 7)), form="binary_big_endian")),
     _case("integers.ply", _ply(struct.pack("<6h", *range(1, 7)), kind="short")),
     _case("types_with_bits.ply", _ply(struct.pack("<6d", *range(1, 7)), kind="float64")),
+    _case("int16.ply", _ply(struct.pack("<6h", *range(1, 7)), kind="int16")),
+    _case("uint8.ply", _ply(bytes(range(1, 7)), kind="uint8")),
+    _case("cut_shorts.ply", _ply(bytes(11), kind="short"), line="truncated: its header says"),
     # Headers
     _case("blank_after_ply.ply", _ply().replace(b"ply\n", b"ply \n", 1)),
     _case("blank_after_end.ply", _ply().replace(b"end_header\n", b"end_header \n")),
