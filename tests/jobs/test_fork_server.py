@@ -87,7 +87,8 @@ def job(tmp_path: Path) -> list[str]:
     (tmp_path / "own.py").write_text(OWN)
     record = {"codec": "own", "rate": "r1", "changes": {"class": f"{tmp_path}/own.py:Own"}}
     files = [f"cloud={tmp_path}/cloud.ply", f"stream={tmp_path}/out.bin"]
-    return [sys.executable, "-m", "puckbench.jobs", "encode", json.dumps(record), *files]
+    (tmp_path / "record.json").write_text(json.dumps(record))
+    return [sys.executable, "-m", "puckbench.jobs", "encode", f"{tmp_path}/record.json", *files]
 
 
 def _run(
