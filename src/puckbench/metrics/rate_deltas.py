@@ -166,8 +166,12 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
     if anchor not in set(metrics["codec"]):
         known = among(anchor, sorted(set(metrics["codec"])))
         raise InputError(f"BD-rate: no results of the anchor {anchor!r}{known}")
-    if (metrics["bpp"] <= 0).any():
-        raise InputError("metrics table: column 'bpp' has a value that is not positive")
+    for row in metrics[metrics["bpp"] <= 0][["codec", "dataset", "cloud", "rate"]].to_numpy():
+        codec, *place = map(str, row)
+        raise InputError(
+            f"metrics table: column 'bpp' has a value that is not positive: {codec} of "
+            f"{'/'.join(place)}"
+        )
     check_peaks(metrics, qualities)
 
 
