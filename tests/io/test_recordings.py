@@ -181,6 +181,15 @@ def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
     assert read_recording(path, start_s=0.001, end_s=0.002).about["packets"] == 1
 
 
+def test_an_interval_without_packets_is_named(tmp_path: Path) -> None:
+    packets = [ethernet(ipv4(udp(payload(k)))) for k in range(4)]
+    (tmp_path / "a.pcap").write_bytes(pcap(*packets))
+    with pytest.raises(InputError) as refused:
+        read_recording(tmp_path / "a.pcap", start_s=3.5, end_s=9)
+    fault = "no data packet from 3.5 to 9 s; the last is at 3 s"
+    assert str(refused.value) == f"{tmp_path / 'a.pcap'}: {fault}"
+
+
 def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path: Path) -> None:
     table = decode_packets(LOG.payloads)
     later = {**table.columns, "timestamp": table["timestamp"] + 5}
