@@ -142,6 +142,8 @@ def test_of_many_sensors_four_are_named() -> None:
     names = "; ".join(rf"192.168.1.{last}:2368 to [^;]*" for last in range(201, 205))
     with pytest.raises(InputError, match=rf"5 streams \({names}; \.\.\.\): choose one"):
         log_of(PCAP + b"".join(others))
+    with pytest.raises(InputError, match=rf"4 streams \({names}\): choose one"):
+        log_of(PCAP + b"".join(others[:3]))
 
 
 @pytest.mark.parametrize(
