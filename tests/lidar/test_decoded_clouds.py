@@ -183,6 +183,9 @@ def test_azimuths_that_show_no_turning_tell_no_unit() -> None:
     assert unit_of(times[:8], np.arange(8) * 0.1) is None
     assert unit_of(times[:9], np.arange(9) * 0.1) is not None
     assert unit_of(times.astype(float), azimuth) == "s"
+    # Of ten steps six are across the sensor.
+    leaps = np.cumsum([0, *[0.1] * 40, *[2.0] * 60])
+    assert unit_of(np.arange(101) * 1000, leaps) is None
 
 
 @pytest.mark.parametrize(("ticks", "unit"), [(1, "s"), (10**3, "ms"), (10**6, "us"), (10**9, "ns")])
