@@ -67,7 +67,7 @@ TESTS = {
     "lidar/placement": "lidar/test_origin lidar/test_placement",
     "lidar/raycast": "lidar/test_placement lidar/test_scan lidar/test_trajectory",
     "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
-    "lidar/recordings/reading": "lidar/test_recordings io/test_recordings",
+    "lidar/recordings/reading": "io/test_recordings corpus/test_corpus datasets/test_recordings",
     "lidar/recordings/data_packets": "io/test_recordings corpus/test_corpus",
     "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds corpus/test_corpus",
     "lidar/recordings/times": "corpus/test_corpus lidar/test_decoded_clouds",
