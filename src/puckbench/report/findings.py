@@ -188,10 +188,8 @@ def _told(column: Column, style: FigureStyle) -> str:
     """Which codec is the best of a column, with its value; empty where none is."""
     if not column.ranking:
         return ""
-    first, titles = (
-        column.ranking[0],
-        {codec: style.of_codec(codec).title for codec in column.cells},
-    )
+    first = column.ranking[0]
+    titles = {codec: style.of_codec(codec).title for codec in column.cells}
     if column.best is None:
         named = ", ".join(titles[codec] for codec in (first, *column.rivals))
         return f"no clear winner{column.purpose} ({named})"
