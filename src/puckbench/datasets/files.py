@@ -68,8 +68,9 @@ class FileSet(DataSet):
 
     def _about(self, path: Path) -> dict[str, object]:
         unit = self._unit(path)
-        about = {"source": path.name, "format": path.suffix[1:].lower()}
-        about |= {} if unit == 1 else {"metres_per_unit": unit}
+        about: dict[str, object] = {"source": path.name, "format": path.suffix[1:].lower()}
+        if unit != 1:
+            about["metres_per_unit"] = unit
         return {**about, "licence": self.licence, "credit": self.credit}
 
     @cached_property
