@@ -40,6 +40,7 @@ TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
     "io/meshes": f"io/test_meshes {_MESHES}",
     "io/meshes/concave": "io/test_concave_faces",
+    "io/meshes/glb": _MESHES,
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
