@@ -145,10 +145,10 @@ def test_y_up_files_are_turned_without_mirroring(tmp_path: Path) -> None:
 
 def test_triangles_without_area_are_left_out_and_counted(tmp_path: Path) -> None:
     path = tmp_path / "thin.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n")
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\nf 1 1 1\n")
     mesh, report = read_mesh_report(path)
     assert mesh.triangles.tolist() == [[0, 1, 2]]
-    assert (report["triangles"], report["zero_area"]) == (1, 2)
+    assert (report["triangles"], report["zero_area"]) == (1, 3)
 
 
 OBJ_FACES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
