@@ -54,6 +54,7 @@ TESTS = {
     "io/recordings/sqlite_bags": "corpus/test_corpus",
     "io/meshes": f"io/test_meshes {_MESHES}",
     "io/meshes/concave": "io/test_concave_faces",
+    "io/meshes/glb": _MESHES,
     "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
     "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
     "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
