@@ -35,7 +35,7 @@ MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
 TESTS = {
     "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
-    "io/e57": "corpus/test_corpus io/test_cloud_formats",
+    "io/e57": "io/test_e57 corpus/test_corpus io/test_cloud_formats",
     "io/isolated": "io/test_isolated",
     "io/las": "corpus/test_corpus io/test_cloud_formats",
     "io/las_header": "corpus/test_corpus",
