@@ -22,6 +22,7 @@ def test_normals_and_colours_are_those_of_the_cloud(tmp_path: Path) -> None:
     assert cloud.colours is not None
     assert cloud.colours.tolist() == [[0] * 3, [255] * 3]
     assert cloud.fields["isColorInvalid"].dtype.kind == "i"
+    assert "scan" not in cloud.fields
 
 
 def test_invalid_points_have_no_coordinates(tmp_path: Path) -> None:
