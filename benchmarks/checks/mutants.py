@@ -45,7 +45,7 @@ TESTS = {
     "io/ply": "corpus/test_corpus io/test_clouds io/test_meshes",
     "io/frames": "io/test_frames corpus/test_corpus",
     "io/recordings": "io/test_capture_frames io/test_recordings corpus/test_corpus",
-    "io/e57": "corpus/test_corpus io/test_cloud_formats",
+    "io/e57": "io/test_e57 corpus/test_corpus io/test_cloud_formats",
     "io/isolated": "io/test_isolated",
     "io/las": "corpus/test_corpus io/test_cloud_formats",
     "io/las_header": "corpus/test_corpus",
