@@ -62,6 +62,12 @@ def only_log(path: Path) -> None:
     bag_with_log(path / "a.db3")
 
 
+def only_ros1(path: Path) -> None:
+    """A bag of ROS 1 in a folder."""
+    path.mkdir()
+    ros1_bag(path / "a.bag")
+
+
 def with_log_and_marks(path: Path) -> None:
     """A path with marks that addresses of databases may not have."""
     bag_with_log(path)
@@ -80,6 +86,7 @@ def topics(names: Sequence[tuple[str, str]]) -> Write:
 
 CASES = [
     Case("log #1?.db3", with_log_and_marks, "returns", points=POINTS),
+    Case("only_ros1", only_ros1, "returns", points=POINTS),
     Case("only_log", only_log, "returns", points=POINTS),
     Case("plain.mcap", content(mcap_bytes()), "returns", points=POINTS),
     Case("bzip2.bag", lambda path: ros1_bag(path, "BZ2"), "returns", points=POINTS),

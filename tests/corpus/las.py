@@ -23,6 +23,12 @@ def wkt(name: str) -> tuple[str, int, bytes]:
     return CRS, WKT, pyproj.CRS(name).to_wkt("WKT1_GDAL").encode() + b"\0"
 
 
+def patched(at: int, layout: str, value: int) -> bytes:
+    """A plain file with another number at a byte."""
+    size = struct.calcsize(layout)
+    return PLAIN[:at] + struct.pack(layout, value) + PLAIN[at + size :]
+
+
 def laz(path: Path, point_format: int = 3, **fields: Any) -> None:
     """A compressed file by laspy, and its points."""
     header = laspy.LasHeader(point_format=point_format, version="1.4")
@@ -66,6 +72,7 @@ def more_bytes(path: Path) -> None:
     las.write(path)
 
 
+PLAIN = las_bytes(STEPS)
 LONG_RECORD = las_bytes(STEPS, [(CRS, 1, b"x")]).replace(b"\1\0\1\0", b"\1\0\2\0", 1)
 
 CASES = [
@@ -108,6 +115,13 @@ CASES = [
         line="4294967295 variable length records in 0 bytes",
     ),
     Case("long_record.las", content(LONG_RECORD), "cloud", line="records are cut short"),
+    Case("no_bytes.las", content(patched(105, "<H", 0)), "cloud", line="its points have no bytes"),
+    Case(
+        "in_header.las", content(patched(96, "<I", 226)), "cloud", line="begin at byte 226 of 267"
+    ),
+    Case("beyond.las", content(patched(96, "<I", 268)), "cloud", line="begin at byte 268 of 267"),
+    Case("short_header.las", content(patched(94, "<H", 226)), "cloud", line="header is cut short"),
+    Case("version_2.las", content(patched(24, "<B", 2)), "cloud", line=r"version 2\.2"),
     Case("no_points.las", content(las_bytes([])), "cloud", line="the cloud is empty"),
     Case("version_9.las", content(las_bytes(STEPS, minor=9)), "cloud", line=r"version 1\.9"),
     Case(

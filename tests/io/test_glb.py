@@ -95,9 +95,9 @@ def test_zeros_changed_in_places(tmp_path: Path) -> None:
     glb(
         indices + values,
         bufferViews=views(indices, values),
-        accessors=[vec3(None, sparse=sparse)],
+        accessors=[vec3(None, 4, sparse=sparse)],
     )(path)
-    assert read_mesh(path).vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 1]]
+    assert read_mesh(path).vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 0]]
 
 
 def test_only_the_scene_that_is_shown_is_read(tmp_path: Path) -> None:

@@ -79,8 +79,8 @@ def test_a_hundred_levels_are_read() -> None:
     ],
 )
 def test_a_description_of_wrong_types_is_refused(about: dict[str, Any], fault: str) -> None:
-    Path("cloud.json").write_text(json.dumps(about))
-    with pytest.raises(InputError, match="the cloud's description: ") as refusal:
+    Path("cloud.json").write_text(json.dumps({"puckbench": "cloud", **about}))
+    with pytest.raises(InputError, match=r"^cloud\.json: the cloud's description: ") as refusal:
         read_cloud(Path("cloud.ply"))
     assert "\n" not in str(refusal.value)
     if not fault.startswith("offset.2: "):
@@ -89,7 +89,7 @@ def test_a_description_of_wrong_types_is_refused(about: dict[str, Any], fault: s
 
 def test_a_cloud_may_have_no_description_and_further_entries() -> None:
     about = {"size": 0, "scale": 1, "offset": [1, 2, 3], "peak": None, "credit": {"of": ["a"]}}
-    Path("cloud.json").write_text(json.dumps(about))
+    Path("cloud.json").write_text(json.dumps({"puckbench": "cloud", **about}))
     assert read_cloud(Path("cloud.ply")).about == about
 
 
@@ -134,8 +134,12 @@ def _entry(entry: object) -> list[str]:
         (_box, {"box": [[1, 2, 3], [4, 5]]}, "box.json: "),
         (_names, [["name"]], "about.json: not a JSON object"),
         (_names, {"name": [1]}, "the cloud's description: name is"),
-        (_origin, {"origin": [1, 2]}, "room.json: "),
-        (_origin, {"origin": {"x": 1}}, "room.json: origin is {'x': 1}"),
+        (_origin, {"puckbench": "mesh", "origin": [1, 2]}, "room.json: "),
+        (
+            _origin,
+            {"puckbench": "mesh", "origin": {"x": 1}},
+            "room.json: origin is {'x': 1}",
+        ),
         (_contents, {"metrics": 3}, "contents of the report: metrics is 3"),
         (_contents, {"figures": ["a"]}, "contents of the report: figures"),
         (_contents, {"configuration": {"datasets": {"a": 1}, "scenes": 3}}, "configuration"),

@@ -146,10 +146,10 @@ def test_y_up_files_are_turned_without_mirroring(tmp_path: Path) -> None:
 
 def test_triangles_without_area_are_left_out_and_counted(tmp_path: Path) -> None:
     path = tmp_path / "thin.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n")
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.3 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\nf 1 1 1\n")
     mesh, report = read_mesh_report(path)
     assert mesh.triangles.tolist() == [[0, 1, 2]]
-    assert (report["triangles"], report["zero_area"]) == (1, 2)
+    assert (report["triangles"], report["zero_area"]) == (1, 3)
 
 
 OBJ_FACES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -243,3 +243,45 @@ def test_compressed_meshes_are_read_like_others(tmp_path: Path) -> None:
     packed.write_bytes(b"none")
     with pytest.raises(InputError, match=r"a\.off\.gz: damaged compressed file"):
         read_mesh(packed)
+
+
+def test_a_mesh_without_labels_is_written_and_read(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "part.ply", TETRAHEDRON)
+    again = read_mesh(tmp_path / "part.ply")
+    assert again.labels is None
+    assert np.array_equal(again.triangles, TETRAHEDRON.triangles)
+
+
+def test_labelled_meshes_keep_triangles_without_area(tmp_path: Path) -> None:
+    mesh = labelled()
+    triangles = np.concatenate([mesh.triangles[:3], [[1, 1, 2]]])
+    write_mesh(tmp_path / "room.ply", Mesh(mesh.vertices, triangles, mesh.labels))
+    again, report = read_mesh_report(tmp_path / "room.ply")
+    assert np.array_equal(again.triangles, triangles)
+    assert (report["triangles"], report["zero_area"]) == (4, 1)
+
+
+@pytest.mark.parametrize("label", [-1, 2])
+def test_labels_begin_at_0_and_end_with_the_list(tmp_path: Path, label: int) -> None:
+    mesh = labelled()
+    write_mesh(tmp_path / "room.ply", mesh)
+    data = bytearray((tmp_path / "room.ply").read_bytes())
+    data[-8:-4] = label.to_bytes(4, "little", signed=True)
+    (tmp_path / "room.ply").write_bytes(data)
+    with pytest.raises(InputError, match=r"a face has a label that room\.json does not list"):
+        read_mesh(tmp_path / "room.ply")
+
+
+@pytest.mark.parametrize(("height", "kept"), [(1e-6, 2), (2.2e-9, 2), (1.8e-9, 1)])
+def test_a_sliver_is_measured_by_its_longest_edge(tmp_path: Path, height: float, kept: int) -> None:
+    path = tmp_path / "slivers.obj"
+    sliver = f"v 0 0 0\nv 1000 0 0\nv 500 {height} 0\n"
+    path.write_text(f"{sliver}v 1e6 1e6 0\nv 1000001 1e6 0\nv 1e6 1000001 0\nf 1 2 3\nf 4 5 6\n")
+    assert len(read_mesh(path).triangles) == kept
+
+
+@pytest.mark.parametrize("index", [-1, 4])
+def test_a_face_refers_to_vertices_that_there_are(index: int) -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    with pytest.raises(InputError, match="square: a face refers to a vertex that does not exist"):
+        triangulate(Polygons(square, np.array([0, 1, 2, index]), np.array([4])), "square")

@@ -137,3 +137,21 @@ def test_the_line_at_fault_is_shown(text: str, fault: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_obj(text.encode(), "test")
     assert str(caught.value) == f"test: {fault}"
+
+
+@pytest.mark.parametrize(
+    ("counts", "fault"),
+    [
+        ("0 0 0", "the mesh has no faces"),
+        ("1 0 0\n0 0 0", "the mesh has no faces"),
+        ("-1 0 0", "the counts of the OFF file are negative"),
+        ("0 -1 0", "the counts of the OFF file are negative"),
+        ("4", "not a readable OFF file (no counts at its start)"),
+    ],
+)
+def test_counts_of_off_files(tmp_path: Path, counts: str, fault: str) -> None:
+    path = tmp_path / "counts.off"
+    path.write_text(f"OFF\n{counts}\n")
+    with pytest.raises(InputError) as caught:
+        read_mesh(path)
+    assert str(caught.value) == f"{path}: {fault}"

@@ -142,6 +142,8 @@ def test_of_many_sensors_four_are_named() -> None:
     names = "; ".join(rf"192.168.1.{last}:2368 to [^;]*" for last in range(201, 205))
     with pytest.raises(InputError, match=rf"5 streams \({names}; \.\.\.\): choose one"):
         log_of(PCAP + b"".join(others))
+    with pytest.raises(InputError, match=rf"4 streams \({names}\): choose one"):
+        log_of(PCAP + b"".join(others[:3]))
 
 
 @pytest.mark.parametrize(
@@ -179,6 +181,15 @@ def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
     path = tmp_path / "a.pcap"
     path.write_bytes(PCAP)
     assert read_recording(path, start_s=0.001, end_s=0.002).about["packets"] == 1
+
+
+def test_an_interval_without_packets_is_named(tmp_path: Path) -> None:
+    packets = [ethernet(ipv4(udp(payload(k)))) for k in range(4)]
+    (tmp_path / "a.pcap").write_bytes(pcap(*packets))
+    with pytest.raises(InputError) as refused:
+        read_recording(tmp_path / "a.pcap", start_s=3.5, end_s=9)
+    fault = "no data packet from 3.5 to 9 s; the last is at 3 s"
+    assert str(refused.value) == f"{tmp_path / 'a.pcap'}: {fault}"
 
 
 def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path: Path) -> None:

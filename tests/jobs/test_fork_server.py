@@ -147,9 +147,10 @@ def test_a_job_s_status_and_errors_come_to_who_asked(job: list[str], tmp_path: P
     assert done.returncode == 2
     assert done.stderr.startswith("puckbench: ")
     assert done.stderr.count("\n") == 1
-    done, _ = _run([*job[:3], "encode", "{", *job[5:]], tmp_path)
-    assert done.returncode == 1
-    assert "Traceback" in done.stderr
+    (tmp_path / "bad.json").write_text("{")
+    done, _ = _run([*job[:4], f"{tmp_path}/bad.json", *job[5:]], tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"puckbench: {tmp_path}/bad.json: not valid JSON")
 
 
 @pytest.mark.usefixtures("server")

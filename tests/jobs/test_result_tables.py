@@ -6,6 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.io.tables import write_table
+from puckbench.jobs.curve import write_rows
 from puckbench.jobs.result_tables import (
     CLOUD_KEYS,
     METRIC_KEYS,
@@ -120,10 +121,10 @@ def test_recovered_primitives_have_a_row_for_each_kind_and_one_where_there_are_n
     tmp_path: Path,
 ) -> None:
     kinds = [{"kind": "all", "found": 3, "recall": 0.5}, {"kind": "plane", "found": 3}]
-    for rate, found in (("r1", kinds), ("r8", [])):
-        row = {**_row("a", rate, 1.0), "kinds": found}
-        (tmp_path / f"{rate}.json").write_text(json.dumps(row))
-    rows = recovery_rows([tmp_path / "r1.json", tmp_path / "r8.json"])
+    for rate, found in (("r1", kinds), ("r8", [{"kind": "all"}])):
+        rows = [{**_row("a", rate, 1.0), **kind} for kind in found]
+        write_rows(tmp_path / f"{rate}.parquet", rows)
+    rows = recovery_rows([tmp_path / "r1.parquet", tmp_path / "r8.parquet"])
     table = table_of(rows, RECOVERY_KEYS)
     assert table.kind.tolist() == ["all", "plane", "all"]
     assert table.rate.tolist() == ["r1", "r1", "r8"]

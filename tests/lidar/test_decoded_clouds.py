@@ -14,6 +14,7 @@ from puckbench.io.pcd import parse_pcd
 from puckbench.lidar import load_sensor
 from puckbench.lidar.export import export
 from puckbench.lidar.recordings import read_recording
+from puckbench.lidar.recordings.times import TimeUnit, seconds_of, unit_of
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
 HEADER = """# .PCD v0.7
@@ -148,6 +149,56 @@ def test_damage_is_one_line_that_names_the_file(
 def test_a_missing_cloud_is_named(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match=f"a{suffix}: no such file"):
         read_recording(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("turned_deg", [0.2, 1.0, 29.9])
+@pytest.mark.parametrize(
+    ("rate_hz", "ticks", "unit"),
+    [
+        *(
+            (rate, ticks, unit)
+            for rate in (0.35, 5, 20, 300)
+            for ticks, unit in ((1e9, "ns"), (1e6, "us"), (1e3, "ms"), (1.0, "s"))
+        ),
+        (0.3, 1e9, None),
+        (330, 1.0, None),
+    ],
+)
+def test_units_are_those_with_which_the_sensor_turns(
+    rate_hz: float, ticks: float, unit: str | None, turned_deg: float
+) -> None:
+    azimuth = np.radians(np.mod(turned_deg * np.arange(40) + 123, 360))
+    times = turned_deg / 360 / rate_hz * ticks * np.arange(40)
+    assert unit_of(times, azimuth) == (unit or "s")
+    assert unit_of(times[::-1], azimuth[::-1]) == (unit or "s")
+    if ticks == 1e9:
+        assert unit_of(np.rint(times).astype(np.uint64), azimuth) == unit
+
+
+def test_azimuths_that_show_no_turning_tell_no_unit() -> None:
+    random = np.random.default_rng(1)
+    times, azimuth = np.arange(100) * 1000, random.uniform(0, 2 * np.pi, 100)
+    assert unit_of(times, azimuth) is None
+    assert unit_of(times, np.zeros(100)) is None
+    assert unit_of(times[:8], np.arange(8) * 0.1) is None
+    assert unit_of(times[:9], np.arange(9) * 0.1) is not None
+    assert unit_of(times.astype(float), azimuth) == "s"
+    # Of ten steps six are across the sensor.
+    leaps = np.cumsum([0, *[0.1] * 40, *[2.0] * 60])
+    assert unit_of(np.arange(101) * 1000, leaps) is None
+
+
+@pytest.mark.parametrize(("ticks", "unit"), [(1, "s"), (10**3, "ms"), (10**6, "us"), (10**9, "ns")])
+def test_times_since_1970_tell_their_unit(ticks: int, unit: TimeUnit) -> None:
+    still = np.zeros(2)
+    for first in (946_684_800, 1_700_000_000, 4_102_444_800 - 86_401):
+        times = np.array([first, first + 86_400], dtype=np.int64) * ticks
+        assert unit_of(times, still) == unit
+        assert seconds_of(times, unit).tolist() == [0, 86_400]
+        assert seconds_of(times.astype(float), unit).tolist() == [0, 86_400]
+    for times in ([946_684_799, 946_684_800], [4_102_444_799, 4_102_444_800]):
+        assert unit_of(np.array(times) * ticks, still) is None
+    assert unit_of(np.array([1_700_000_000, 1_700_086_401]) * ticks, still) is None
 
 
 @given(

@@ -326,7 +326,7 @@ def test_an_unknown_anchor_or_column_is_named(anchor: str, metric: str, fault: s
 def test_a_rate_of_nothing_is_refused() -> None:
     table = metrics({"a": [1], "b": [2]})
     table.loc[3, "bpp"] = 0.0
-    with pytest.raises(InputError, match="'bpp' has a value that is not positive"):
+    with pytest.raises(InputError, match="'bpp' has a value that is not positive: a of d/c0/r3"):
         bd_rate(table, "a", ["d1_psnr"])
 
 

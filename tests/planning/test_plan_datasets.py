@@ -38,7 +38,7 @@ def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
 
     def peak(**settings: Any) -> float | None:
         coding = workflow(**settings).coding
-        job = coding.evaluate("d", coding.curves[0])
+        job = coding.evaluate(*coding.plan.curves[0])
         return EvaluateCurve.model_validate_json(job.record).peak
 
     assert peak() == 1023

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -99,10 +100,12 @@ def test_captures_are_the_model_real(tmp_path: Path) -> None:
     capture = tmp_path / "a.pcap"
     capture.write_bytes(b"")
     bench = workflow({"captures": {"lab": {"path": str(capture)}}, "models": {"vlp16": {}}})
-    assert bench.study.residual_files() == [
-        ("vlp16", "results/residuals/models/vlp16.parquet"),
-        ("real", "results/residuals/captures/lab.parquet"),
-    ]
+    residuals = bench.study.gathered["residuals"]
+    assert residuals.names == (
+        "residuals/models/vlp16.parquet",
+        "residuals/captures/lab.parquet",
+    )
+    assert json.loads(residuals.job.record)["models"] == ["vlp16", "real"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.planning.running import check_room, check_storage, failures, now
+from puckbench.planning.running import check_room, failures, left_out_lines, now
 
 
 def test_a_folder_without_room_is_named(tmp_path: Path) -> None:
@@ -59,7 +59,9 @@ def test_of_many_errors_some_are_told(tmp_path: Path) -> None:
     assert told[-1] == f"puckbench: 5 more errors in {tmp_path}"
 
 
-def test_a_store_that_files_would_be_carried_to_is_refused() -> None:
-    check_storage(None)
-    with pytest.raises(InputError, match="storage provider s3: jobs must share the folder"):
-        check_storage("s3")
+def test_a_long_list_of_what_was_left_out_is_cut() -> None:
+    rows = [{"file": f"{k}.ply", "reason": "empty"} for k in range(53)]
+    *lines, last = left_out_lines(rows)
+    assert lines == [f"left out: {k}.ply: empty" for k in range(50)]
+    assert last == "left out: 3 more (tables/left_out.csv)"
+    assert len(list(left_out_lines(rows[:50]))) == 50

@@ -91,11 +91,10 @@ def test_a_codec_that_no_cloud_is_narrow_enough_for_is_one_line(
 ) -> None:
     words = ["--frame", "metric", "--codecs", "draco", "gpcc", "--rates", "2mm", "1mm"]
     assert main(["run", "wide.npy", *words]) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if "looked at" not in line]
-    assert lines == [
+    assert capsys.readouterr().err.splitlines()[-1] == (
         "puckbench: codec gpcc: every cloud is too wide for its rates: "
         "crop it, or take a coarser rate"
-    ]
+    )
 
 
 def test_the_extent_of_a_sampled_mesh_is_known_too() -> None:

@@ -306,8 +306,8 @@ def test_findings_name_the_best_with_its_interval() -> None:
 @pytest.mark.parametrize(
     ("delta", "low", "high", "told"),
     [
-        (-4.0, -13.8, 5.4, "no clear winner for equal D1"),
-        (4.0, -5.4, 13.8, "no clear winner for equal D1"),
+        (-4.0, -13.8, 5.4, "no clear winner for equal D1 (Draco, G-PCC)"),
+        (4.0, -5.4, 13.8, "no clear winner for equal D1 (G-PCC, Draco)"),
         (-4.0, -13.8, -0.1, "Draco: −4.0 % for equal D1 (−13.8 % to −0.1 %, 3 clouds)"),
         (4.0, 0.1, 13.8, "G-PCC: 0 % for equal D1 (reference)"),
     ],
@@ -388,7 +388,7 @@ def _three_codecs(draco: list[float], laz: list[float]) -> pd.DataFrame:
 @pytest.mark.parametrize(
     ("laz", "told"),
     [
-        ([0.5, 0.52, 0.48, 0.5, 0.51], "no clear winner for equal D1"),
+        ([0.5, 0.52, 0.48, 0.5, 0.51], "no clear winner for equal D1 (LAZ, Draco)"),
         ([0.6, 0.62, 0.63, 0.6, 0.61], "Draco: −49.8 % for equal D1"),
     ],
 )
@@ -399,6 +399,14 @@ def test_the_first_codec_is_tested_against_the_second(laz: list[float], told: st
     (found,) = findings(metrics, deltas, None, FigureStyle()).datasets
     assert found.best["Fewest bits"].replace("\xa0", " ").startswith(told)
     assert (found.columns[0].best == "draco") == told.startswith("Draco")
+
+
+def test_a_winner_says_that_others_could_not_be_compared() -> None:
+    metrics = _three_codecs([0.5] * 3, [0.6] * 3)
+    metrics.loc[metrics["codec"] == "laz", "d1_psnr"] += 100
+    deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
+    (found,) = findings(metrics, deltas, None, FigureStyle()).datasets
+    assert found.best["Fewest bits"].endswith("3 clouds, 2 of 3 codecs compared)")
 
 
 def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
@@ -413,7 +421,7 @@ def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
         for codec, cloud in zip(metrics["codec"], metrics["cloud"], strict=True)
     ]
     (found,) = findings(metrics, None, None, FigureStyle()).datasets
-    assert found.best["Fastest"] == "no clear winner to encode"
+    assert found.best["Fastest"] == "no clear winner to encode (Draco, LAZ)"
     two = metrics[metrics["codec"] != "laz"]
     (found,) = findings(two, None, None, FigureStyle()).datasets
     assert found.best["Fastest"].startswith("Draco: 0.3")

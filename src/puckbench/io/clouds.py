@@ -144,7 +144,8 @@ def read_points(
         _log.warning("%s: coordinates in single precision, in steps of %.2g", path, step)
     about = None if suffix in _FOREIGN else read_description(path, {"points": len(cloud)})
     if about is not None:
-        cloud = replace(cloud, about=about)
+        with naming(sidecar(path)):
+            cloud = replace(cloud, about=about)
     elif not keep_missing:
         missing = _missing(cloud, path)
         if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # else it is refused as a whole

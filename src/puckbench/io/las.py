@@ -64,32 +64,32 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
     return {kept[name]: part for name, part in columns.items() if name in kept}
 
 
-def read_las_points(path: Path, metres_per_unit: float | None = None) -> dict[str, NDArray[Any]]:
+def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
     """Read the points of a LAS or LAZ file with all of their dimensions that are not 0 throughout.
 
     Parameters
     ----------
     path
         The file.
-    metres_per_unit
-        Length of the file's unit; None for that of its coordinate reference system, or else metres.
+    convert
+        Whether coordinates in feet or other units become metres, by the file's coordinate reference
+        system; else the system is not read.
 
     Returns
     -------
     dict
-        Coordinates in metres under `x`, `y` and `z`, and the other dimensions by their names.
+        Coordinates under `x`, `y` and `z`, and the other dimensions by their names.
 
     Raises
     ------
     InputError
         The file is missing or damaged, or its coordinates are degrees.
     """
-    options = {"metres_per_unit": metres_per_unit}
-    columns = isolated(parse_las, path, "LAS file", options).columns
+    columns = isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
-def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
+def parse_las(path: Path, convert: bool = True) -> Parsed:
     """As `read_las_points`, in this process and with all dimensions."""
     import laspy
     from lazrs import LazrsError
@@ -97,7 +97,7 @@ def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
     check_header(path)
     try:
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
-            lengths = _lengths(reader.header, path, metres_per_unit)
+            lengths = _lengths(reader.header, path) if convert else None
             points = reader.read_points(-1)
         names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
         columns = {name: np.asarray(points[name]) for name in names}
@@ -107,14 +107,10 @@ def parse_las(path: Path, metres_per_unit: float | None = None) -> Parsed:
         raise InputError(f"{path}: not a readable LAS file (damaged or cut: {fault})") from error
 
 
-def _lengths(
-    header: Any, path: Path, metres_per_unit: float | None
-) -> tuple[float, float, float] | None:
+def _lengths(header: Any, path: Path) -> tuple[float, float, float] | None:
     """Lengths in metres of the units of x, y and z; None for metres."""
     from pyproj.exceptions import CRSError
 
-    if metres_per_unit is not None:
-        return (metres_per_unit,) * 3
     try:
         units = units_of(header)
     except CRSError:

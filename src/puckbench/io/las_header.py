@@ -36,9 +36,9 @@ class _Header:
     point_bytes: int
     points: int
     is_compressed: bool
-    waveforms: int = 0
-    extended_at: int = 0
-    extended_records: int = 0
+    waveforms: int
+    extended_at: int
+    extended_records: int
 
 
 def check_header(path: Path) -> None:
@@ -91,8 +91,10 @@ def _header(start: bytes) -> _Header:
 
 
 def _check_places(header: _Header, size: int) -> None:
-    if not header.length <= header.begin <= size or not header.point_bytes:
+    if not header.length <= header.begin <= size:
         raise ValueError(f"its points begin at byte {header.begin} of {size}")
+    if not header.point_bytes:
+        raise ValueError("its points have no bytes")
     room = (size - header.begin) // header.point_bytes
     if header.is_compressed:
         room *= _MOST_COMPRESSION

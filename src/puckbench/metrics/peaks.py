@@ -65,7 +65,8 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
     """
     if PEAK not in metrics:
         return metrics
-    mixed = metrics.groupby("dataset")[PEAK].transform("nunique") > 1
+    of_sets = metrics.groupby("dataset")[PEAK]
+    mixed = of_sets.transform("max") > _ALIKE * of_sets.transform("min")
     if not mixed.any():
         return metrics
     names = ", ".join(map(str, dict.fromkeys(metrics.loc[mixed, "dataset"])))

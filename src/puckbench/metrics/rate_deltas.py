@@ -166,8 +166,11 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
     if anchor not in set(metrics["codec"]):
         known = among(anchor, sorted(set(metrics["codec"])))
         raise InputError(f"BD-rate: no results of the anchor {anchor!r}{known}")
-    if (metrics["bpp"] <= 0).any():
-        raise InputError("metrics table: column 'bpp' has a value that is not positive")
+    empty = metrics[metrics["bpp"] <= 0]
+    if len(empty):
+        codec, *place = map(str, empty[["codec", "dataset", "cloud", "rate"]].iloc[0])
+        where = f"{codec} of {'/'.join(place)}"
+        raise InputError(f"metrics table: column 'bpp' has a value that is not positive: {where}")
     check_peaks(metrics, qualities)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TextIO
@@ -14,7 +14,7 @@ from puckbench.core.files import remove_leftovers, unreadable, unwritable
 _held: list[TextIO] = []
 _ROOM = 2**20
 """Bytes without which no run is begun."""
-_MOST_TOLD = 10
+_MOST_TOLD, _MOST_LEFT_OUT = 10, 50
 _PREFIX = "puckbench: "
 
 
@@ -51,10 +51,12 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
-def left_out_lines(rows: Iterable[Mapping[str, str]]) -> Iterator[str]:
-    """A line for each row of `Plan.left_out_rows`: what the run goes without, and why."""
-    for row in rows:
+def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    """A line for each row of `Plan.left_out_rows`, what the run goes without and why, if few."""
+    for row in rows[:_MOST_LEFT_OUT]:
         yield f"left out: {row['file']}: {row['reason']}"
+    if len(rows) > _MOST_LEFT_OUT:
+        yield f"left out: {len(rows) - _MOST_LEFT_OUT} more (tables/left_out.csv)"
 
 
 def failures(logs: Path, since: float) -> Iterator[str]:

@@ -51,15 +51,15 @@ class Column:
         value.
     cells
         Codec -> value.
-    has_winner
-        Whether the first is better than each of the others beyond chance.
+    rivals
+        Codecs that the first is not better than beyond chance.
     """
 
     head: str
     group: str
     purpose: str
     cells: Mapping[str, Cell]
-    has_winner: bool = True
+    rivals: tuple[str, ...] = ()
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -70,12 +70,12 @@ class Column:
     @property
     def best(self) -> str | None:
         """The codec with the lowest value, where it is the lowest beyond chance."""
-        return self.ranking[0] if self.ranking and self.has_winner else None
+        return self.ranking[0] if self.ranking and not self.rivals else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> Column:
         """The column with the test of its first codec against each other that has a rank."""
         first, *others = self.ranking or ("",)
-        return replace(self, has_winner=all(is_better(first, other) for other in others))
+        return replace(self, rivals=tuple(c for c in others if not is_better(first, c)))
 
 
 @dataclass(frozen=True)
@@ -188,11 +188,15 @@ def _told(column: Column, style: FigureStyle) -> str:
     """Which codec is the best of a column, with its value; empty where none is."""
     if not column.ranking:
         return ""
+    first = column.ranking[0]
+    titles = {codec: style.of_codec(codec).title for codec in column.cells}
     if column.best is None:
-        return f"no clear winner{column.purpose}"
-    title, cell = style.of_codec(column.best).title, column.cells[column.best]
-    remark = f" ({cell.note})" if cell.note else ""
-    return f"{title}: {cell.text}{column.purpose}{remark}"
+        named = ", ".join(titles[codec] for codec in (first, *column.rivals))
+        return f"no clear winner{column.purpose} ({named})"
+    cell, ranked = column.cells[first], len(column.ranking)
+    part = "" if ranked == len(titles) else f"{ranked} of {len(titles)} codecs compared"
+    remark = ", ".join(filter(None, (cell.note, part)))
+    return f"{titles[first]}: {cell.text}{column.purpose}{f' ({remark})' if remark else ''}"
 
 
 def _bits(

@@ -74,12 +74,7 @@ def clip_ears(points: Floats) -> Integers:
 
     flat = _on_best_plane(points)
     rings = np.array([len(flat)], dtype=np.uint32)
-    triangles = triangulate_float64(flat, rings).astype(np.int64).reshape(-1, 3)
-    a, b, c = flat[triangles].swapaxes(0, 1)
-    u, v = b - a, c - a
-    backwards = u[:, 0] * v[:, 1] < u[:, 1] * v[:, 0]
-    triangles[backwards] = triangles[backwards][:, ::-1]
-    return triangles
+    return np.asarray(triangulate_float64(flat, rings).astype(np.int64).reshape(-1, 3))
 
 
 def _on_best_plane(points: Floats) -> Floats:

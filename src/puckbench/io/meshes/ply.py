@@ -48,7 +48,7 @@ def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
     lists = rows[name]
     if lists.dtype == object:
         sizes = np.fromiter((len(corners) for corners in lists), dtype=np.int64, count=len(lists))
-        joined = np.concatenate(lists) if len(lists) else np.empty(0, dtype=np.int64)
+        joined = np.concatenate([np.empty(0, dtype=np.int64), *lists])
     elif lists.ndim == 2:
         joined = lists.reshape(-1)
         sizes = np.full(len(lists), lists.shape[1], dtype=np.int64)

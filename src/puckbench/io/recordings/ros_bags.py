@@ -100,8 +100,10 @@ def parse_bag(path: Path, kind: str, folder: str) -> Parsed:
     topics: Topics = {}
     messages: dict[str, list[bytes]] = defaultdict(list)
     try:
-        for topic, data in _messages(path, kind, Path(folder), topics):
-            messages[topic].append(data)
+        files, are_packed = _files(path, Path(folder))
+        for topic, data in _messages(files, kind, Path(folder), topics):
+            messages[topic].append(_unpacked(data) if are_packed else data)
+        form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
     except (Error1, Error2, apsw.Error, YAMLError, *_DAMAGE) as error:
         raise _damaged(path, error, folder) from error
     except InputError as error:
@@ -112,7 +114,6 @@ def parse_bag(path: Path, kind: str, folder: str) -> Parsed:
         "data": np.frombuffer(b"".join(parts), np.uint8),
         "sizes": np.array([len(part) for part in parts], np.int64),
     }
-    form = "rosbag" if _suffix(path) == ".bag" else "ros2bag"
     return Parsed(columns, {"topic": topic, "format": form})
 
 
@@ -144,14 +145,12 @@ def _listed(names: list[str]) -> str:
     return ", ".join([*shown, *others]) or "no topic"
 
 
-def _messages(path: Path, kind: str, folder: Path, topics: Topics) -> StoredMessages:
+def _messages(files: list[Path], kind: str, folder: Path, topics: Topics) -> StoredMessages:
     """Topic and bytes of each message of a type; notes the types of all topics."""
-    files, has_packed_messages = _files(path, folder)
     for file in files:
         with _storage(file, folder, kind) as (types, messages):
             topics |= types
-            for topic, data in messages:
-                yield topic, (_unpacked(data) if has_packed_messages else data)
+            yield from messages
 
 
 @contextmanager
@@ -193,8 +192,6 @@ def _check_chunks(reader: Any) -> None:
 
 
 def _suffix(file: Path) -> str:
-    if file.is_dir():
-        return ""
     with file.open("rb") as stream:
         suffix = bag_format(stream.read(16))
     if suffix is None:

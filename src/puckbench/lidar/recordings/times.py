@@ -38,7 +38,7 @@ def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
     """Times in s, those in whole numbers or since 1970 after the first of them."""
     if times.dtype.kind in "iu" or _unit_since_1970(times) == unit:
-        times = times - times.min(initial=times[0] if len(times) else 0)
+        times = times - times.min()
     seconds: Floats = np.asarray(times, dtype=np.float64) / _PER_SECOND[unit]
     return seconds
 
@@ -57,8 +57,6 @@ def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 
 def _unit_since_1970(times: NDArray[Any]) -> TimeUnit | None:
-    if not len(times):
-        return None
     first, last = float(times.min()), float(times.max())
     for unit, ticks in _PER_SECOND.items():
         is_of_day = last - first <= _DAY_S * ticks

@@ -1,0 +1,21 @@
+"""LAS files whose unit the caller knows better (others are in tests/corpus/las.py)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from puckbench.io.las import read_las_points
+from tests.corpus.las import POINTS, STEPS, wkt
+from tests.support.las_files import las_bytes
+
+
+@pytest.mark.parametrize("system", ["EPSG:2225", "EPSG:4326"])
+def test_numbers_are_kept_where_no_conversion_is_wanted(
+    system: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "a.las").write_bytes(las_bytes(STEPS, [wkt(system)]))
+    columns = read_las_points(tmp_path / "a.las", convert=False)
+    assert columns["z"].tolist() == POINTS[:, 2].tolist()
+    assert not caplog.records
