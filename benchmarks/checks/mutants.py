@@ -51,7 +51,6 @@ TESTS = {
     "io/las_header": "corpus/test_corpus",
     "io/las_units": "corpus/test_corpus",
     "io/recordings/ros_bags": "corpus/test_corpus io/test_recordings",
-    "io/recordings/sqlite_bags": "corpus/test_corpus",
     "io/meshes": f"io/test_meshes {_MESHES}",
     "io/meshes/concave": "io/test_concave_faces",
     "io/meshes/glb": _MESHES,
