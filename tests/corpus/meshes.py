@@ -122,9 +122,7 @@ CASES = [
     obj("vertex_zero", V_SQUARE + "f 0 1 2\n", line=r"vertex_zero.obj: a face refers to a vertex"),
     obj("two_corners", V_SQUARE + "f 1 2\n", line=r"two_corners.obj: the mesh has no faces"),
     obj("not_a_number", f"v 0 0 nan\n{V_SQUARE}f 1 2 3\n", line=r"a face has a vertex that is not"),
-    obj(
-        "unused_nan", f"{V_SQUARE}v nan nan nan\nf 1 2 3 4\n", points=[*SQUARE, (float("nan"),) * 3]
-    ),
+    obj("unused_nan", f"{V_SQUARE}v nan nan nan\nf 1 2 3 4\n", points=SQUARE),
     obj(
         "lines_beside_faces",
         V_SQUARE + "f 1 2 3 4\nl 1 2\np 1\n",

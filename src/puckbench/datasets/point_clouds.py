@@ -39,10 +39,12 @@ class PointClouds(FileSet):
     def load(self, name: str) -> Scene:
         """Read the cloud, in metres; `about` has the number of points that were left out."""
         path = self._file(name)
-        cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
+        unit = self._unit(path)  # one that is named counts more than that of the file
+        options = (self.keep_missing, self.drop_invalid, self.bin_columns)
+        cloud = read_points(path, *options, convert=unit == 1)
         about = {**self._about(path), **counted(cloud.about)}
         check_cloud(cloud, path)
-        if (unit := self._unit(path)) != 1:
+        if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)
         check_extent(cloud.xyz, str(path))
         return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)

@@ -42,7 +42,7 @@ def missing_returns(xyz: Floats, is_organised: bool = False) -> Rows:
         (n,) bool.
     """
     empty: Rows = np.asarray(np.isnan(xyz).all(axis=1))
-    zero: Rows = np.asarray(~xyz.any(axis=1))
+    zero: Rows = np.asarray((xyz == 0).all(axis=1))
     return empty | zero if is_organised or _are_missing(xyz, zero) else empty
 
 

@@ -131,13 +131,20 @@ def read_points(
     keep_missing: bool = False,
     drop_invalid: bool = False,
     bin_columns: str | None = None,
+    convert: bool = True,
 ) -> PointCloud:
-    """As `read_cloud`, of a cloud that may be empty or have points that are not finite."""
+    """As `read_cloud`, of a cloud that may be empty or have points that are not finite.
+
+    With `convert`, a LAS file's coordinates become metres by its coordinate reference system.
+    """
     suffix = plain_suffix(path)
     if path.exists():
         _check_kind(path, suffix)
     read = _READERS.get(suffix, _read_ply_points)
-    columns = read_frame(path, bin_columns) if read is read_frame else read(path)
+    options: dict[str, Any] = {"columns": bin_columns} if read is read_frame else {}
+    if suffix in (".las", ".laz"):
+        options = {"convert": convert}
+    columns = read(path, **options)
     with naming(path):
         cloud = cloud_of(columns)
     if step := coarse_step(columns):
@@ -219,10 +226,15 @@ def _of_plain_files(read: Callable[[Path], Columns]) -> Callable[[Path], Columns
     return read_unpacked
 
 
-_FOREIGN: dict[str, Callable[[Path], Columns]] = {
+def _read_las_points(path: Path, convert: bool) -> Columns:
+    with unpacked(path) as plain:
+        return read_las_points(plain, convert)
+
+
+_FOREIGN: dict[str, Callable[..., Columns]] = {
     ".pcd": _read_pcd_points,
-    ".las": _of_plain_files(read_las_points),
-    ".laz": _of_plain_files(read_las_points),
+    ".las": _read_las_points,
+    ".laz": _read_las_points,
     ".e57": _of_plain_files(read_e57),
     **dict.fromkeys((".xyz", ".txt", ".csv", ".asc", ".pts"), read_text),
     ".npy": read_npy,

@@ -63,9 +63,11 @@ def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
         fields["label_"] = fields.pop("label")
     with np.errstate(invalid="ignore"):  # of NaNs that signal
         xyz = np.ascontiguousarray(xyz, dtype=np.float64)
+        if normals is not None:
+            normals = np.ascontiguousarray(normals, dtype=np.float64)
     return PointCloud(
         xyz,
-        None if normals is None else np.ascontiguousarray(normals, dtype=np.float64),
+        normals,
         shown,
         labels,
         fields=fields if labels is None else {n: v for n, v in fields.items() if n != "label"},
@@ -170,6 +172,8 @@ def _taken(columns: Columns, known: Iterable[tuple[str, ...]]) -> NDArray[Any] |
     """The first known triple of columns, side by side (n, 3), removed from the others."""
     names = _first_known(columns, known)
     for name in names:
+        if columns[name].dtype.kind not in "fiu":
+            raise InputError(f"the column {_plain(name)} holds no numbers ({columns[name].dtype})")
         if sum(_plain(other) == _plain(name) for other in columns) > 1:
             raise InputError(f"two columns are named {_plain(name)}")
     return np.column_stack([columns.pop(name) for name in names]) if names else None

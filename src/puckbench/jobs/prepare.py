@@ -104,7 +104,8 @@ class Prepare(Job):
             return _of_scan(path, self.clean)
         from puckbench.jobs.preparation import Returns
 
-        cloud = read_points(path, self.keep_missing, self.drop_invalid, self.bin_columns)
+        options = (self.keep_missing, self.drop_invalid, self.bin_columns)
+        cloud = read_points(path, *options, convert=self.metres_per_unit == 1)
         check_cloud(cloud, path)
         # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
         if cloud.frame is not None and "sensor" not in cloud.about:

@@ -74,6 +74,8 @@ def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, di
     """
     mesh, _ = triangulate(polygons, what)
     check_mesh(mesh, what)
+    if not np.isfinite(mesh.vertices).all():  # of faces that were left out
+        mesh = _with_used_vertices(mesh)
     flat = _without_area(mesh)
     kept = mesh if mesh.labels or not flat.any() else select_triangles(mesh, ~flat)
     short = int(np.count_nonzero(polygons.sizes < 3))
@@ -86,6 +88,12 @@ def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, di
         "zero_area": int(np.count_nonzero(flat)),
         "skipped": {name: count for name, count in skipped.items() if count},
     }
+
+
+def _with_used_vertices(mesh: Mesh) -> Mesh:
+    """The mesh without vertices that no triangle has."""
+    used, triangles = np.unique(mesh.triangles, return_inverse=True)
+    return Mesh(mesh.vertices[used], triangles.reshape(-1, 3), mesh.labels)
 
 
 def _without_area(mesh: Mesh) -> NDArray[np.bool_]:

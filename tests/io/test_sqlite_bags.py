@@ -1,0 +1,31 @@
+"""Bags in SQLite that are large, or changed while they are read (others: tests/corpus/bags.py)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from puckbench.io.recordings.sqlite_bags import sqlite_storage
+from puckbench.lidar.recordings.reading import SCAN
+from tests.support.bag_files import TOPIC, bag_with_log, sqlite_bag
+
+
+def messages_of(path: Path, folder: Path) -> list[tuple[str, bytes]]:
+    folder.mkdir()
+    with sqlite_storage(path, folder, SCAN) as (topics, messages):
+        assert topics == {TOPIC: SCAN}
+        return list(messages)
+
+
+def test_honest_bags_need_fewer_steps_than_the_limit(tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    sqlite_bag(path, [b"x"] * 200_000)
+    assert messages_of(path, tmp_path / "copies") == [(TOPIC, b"x")] * 200_000
+
+
+def test_a_bag_with_a_log_is_not_changed(tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    bag_with_log(path)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert len(messages_of(path, tmp_path / "copies")) == 1
+    after = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    assert after == before
