@@ -94,6 +94,15 @@ require_browser() {
     has_browser || stop "$why even now"
 }
 
+# ---- the program with which a test's store copies files
+
+require_rsync() {
+    ! command -v rsync >/dev/null || return 0
+    why="the test of a store needs rsync"
+    command -v apt-get >/dev/null || stop "$why"
+    need_packages "$why" rsync
+}
+
 # ---- the virtual environment
 
 version() { "$1" -c 'import sys; print(sys.version_info[:2])' 2>/dev/null; }
@@ -168,7 +177,7 @@ for group in "$@"; do
 done
 if is_whole && is_wanted; then python=.venv/bin/python; else choose_python; fi
 require_libraries
-case " $* " in *" test "*) require_browser ;; esac
+case " $* " in *" test "*) require_browser; require_rsync ;; esac
 [ "$python" = .venv/bin/python ] || make_venv
 install_locks requirements "$@"
 install_puckbench

@@ -318,6 +318,21 @@ def test_rules_are_named_on_the_command_line_as_in_any_workflow(fresh: Bench) ->
     assert "{" not in re.search(r"python -m puckbench.jobs encode_curve .*", text)[0]
 
 
+def test_a_store_carries_the_files_between_jobs(fresh: Bench, tmp_path: Path) -> None:
+    small = {"sensor_study": None, "codecs": {"draco": {"rates": ["r1", "r8"]}}}
+    fresh.configure({**small, "figures.examples": {"object": "objects/chair_01"}})
+    store = tmp_path / "store"
+    store.mkdir()
+    provider = ["--default-storage-provider", "fs", "--default-storage-prefix", str(store)]
+    fresh.made(*provider)
+    assert not any(fresh.results.rglob("*.parquet"))
+    table = pd.read_parquet(store / "results" / "tables" / "metrics.parquet")
+    assert len(table) == 4 * 2
+    page = (store / "results" / "report.html").read_text(encoding="utf-8")
+    assert 'id="figure-fig_6_5"' in page
+    assert "Nothing to be done" in fresh.snakemake("--dry-run", *provider).stderr
+
+
 def test_results_copied_beside_a_fresh_clone_are_up_to_date(
     finished: Bench, tmp_path: Path
 ) -> None:
