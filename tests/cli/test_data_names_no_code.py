@@ -352,7 +352,7 @@ READERS: dict[Callable[[str], int], str | None] = {
     _run_study_figures: STUDY_NAMES,
     _run_study_all_else: "nothing: no such",
     _scan: None,
-    _calibrated: "model.yaml: not valid YAML",
+    _calibrated: "model.yaml: line 3: not valid YAML",
     _calibrate: "more lasers are needed",
     _pickled_array: "cloud.npy",
     _pickled_archive: "cloud.npz",

@@ -139,7 +139,8 @@ def test_a_file_of_an_unknown_name_is_a_recording_only_if_it_begins_so(
     path.write_bytes(b"1 2 3\n")
     assert main(["prepare", str(path), str(out)]) == 2
     assert "not a point cloud by its name (.ply, " in capsys.readouterr().err
-    for mark in (b"\xd4\xc3\xb2\xa1", b"\x0a\x0d\x0d\x0a", b"#ROSBAG V2.0\n"):
+    section = b"\x0a\x0d\x0d\x0a\x1c\0\0\0\x4d\x3c\x2b\x1a"
+    for mark in (b"\xd4\xc3\xb2\xa1\2\0\4\0", section, b"#ROSBAG V2.0\n"):
         path.write_bytes(mark + bytes(40))
         assert main(["prepare", str(path), str(out)]) == 2
         assert "point cloud by its name" not in capsys.readouterr().err

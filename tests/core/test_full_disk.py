@@ -119,7 +119,11 @@ def test_a_cloud_and_its_description_stay_a_pair(tmp_path: Path) -> None:
     with pytest.raises(InputError), _full_disk():
         write_cloud(tmp_path / "cloud.ply", PointCloud(NUMBERS, about={"name": "new"}))
     assert (tmp_path / "cloud.ply").read_bytes() == before
-    assert json.loads((tmp_path / "cloud.json").read_text()) == {"name": "old", "points": 5}
+    assert json.loads((tmp_path / "cloud.json").read_text()) == {
+        "puckbench": "cloud",
+        "name": "old",
+        "points": 5,
+    }
 
 
 def test_output_that_nobody_can_take_is_one_line() -> None:

@@ -265,7 +265,7 @@ def mixed(folder: Path) -> tuple[str, list[str]]:
 def test_one_of_two_sensors_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, streams = mixed(tmp_path)
     with pytest.raises(InputError, match="data packets of 2 streams"):
-        open_scene_set("recordings", {"path": path}).names()
+        open_scene_set("recordings", {"path": path}).load("two")
     for stream, name in zip(streams, ("near", "far"), strict=True):
         alone = read_packets(tmp_path / f"{name}.pcap").payloads
         found = open_scene_set("recordings", {"path": path, "stream": stream}).load("two_0001")
@@ -321,7 +321,7 @@ def test_a_part_of_a_turn_is_prepared_with_a_remark(
     assert main(["prepare", str(path), str(tmp_path / "a.ply"), "--turns", "0"]) == 0
     assert not capsys.readouterr().err
     with pytest.raises(InputError, match=r"no whole turn among the turns .*, 1, which are cut"):
-        open_scene_set("recordings", {"path": str(path)}).names()
+        open_scene_set("recordings", {"path": str(path)}).load("short")
 
 
 def replace_turns(returns: Returns, number: int) -> Returns:

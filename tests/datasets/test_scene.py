@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.core.registry import Registry
+from puckbench.core.registry import Registry, trust
 from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import PointCloud
@@ -168,6 +168,7 @@ def test_a_package_brings_a_data_set(installed: None) -> None:
 def test_a_file_outside_the_tree_brings_a_data_set(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(SPHERES.replace('@LOADERS.register("spheres")\n', ""))
+    trust([f"{path}:Spheres"])
     spheres: Any = open_scene_set(f"{path}:Spheres", {"radii": [1, 2]}, seed=3)
     assert (spheres.seed, spheres.radii, spheres.names()) == (3, (1.0, 2.0), ["s0", "s1"])
     with pytest.raises(InputError, match=r"radii.1 is 'two', but must be a valid number"):
@@ -196,12 +197,14 @@ def test_options_of_a_data_class_of_ones_own_are_checked(
     tmp_path: Path, options: str, given: dict[str, Any], message: str
 ) -> None:
     (path := tmp_path / "mine.py").write_text(MINE.format(options=options))
+    trust([f"{path}:Mine"])
     with pytest.raises(InputError, match=rf"loader {path}:Mine: {message}"):
         open_scene_set(f"{path}:Mine", given)
 
 
 def test_a_class_without_options_to_read_is_named(tmp_path: Path) -> None:
     (path := tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
+    trust([f"{path}:Mine"])
     with pytest.raises(InputError, match="Mine is no data class and no pydantic model"):
         open_scene_set(f"{path}:Mine", {})
 
@@ -212,6 +215,7 @@ def test_a_loader_of_ones_own(tmp_path: Path) -> None:
         "from dataclasses import dataclass\n\n"
         "@dataclass(frozen=True)\nclass Mine:\n    seed: int = 0\n    size: float = 1.0\n"
     )
+    trust([f"{path}:Mine"])
     mine: Any = open_scene_set(f"{path}:Mine", {"size": 2}, seed=5)
     assert (mine.seed, mine.size) == (5, 2)
 
@@ -221,5 +225,6 @@ def test_the_options_seed_wins(tmp_path: Path) -> None:
     path.write_text(
         "from dataclasses import dataclass\n\n@dataclass(frozen=True)\nclass Mine:\n    seed: int\n"
     )
+    trust([f"{path}:Mine"])
     mine: Any = open_scene_set(f"{path}:Mine", {"seed": 1}, seed=5)
     assert mine.seed == 1

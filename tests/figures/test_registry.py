@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from puckbench.cli import main
+from puckbench.core.registry import trust
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.metrics.registry import TABLES, table_entry
 
@@ -57,6 +58,7 @@ def test_figures_are_in_the_order_of_their_numbers() -> None:
 def test_a_figures_parameters_are_its_inputs_and_its_docstring_the_caption(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(FIGURE)
+    trust([f"{file}:draw_sizes"])
     entry = figure_entry(f"{file}:draw_sizes")
     assert (entry.name, entry.title, entry.category) == ("sizes", "Sizes", "Mine")
     assert entry.kinds == {"clouds": "DataFrame", "example_raw": "PointCloud"}
@@ -85,6 +87,7 @@ def test_a_table_of_a_users_file_is_made(
     file, clouds, out = (tmp_path / name for name in ("mine.py", "clouds.csv", "out.csv"))
     file.write_text(TABLE)
     pd.DataFrame({"dataset": "a", "points": [1, 2]}).to_csv(clouds, index=False)
+    trust([f"{file}:counts"])
     entry = table_entry(f"{file}:counts")
     assert (entry.name, entry.inputs, entry.optional) == ("counts", ("clouds",), ("metrics",))
     words = [f"{file}:counts", str(out), "--inputs", json.dumps({"clouds": str(clouds)})]

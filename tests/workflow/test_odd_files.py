@@ -35,7 +35,7 @@ ODD: dict[str, tuple[Callable[[Path], object], str]] = {
     "gone.npy": (lambda path: path.symlink_to("nowhere.npy"), "no such file"),
     "nan.npy": (_array([[0, 0, np.nan], [1, 1, 1]]), "not finite"),
     "nothing.stl": (_bytes(b"solid nothing\n"), "truncated"),
-    "shape.npy": (lambda path: np.save(path, np.zeros((2, 3, 4))), r"\(n, 3\)"),
+    "shape.npy": (lambda path: np.save(path, np.zeros((2, 3, 4, 5))), r"\(n, 3\)"),
     "short.pcap": (_bytes(pcap(rows(spin(packets=4)))), "no whole turn"),
     "spot.npy": (_array(np.ones((5, 3))), "no extent"),
     "torn.pcap": (_bytes(b"no capture"), "not a packet capture"),
