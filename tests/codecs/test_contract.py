@@ -150,7 +150,8 @@ def _sorted(points: np.ndarray) -> np.ndarray:
 @cache
 def _streams(case: Case) -> dict[str, bytes]:
     """Streams of the case's cloud by rate: coded once for all tests."""
-    return {rate: case.encode(case.cloud(), rate) for rate in case.rates}
+    shared = case.codec.shared_work()
+    return {rate: case.codec.encode(case.cloud(), rate, shared) for rate in case.rates}
 
 
 @pytest.mark.parametrize("case", FAITHFUL, indirect=True)

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.codecs.base import Cost
+from puckbench.codecs.base import Cost, Parameters
 from puckbench.codecs.primitives import hybrid_mode, mode_decision, voxel_mode
+from puckbench.codecs.primitives.codec import Primitives
 from puckbench.codecs.primitives.decoder import decode_stream, decode_surface, surface_part
 from puckbench.codecs.primitives.distortion import Distortion, Nearest
 from puckbench.codecs.primitives.mode_decision import _refined_budget
@@ -26,6 +27,7 @@ from puckbench.codecs.primitives.stream import (
 from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
 
 NO_FACTORS = np.zeros(CLASSES, np.int8)
 _NOTHING = Nearest(np.zeros((1, 3)), np.zeros((1, 3)))
@@ -222,7 +224,9 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
     assert found is None
 
 
-def test_rates_that_differ_in_refinement_share_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """An entry for each search for a surface."""
     searches: list[int] = []
     search = mode_decision._best_surface
 
@@ -231,17 +235,37 @@ def test_rates_that_differ_in_refinement_share_the_surface(monkeypatch: pytest.M
         return search(*args)
 
     monkeypatch.setattr(mode_decision, "_best_surface", counted)
+    return searches
+
+
+def test_rates_that_differ_in_refinement_share_the_surface(searches: list[int]) -> None:
     codec, points = open_codec("primitives"), _floor(2.0)
-    here, streams, cost = Cost(0.5, 1.0), {}, {}
+    shared, streams, saved = codec.shared_work(), {}, {}
+    assert shared is not None
     for rate in ("r5", "r6", "r8", "r5", "r4"):
-        streams[rate] = codec.encode(points, rate)
-        cost[rate] = codec.cost(here)
+        streams[rate] = codec.encode(points, rate, shared)
+        saved[rate] = shared.saved
     assert len(searches) == 3  # r5, again r5, and r4
-    assert streams == {rate: open_codec("primitives").encode(points, rate) for rate in streams}
-    assert cost["r5"] == cost["r4"] == here
-    assert cost["r6"].seconds > here.seconds
-    assert cost["r6"].peak_mib > here.peak_mib
-    codec.encode(points, "r8")
-    codec.decode(streams["r8"])
+    assert streams == {rate: codec.encode(points, rate) for rate in streams}
+    assert saved["r5"] == saved["r4"] == Cost(0, 0)
+    assert min(saved["r6"]) > 0
+    assert codec.encode(points[::2], "r4", shared) == codec.encode(points[::2], "r4")
+    assert codec.encode(points[::2], "r8", shared) == codec.encode(points[::2], "r8")
+    assert shared.saved == Cost(0, 0)  # another cloud, another surface
+
+
+def test_without_shared_work_no_call_depends_on_earlier_ones(searches: list[int]) -> None:
+    codec, points, here = open_codec("primitives"), _floor(2.0), Cost(0.5, 1.0)
+    first = codec.encode(points, "r6")
+    codec.encode(points[::2], "r6")
+    assert codec.encode(points, "r6") == first
+    assert len(searches) == 3
     assert codec.cost(here) == here
-    assert codec.encode(points[::2], "r8") == open_codec("primitives").encode(points[::2], "r8")
+
+
+def test_a_derived_class_with_its_own_coding_shares_nothing() -> None:
+    class Reversed(Primitives):
+        def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+            return super()._encode(points[::-1].copy(), parameters)
+
+    assert Reversed("reversed").shared_work() is None

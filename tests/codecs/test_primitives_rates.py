@@ -52,8 +52,9 @@ def _curve(
 ) -> np.ndarray:
     """Bytes, D1, distances to the points (to plane, to point) and to the truth (to plane)."""
     codec, rows = open_codec("primitives"), []
+    shared = codec.shared_work()
     for rate in rates or codec.rates:
-        stream = codec.encode(reference.xyz, rate)
+        stream = codec.encode(reference.xyz, rate, shared)
         decoded = codec.decode(stream)
         to_points = distortion(reference, decoded)
         to_truth = distortion(truth, decoded)["cd_plane"] if truth else 0.0

@@ -10,6 +10,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.base import Pace
+from puckbench.codecs.primitives import mode_decision
 from puckbench.codecs.registry import codec_class
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
@@ -23,6 +24,7 @@ from puckbench.jobs.decode import Decode, Decoded, DecodeShown
 from puckbench.jobs.encode import Encode, EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.jobs.join_parts import JoinRows, JoinStreams
+from puckbench.jobs.library import compare, open_codec
 from puckbench.metrics import geometry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.workflow import Workflow
@@ -100,6 +102,25 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
     assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in results))
     assert (done["codec"], done["points"], done["rates"]) == (codec, 3000, 3)
     assert done["truth"]
+
+
+def test_the_rates_of_a_curve_share_the_search_for_a_surface(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches: list[int] = []
+    search = mode_decision._best_surface
+
+    def counted(*args: Any) -> Any:
+        searches.append(1)
+        return search(*args)
+
+    monkeypatch.setattr(mode_decision, "_best_surface", counted)
+    changes, cloud = {"rates": ["r5", "r6", "r8"]}, read_cloud(Path("cloud.ply"))
+    EncodeCurve(codec="primitives", changes=changes).run(Path("cloud.ply"), Path("c.zip"))
+    loading = 1  # compiles the search
+    assert len(searches) == loading + 1
+    compare(cloud, [open_codec("primitives", changes)])
+    assert len(searches) == 2 * (loading + 1)
 
 
 def timeless(row: dict[str, Any]) -> dict[str, Any]:

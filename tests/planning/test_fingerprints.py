@@ -89,8 +89,9 @@ def test_an_edited_codec_re_makes_its_own_streams_alone(tree: Path) -> None:
 
 
 def test_an_edited_contract_re_makes_the_streams_of_all_codecs(tree: Path) -> None:
-    """And of figures, which take titles and colours from it; but no scan and no table."""
-    changed = _changed(tree, "codecs/base.py", "", "\nLIMIT = 3\n")
+    """And what figures take from it, titles and colours, re-makes them; but no scan or table."""
+    assert _changed(tree, "codecs/base.py", "", "\nLIMIT = 3\n") == {"draco", "gpcc"}
+    changed = _changed(tree, "codecs/facts.py", "", "\nLIMIT = 3\n")
     assert changed == {"draco", "gpcc", "figure"}
 
 

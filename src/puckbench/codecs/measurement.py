@@ -13,7 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
 
-from puckbench.codecs.base import Cost
+from puckbench.codecs.base import Codec, Cost, SharedWork
+from puckbench.geometry.cloud import PointCloud
 
 T = TypeVar("T")
 
@@ -48,7 +49,7 @@ def measured(
 ) -> Measured[T]:
     """Run `call` `repeats` times; the result is the last one's.
 
-    whole: asked after each call, what it cost in all, by what it cost here (`Codec.cost`).
+    whole: the whole cost of a call that has just ended, from its cost in this process.
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -60,6 +61,22 @@ def measured(
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
+
+
+def measured_encoding(
+    codec: Codec, cloud: PointCloud, rate: str, repeats: int = 1, shared: SharedWork | None = None
+) -> Measured[bytes]:
+    """Code a cloud, timed; shared work counts for every rate, as if it were coded alone.
+
+    shared: as `Codec.encode_cloud` takes it.
+    """
+    if shared is None:
+        return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost)
+    return measured(
+        lambda: codec.encode_cloud(cloud, rate, shared),
+        repeats,
+        lambda here: codec.cost(here).plus(shared.saved),
+    )
 
 
 def _reset_peak() -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 
-from puckbench.codecs.base import Codec, Line
+from puckbench.codecs.facts import CodecFacts, Line
 from puckbench.codecs.registry import CODECS
 
 
@@ -53,10 +53,10 @@ def codec_style(codec: str) -> PlotStyle:
 def codec_rank(codec: str) -> tuple[int, str]:
     """Sorting key of codecs in legends: by the ranks of their classes, then by name."""
     known = _registered(codec)
-    return (Codec.rank if known is None else known.rank, codec)
+    return (CodecFacts.rank if known is None else known.rank, codec)
 
 
-def _registered(codec: str) -> type[Codec] | None:
+def _registered(codec: str) -> type[CodecFacts] | None:
     return CODECS.get(codec) if codec in CODECS else None
 
 

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.base import Codec
-from puckbench.codecs.measurement import measured
+from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.measurement import measured_encoding
 from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming
@@ -54,9 +54,11 @@ class Encoding(TimedJob):
 
     codec: str
 
-    def coded(self, codec: Codec, cloud: PointCloud, rate: str) -> Coded:
+    def coded(
+        self, codec: Codec, cloud: PointCloud, rate: str, shared: SharedWork | None = None
+    ) -> Coded:
         """Code a cloud with a loaded codec, timed."""
-        found = measured(lambda: codec.encode_cloud(cloud, rate), self.repeats, codec.cost)
+        found = measured_encoding(codec, cloud, rate, self.repeats, shared)
         weights = codec.weights_of(rate)
         record = {
             "codec": self.codec,
@@ -123,9 +125,9 @@ class EncodeCurve(Encoding):
         original = to_code(codec, cloud)
         rates = tuple(codec.rates_of(original.frame or "scaled"))
         ready(codec)
-        progress, coded = Progress("rate"), {}
+        progress, coded, shared = Progress("rate"), {}, codec.shared_work()
         for done, rate in enumerate(rates, start=1):
-            coded[rate] = self.coded(codec, original, rate)
+            coded[rate] = self.coded(codec, original, rate, shared)
             progress(done, len(rates))
         write_curve(curve, coded)
         seconds = sum(one.record["encode_s"] for one in coded.values())

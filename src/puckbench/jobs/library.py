@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from puckbench.codecs import registry
-from puckbench.codecs.base import Codec
-from puckbench.codecs.measurement import measured
+from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.measurement import measured, measured_encoding
 from puckbench.core.errors import InputError
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
@@ -74,8 +74,8 @@ def compare(
     for codec in chosen:
         codec.check_frame(cloud.frame)
     cells = [
-        (codec, rate)
-        for codec in map(ready, chosen)
+        (codec, rate, shared)
+        for codec, shared in [(ready(codec), codec.shared_work()) for codec in chosen]
         for rate in codec.rates_of(cloud.frame) or codec.rates
     ]
     reference = Reference(cloud)
@@ -83,10 +83,15 @@ def compare(
 
 
 def _row(
-    reference: Reference, codec: Codec, rate: str, repeats: int, peak: float | None
+    reference: Reference,
+    codec: Codec,
+    rate: str,
+    shared: SharedWork | None,
+    repeats: int,
+    peak: float | None,
 ) -> dict[str, object]:
     cloud = reference.cloud
-    coded = measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost)
+    coded = measured_encoding(codec, cloud, rate, repeats, shared)
     decoded = measured(lambda: codec.decode(coded.result), repeats, codec.cost)
     return {
         "codec": codec.name,

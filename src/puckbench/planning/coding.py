@@ -10,7 +10,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.base import Pace
+from puckbench.codecs.facts import Pace
 from puckbench.codecs.registry import memory_mb, module_of, pace
 from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.base import Codec, Cost, Pace, Parameters
+from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.primitives.settings import Settings, rate_settings
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import naming
@@ -17,9 +17,8 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
-    from puckbench.codecs.primitives.mode_decision import CodedOnce
+    from puckbench.codecs.primitives.mode_decision import SharedSurface
 
-_NOTHING = Cost(0.0, 0.0)
 _SURFACE_PARAMETERS = (
     *("min_leaf_size", "column_size", "max_leaf_size"),
     *("lmbda", "plane_step", "max_bpp"),
@@ -87,34 +86,31 @@ class Primitives(Codec):
 
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
-    def cost(self, here: Cost) -> Cost:
-        """With what finding the surface cost, where an earlier rate did."""
-        seconds, peak_mib = here.seconds + self._before.seconds, self._before.peak_mib
-        return Cost(seconds, max(here.peak_mib, peak_mib))
+    def shared_work(self) -> SharedSurface | None:
+        """The surface, which some rates share; None where a derived class has its `_encode`."""
+        from puckbench.codecs.primitives.mode_decision import SharedSurface
 
-    _known: CodedOnce | None = None
-    _before = _NOTHING
-    """What the last call had not to do, since it was done before."""
+        return SharedSurface() if type(self)._encode is Primitives._encode else None
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.codecs.primitives.mode_decision import CodedOnce, encode
+        return self._encode_sharing(points, parameters, None)
 
-        known = self._known = self._known or CodedOnce()
-        stream = encode(points, rate_settings(parameters), known)
-        self._before = known.cost if known.was_known else _NOTHING
-        return stream
+    def _encode_sharing(
+        self, points: Floats, parameters: Parameters, shared: SharedSurface | None
+    ) -> bytes:
+        from puckbench.codecs.primitives.mode_decision import encode
+
+        return encode(points, rate_settings(parameters), shared)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
         from puckbench.codecs.primitives.decoder import surface_part
         from puckbench.codecs.primitives.mesh_reconstruction import decode_mesh
 
-        self._before = _NOTHING
         with naming(f"codec {self.name}"):
             return decode_mesh(*surface_part(stream))
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.codecs.primitives.decoder import decode_stream
 
-        self._before = _NOTHING
         with naming(f"codec {self.name}"):
             return decode_stream(stream)

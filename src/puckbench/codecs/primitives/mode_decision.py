@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.base import Cost
+from puckbench.codecs.base import Cost, SharedWork
 from puckbench.codecs.measurement import measured
 from puckbench.codecs.primitives import hybrid_mode, voxel_mode
 from puckbench.codecs.primitives.decoder import (
@@ -71,7 +71,7 @@ The position of points within the surface is not coded, and alone keeps them som
 """
 
 
-def encode(points: Floats, settings: Settings, known: CodedOnce | None = None) -> bytes:
+def encode(points: Floats, settings: Settings, shared: SharedSurface | None = None) -> bytes:
     """Code a cloud as surfaces, as voxels, or as both, whichever costs less.
 
     Parameters
@@ -80,8 +80,8 @@ def encode(points: Floats, settings: Settings, known: CodedOnce | None = None) -
         (n, 3) finite coordinates, n > 0.
     settings
         Parameters of the rate.
-    known
-        What earlier rates found, and where this rate writes what it finds.
+    shared
+        The surface that rates of this cloud have in common.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def encode(points: Floats, settings: Settings, known: CodedOnce | None = None) -
     if settings.min_leaf_size == 0:
         search, budget = VoxelSearch(points), _max_bytes(points, settings)
         return search.to_budget(budget, settings.max_voxel_size).stream
-    found = (known or CodedOnce()).surfaces_of(points, settings)
+    found = (shared or SharedSurface()).surfaces_of(points, settings)
     return _hybrid_or_voxels(found, settings) if settings.refinement else found.kept.stream
 
 
@@ -102,34 +102,28 @@ def _max_bytes(points: Floats, settings: Settings) -> int:
     return int(settings.max_bpp * len(points) / 8)
 
 
-class CodedOnce:
-    """What rates that differ in their refinement alone have in common: the surface.
+class SharedSurface(SharedWork):
+    """The surface, which rates that differ in their refinement alone have in common.
 
-    It is found by the first of them, and again by each rate without refinement, so that repeated
+    The first of them searches for it, and so does each rate without refinement, so that repeated
     calls of that one are timed whole.
-
-    Attributes
-    ----------
-    cost
-        Of finding it.
-    was_known
-        Whether the last rate had it from an earlier one.
     """
 
     def __init__(self) -> None:
-        self.cost, self.was_known = Cost(0.0, 0.0), False
         self._key: tuple[bytes, Settings] | None = None
-        self._found: _Surfaces
+        self._surfaces: _Surfaces
+        self._cost: Cost
 
     def surfaces_of(self, points: Floats, settings: Settings) -> _Surfaces:
         """The surface of points (n, 3) by the settings, whatever their refinement."""
         key = sha256(points.tobytes()).digest(), settings.model_copy(update=_WITHOUT_REFINEMENT)
-        self.was_known = key == self._key and settings.refinement > 0
-        if not self.was_known:
-            found = measured(partial(_find_surfaces, points, key[1]))
-            self._found, self._key = found.result, key
-            self.cost = Cost(found.seconds, found.peak_mib)
-        return self._found
+        if key == self._key and settings.refinement > 0:
+            self.saved = self._cost
+        else:
+            search = measured(partial(_find_surfaces, points, key[1]))
+            self._key, self._surfaces = key, search.result
+            self._cost = Cost(search.seconds, search.peak_mib)
+        return self._surfaces
 
 
 def _find_surfaces(points: Floats, settings: Settings) -> _Surfaces:
