@@ -2,7 +2,6 @@
 rule sample:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
-        record=record_of(lambda w: clouds.sample(w.dataset)),
     output:
         cloud=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
@@ -15,16 +14,16 @@ rule sample:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     params:
+        record=record_of(lambda w: clouds.sample(w.dataset)),
         code=code_of(lambda w: clouds.sample(w.dataset)),
     shell:
-        "python -m puckbench.jobs sample {input.record} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs sample {params.record} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
 
 
 rule prepare:
     input:
         source=lambda w: clouds.source(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        record=record_of(lambda w: clouds.prepare(w.dataset)),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
@@ -41,10 +40,11 @@ rule prepare:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     params:
+        record=record_of(lambda w: clouds.prepare(w.dataset)),
         code=code_of(lambda w: clouds.prepare(w.dataset)),
         box=lambda w, input: f"box={shlex.quote(input.about)}" if clouds.is_cropped(w.dataset) else "",
     shell:
-        "python -m puckbench.jobs prepare {input.record} source={input.source:q} cloud={output.cloud:q}"
+        "python -m puckbench.jobs prepare {params.record} source={input.source:q} cloud={output.cloud:q}"
         " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"
 
 
@@ -53,7 +53,6 @@ rule prepare_returns:
     input:
         source=lambda w: clouds.source(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        record=record_of(lambda w: clouds.prepare(w.dataset)),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
@@ -71,7 +70,8 @@ rule prepare_returns:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     params:
+        record=record_of(lambda w: clouds.prepare(w.dataset)),
         code=code_of(lambda w: clouds.prepare(w.dataset)),
     shell:
-        "python -m puckbench.jobs prepare_returns {input.record} source={input.source:q} cloud={output.cloud:q}"
+        "python -m puckbench.jobs prepare_returns {params.record} source={input.source:q} cloud={output.cloud:q}"
         " returns={output.returns:q} truth={output.truth:q} about={input.about:q} > {log:q} 2>&1"

@@ -3,7 +3,6 @@
 rule encode:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
-        record=record_of(lambda w: coding.encode(*curve_of(w))),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -18,10 +17,11 @@ rule encode:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
+        record=record_of(lambda w: coding.encode(*curve_of(w))),
         code=code_of(lambda w: coding.encode(*curve_of(w))),
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs encode_curve {input.record} cloud={input.cloud:q}"
+        "{params.timed} python -m puckbench.jobs encode_curve {params.record} cloud={input.cloud:q}"
         " curve={output:q} > {log:q} 2>&1"
 
 
@@ -40,7 +40,6 @@ rule join_streams:
             f"{RESULTS}/coded/{w.dataset}/{w.cloud}/{w.codec}/{part}.zip"
             for part in coding.parts(w.dataset, w.cloud, w.codec)
         ],
-        record=record_of(lambda w: coding.join_streams),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -53,16 +52,16 @@ rule join_streams:
         mem_mb=1000,
         runtime=10,
     params:
+        record=record_of(lambda w: coding.join_streams),
         code=coding.join_streams.code,
     shell:
-        "python -m puckbench.jobs join_streams {input.record} parts={input.parts:q} curve={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs join_streams {params.record} parts={input.parts:q} curve={output:q} > {log:q} 2>&1"
 
 
 # The cloud of one rate.
 rule decode:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        record=record_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
     output:
         cloud=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.ply",
         about=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.json",
@@ -74,9 +73,10 @@ rule decode:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
+        record=record_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
         code=code_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
     shell:
-        "python -m puckbench.jobs decode {input.record} stream={input.curve:q} cloud={output.cloud:q}"
+        "python -m puckbench.jobs decode {params.record} stream={input.curve:q} cloud={output.cloud:q}"
         " > {log:q} 2>&1"
 
 
@@ -84,7 +84,6 @@ rule decode:
 rule decode_shown:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        record=record_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
     output:
         f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -95,7 +94,8 @@ rule decode_shown:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
+        record=record_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
         code=code_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
     shell:
-        "python -m puckbench.jobs decode_shown {input.record} curve={input.curve:q} clouds={output:q}"
+        "python -m puckbench.jobs decode_shown {params.record} curve={input.curve:q} clouds={output:q}"
         " > {log:q} 2>&1"

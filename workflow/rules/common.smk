@@ -73,8 +73,8 @@ def folder_of(files, gathering):
 
 
 def record_of(job):
-    """The file of a job's settings, for an input: its name changes with them, its time never counts."""
-    return local(ancient(lambda wildcards: job(wildcards).file()))
+    """The file of a job's settings, for a parameter: its name changes with its content."""
+    return lambda wildcards: job(wildcards).file()
 
 
 def code_of(job):

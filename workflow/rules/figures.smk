@@ -2,7 +2,6 @@
 rule figure:
     input:
         unpack(lambda w: coding.described(outputs.figures[w.figure])),
-        record=record_of(lambda w: outputs.figure(w.figure)),
     output:
         pdf=f"{RESULTS}/figures/{{figure}}.pdf",
         png=report(
@@ -20,10 +19,11 @@ rule figure:
         mem_mb=1500,
         runtime=10,
     params:
+        record=record_of(lambda w: outputs.figure(w.figure)),
         code=code_of(lambda w: outputs.figure(w.figure)),
         inputs=lambda w, input: files_of(input, outputs.figures[w.figure]),
     shell:
-        "python -m puckbench.jobs figure {input.record} {params.inputs} out={output.pdf:q} {output.png:q}"
+        "python -m puckbench.jobs figure {params.record} {params.inputs} out={output.pdf:q} {output.png:q}"
         " > {log:q} 2>&1"
 
 
@@ -34,7 +34,6 @@ if FIRST_FIGURES:
     rule first_look:
         input:
             rows=outputs.first_look.files(plan.results),
-            record=record_of(lambda w: outputs.first_look.job),
         output:
             parquet=f"{RESULTS}/first_look/metrics.parquet",
             images=FIRST_FIGURES,
@@ -47,10 +46,11 @@ if FIRST_FIGURES:
             mem_mb=1500,
             runtime=10,
         params:
+            record=record_of(lambda w: outputs.first_look.job),
             code=outputs.first_look.job.code,
             results=lambda w, input: folder_of(input.rows, outputs.first_look),
         shell:
-            "python -m puckbench.jobs first_look {input.record} results={params.results:q}"
+            "python -m puckbench.jobs first_look {params.record} results={params.results:q}"
             " parquet={output.parquet:q} out={output.images:q} > {log:q} 2>&1"
 
 

@@ -4,7 +4,6 @@ rule evaluate:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        record=record_of(lambda w: coding.evaluate(*curve_of(w))),
     output:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
@@ -19,11 +18,12 @@ rule evaluate:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
+        record=record_of(lambda w: coding.evaluate(*curve_of(w))),
         code=code_of(lambda w: coding.evaluate(*curve_of(w))),
         truth=lambda w, input: files_of(input, coding.truth(w.dataset, w.cloud)),
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs evaluate_curve {input.record} cloud={input.cloud:q}"
+        "{params.timed} python -m puckbench.jobs evaluate_curve {params.record} cloud={input.cloud:q}"
         " curve={input.curve:q} rows={output:q} {params.truth} > {log:q} 2>&1"
 
 
@@ -32,7 +32,6 @@ use rule evaluate as evaluate_part with:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.zip",
-        record=record_of(lambda w: coding.evaluate(*curve_of(w))),
     output:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.parquet",
     log:
@@ -47,7 +46,6 @@ rule join_rows:
             f"{RESULTS}/metrics/{w.dataset}/{w.cloud}/{w.codec}/{part}.parquet"
             for part in coding.parts(w.dataset, w.cloud, w.codec)
         ],
-        record=record_of(lambda w: coding.join_rows),
     output:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
@@ -60,9 +58,10 @@ rule join_rows:
         mem_mb=1000,
         runtime=10,
     params:
+        record=record_of(lambda w: coding.join_rows),
         code=coding.join_rows.code,
     shell:
-        "python -m puckbench.jobs join_rows {input.record} parts={input.parts:q} rows={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs join_rows {params.record} parts={input.parts:q} rows={output:q} > {log:q} 2>&1"
 
 
 # Where scenes are labelled, the primitives of a codec of surfaces are compared with the scene's.
@@ -70,7 +69,6 @@ rule recovery:
     input:
         unpack(lambda w: coding.described(coding.labels(w.dataset, w.cloud))),
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        record=record_of(lambda w: coding.recovery(w.dataset, w.codec)),
     output:
         f"{RESULTS}/recovery/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
@@ -81,9 +79,10 @@ rule recovery:
         mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
         runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
     params:
+        record=record_of(lambda w: coding.recovery(w.dataset, w.codec)),
         code=code_of(lambda w: coding.recovery(w.dataset, w.codec)),
     shell:
-        "python -m puckbench.jobs recovery_curve {input.record} curve={input.curve:q} points={input.points:q}"
+        "python -m puckbench.jobs recovery_curve {params.record} curve={input.curve:q} points={input.points:q}"
         " scene={input.scene:q} rows={output:q} > {log:q} 2>&1"
 
 
@@ -93,7 +92,6 @@ rule scan_error:
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
-        record=record_of(lambda w: coding.scan_error(w.dataset)),
     output:
         f"{RESULTS}/scan_errors/{{dataset}}/{{cloud}}.json",
     log:
@@ -104,8 +102,9 @@ rule scan_error:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=30,
     params:
+        record=record_of(lambda w: coding.scan_error(w.dataset)),
         code=code_of(lambda w: coding.scan_error(w.dataset)),
         truth=lambda w, input: files_of(input, coding.truth(w.dataset, w.cloud)),
     shell:
-        "python -m puckbench.jobs evaluate {input.record} cloud={input.cloud:q} decoded={input.cloud:q}"
+        "python -m puckbench.jobs evaluate {params.record} cloud={input.cloud:q} decoded={input.cloud:q}"
         " row={output:q} {params.truth} > {log:q} 2>&1"

@@ -2,7 +2,6 @@
 rule report_page:
     input:
         *outputs.report_contents.files(),
-        record=record_of(lambda w: outputs.report),
     output:
         f"{RESULTS}/report.html",
     log:
@@ -14,10 +13,11 @@ rule report_page:
         mem_mb=2000,
         runtime=20,
     params:
+        record=record_of(lambda w: outputs.report),
         code=outputs.report.code,
         below=lambda w, input: str(input[0]).removesuffix(outputs.report_contents.files()[0]) or ".",
     shell:
-        "python -m puckbench.jobs report {input.record} below={params.below:q} page={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs report {params.record} below={params.below:q} page={output:q} > {log:q} 2>&1"
 
 
 # Reference results: the run's tables in one file, for others to compare with (`make reference`).
@@ -26,10 +26,10 @@ if plan.datasets:
     rule reference:
         input:
             **outputs.reference_inputs,
-            record=record_of(lambda w: outputs.reference),
         output:
             f"{RESULTS}/reference.parquet",
         params:
+            record=record_of(lambda w: outputs.reference),
             code=outputs.reference.code,
             files=lambda w, input: files_of(input, outputs.reference_inputs),
         resources:
@@ -40,4 +40,4 @@ if plan.datasets:
         conda:
             "../../envs/puckbench.yaml"
         shell:
-            "python -m puckbench.jobs reference {input.record} {params.files} out={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs reference {params.record} {params.files} out={output:q} > {log:q} 2>&1"

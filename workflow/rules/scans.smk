@@ -3,7 +3,6 @@ rule scan:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        record=record_of(lambda w: clouds.scan(w.dataset, w.cloud)),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:
@@ -15,6 +14,7 @@ rule scan:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     params:
+        record=record_of(lambda w: clouds.scan(w.dataset, w.cloud)),
         code=code_of(lambda w: clouds.scan(w.dataset, w.cloud)),
     shell:
-        "python -m puckbench.jobs scan {input.record} mesh={input.scene:q} table={output:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs scan {params.record} mesh={input.scene:q} table={output:q} > {log:q} 2>&1"

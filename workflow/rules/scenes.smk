@@ -2,7 +2,6 @@
 rule scene:
     input:
         lambda w: plan.scenes[w.scenes].files(w.scene),
-        record=record_of(lambda w: clouds.scene(w.scenes, w.scene)),
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
         about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
@@ -17,9 +16,10 @@ rule scene:
         mem_mb=2000,
         runtime=10,
     params:
+        record=record_of(lambda w: clouds.scene(w.scenes, w.scene)),
         code=code_of(lambda w: clouds.scene(w.scenes, w.scene)),
     shell:
-        "python -m puckbench.jobs scene {input.record} scene={output.scene:q} > {log:q} 2>&1"
+        "python -m puckbench.jobs scene {params.record} scene={output.scene:q} > {log:q} 2>&1"
 
 
 # Returns of real sensors, in their own frame and numbers.

@@ -2,8 +2,6 @@
 if plan.study is not None:
 
     rule residuals:
-        input:
-            record=record_of(lambda w: study.residuals(w.model)),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
@@ -14,14 +12,14 @@ if plan.study is not None:
             mem_mb=1500,
             runtime=20,
         params:
+            record=record_of(lambda w: study.residuals(w.model)),
             code=code_of(lambda w: study.residuals(w.model)),
         shell:
-            "python -m puckbench.jobs residuals {input.record} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs residuals {params.record} table={output:q} > {log:q} 2>&1"
 
     rule capture_residuals:
         input:
             capture=lambda w: plan.study.captures[w.capture][0],
-            record=record_of(lambda w: study.capture_residuals(w.capture)),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:
@@ -32,14 +30,13 @@ if plan.study is not None:
             mem_mb=2000,
             runtime=20,
         params:
+            record=record_of(lambda w: study.capture_residuals(w.capture)),
             code=code_of(lambda w: study.capture_residuals(w.capture)),
         shell:
-            "python -m puckbench.jobs capture_residuals {input.record} capture={input.capture:q} table={output:q}"
+            "python -m puckbench.jobs capture_residuals {params.record} capture={input.capture:q} table={output:q}"
             " > {log:q} 2>&1"
 
     rule wall_points:
-        input:
-            record=record_of(lambda w: study.wall_points(w.model)),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:
@@ -50,15 +47,15 @@ if plan.study is not None:
             mem_mb=1500,
             runtime=10,
         params:
+            record=record_of(lambda w: study.wall_points(w.model)),
             code=code_of(lambda w: study.wall_points(w.model)),
         shell:
-            "python -m puckbench.jobs wall_points {input.record} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs wall_points {params.record} table={output:q} > {log:q} 2>&1"
 
     # Made when it is asked for: not every set of captures tells all of its parameters.
     rule calibration:
         input:
             residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
-            record=record_of(lambda w: study.calibrate()),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
         log:
@@ -69,15 +66,15 @@ if plan.study is not None:
             mem_mb=2000,
             runtime=20,
         params:
+            record=record_of(lambda w: study.calibrate()),
             code=study.calibrate().code,
         shell:
-            "python -m puckbench.jobs calibrate {input.record} residuals={input.residuals:q} model={output:q} > {log:q} 2>&1"
+            "python -m puckbench.jobs calibrate {params.record} residuals={input.residuals:q} model={output:q} > {log:q} 2>&1"
 
     # Tables of several models or recordings as one.
     rule study_table:
         input:
             rows=lambda w: study.gathered[w.table].files(plan.results),
-            record=record_of(lambda w: study.gathered[w.table].job),
         output:
             f"{RESULTS}/tables/{{table}}.parquet",
         log:
@@ -90,9 +87,10 @@ if plan.study is not None:
             mem_mb=3000,
             runtime=20,
         params:
+            record=record_of(lambda w: study.gathered[w.table].job),
             job=lambda w: study.gathered[w.table].job.name,
             code=code_of(lambda w: study.gathered[w.table].job),
             results=lambda w, input: folder_of(input.rows, study.gathered[w.table]),
         shell:
-            "python -m puckbench.jobs {params.job} {input.record} results={params.results:q} parquet={output:q}"
+            "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} parquet={output:q}"
             " > {log:q} 2>&1"

@@ -2,9 +2,8 @@
 rule results_table:
     input:
         rows=lambda w: outputs.gathered[w.table].files(plan.results),
-        record=record_of(lambda w: outputs.gathered[w.table].job),
     output:
-        csv=f"{RESULTS}/tables/{{table}}.csv",
+        csv=report(f"{RESULTS}/tables/{{table}}.csv", category="Tables", labels={"table": "{table}"}),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",
     log:
         f"{RESULTS}/logs/tables/{{table}}.log",
@@ -16,18 +15,18 @@ rule results_table:
         mem_mb=1000,
         runtime=10,
     params:
+        record=record_of(lambda w: outputs.gathered[w.table].job),
         job=lambda w: outputs.gathered[w.table].job.name,
         code=code_of(lambda w: outputs.gathered[w.table].job),
         results=lambda w, input: folder_of(input.rows, outputs.gathered[w.table]),
     shell:
-        "python -m puckbench.jobs {params.job} {input.record} results={params.results:q} csv={output.csv:q}"
+        "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} csv={output.csv:q}"
         " parquet={output.parquet:q} > {log:q} 2>&1"
 
 
 rule table:
     input:
         unpack(lambda w: outputs.tables[w.table]),
-        record=record_of(lambda w: outputs.table(w.table)),
     output:
         csv=report(
             f"{RESULTS}/tables/{{table}}.csv",
@@ -45,10 +44,11 @@ rule table:
         mem_mb=1500,
         runtime=10,
     params:
+        record=record_of(lambda w: outputs.table(w.table)),
         code=code_of(lambda w: outputs.table(w.table)),
         tables=lambda w, input: files_of(input, outputs.tables[w.table]),
     shell:
-        "python -m puckbench.jobs table {input.record} {params.tables} out={output.csv:q} {output.parquet:q}"
+        "python -m puckbench.jobs table {params.record} {params.tables} out={output.csv:q} {output.parquet:q}"
         " > {log:q} 2>&1"
 
 

@@ -5,7 +5,6 @@ rule weights:
         clouds=lambda w: training.cloud_files(training.training(w.trained).clouds),
         validate=lambda w: training.cloud_files(training.training(w.trained).validate),
         start=lambda w: training.training(w.trained).start or [],
-        record=record_of(lambda w: training.train(w.trained)),
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
@@ -19,9 +18,10 @@ rule weights:
         mem_mb=lambda w: training.memory_mb(w.trained),
         runtime=24 * 60,
     params:
+        record=record_of(lambda w: training.train(w.trained)),
         code=code_of(lambda w: training.train(w.trained)),
     shell:
-        "python -m puckbench.jobs train {input.record} clouds={input.clouds:q} weights={output.weights:q}"
+        "python -m puckbench.jobs train {params.record} clouds={input.clouds:q} weights={output.weights:q}"
         " validate={input.validate:q} > {log:q} 2>&1"
 
 

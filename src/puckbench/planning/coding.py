@@ -115,6 +115,11 @@ class CodingJobs:
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
         )
 
+    def artefacts(self) -> list[str]:
+        """The files of all curves below the results folder: streams and rows."""
+        coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.plan.curves]
+        return [*coded, *self.rows("metrics"), *self.rows("recovery")]
+
     def _seconds(self, codec: str) -> float:
         """Estimate of what coding and decoding the largest clouds takes at one rate."""
         return self.timing.repeats * self.pace(codec).of(self._most_points)
