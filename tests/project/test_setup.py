@@ -204,7 +204,8 @@ def test_a_missing_browser_is_named_before_the_tests_tools_are_installed(
 
 
 def test_a_browser_that_the_variable_names_is_enough(tmp_path: Path, bin_folder: Path) -> None:
-    path = bare_system(bin_folder, python3="exit 0", mine="exit 0", rm="echo stopped >&2; exit 2")
+    stop = "echo stopped >&2; exit 2"
+    path = bare_system(bin_folder, python3="exit 0", mine="exit 0", rsync="exit 0", rm=stop)
     done = set_up(path, tmp_path, "test", CHROMIUM="mine")
     assert "Chromium" not in done.stderr
     assert "stopped" in done.stderr

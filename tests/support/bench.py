@@ -202,11 +202,14 @@ class Bench:
         assert done.returncode == 0, done.stderr[-4000:]
         rows = csv.DictReader(done.stdout.splitlines(), delimiter="\t")
         jobs = {
-            (row["log-file(s)"], row["rule"], _name(row["rule"], row["output_file"]))
+            (
+                Path(row["output_file"]).with_suffix("").parts[2:],  # below results/FOLDER
+                _name(row["rule"], row["output_file"]),
+            )
             for row in rows
             if row["plan"] != "no update"
         }
-        return dict(Counter(name for _, _, name in jobs))
+        return dict(Counter(name for _, name in jobs))
 
 
 def _name(rule: str, output: str) -> str:

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from puckbench.core.files import read_json
+from puckbench.jobs.curve import read_rows
 from tests.support.bench import ROOT, Bench
 
 SETTINGS = {"lmbdas": [1, 4], "channels": [4, 8, 8, 8], "batch_size": 1, "cube_size": 1024}
@@ -50,12 +51,12 @@ def test_weights_are_trained_from_scenes_and_used(training: Bench) -> None:
     assert training.planned("train") == {}
     changed = {**TRAININGS, "again": {**TRAININGS["again"], "steps": 3}}
     training.configure({"train": changed, "figures": {}, "sensor_study": None})
-    assert training.planned("train") == {"weights": 1, "train": 1}
+    assert training.planned("train") == {"weights": 1}
     codec = {"options": {"weights": str(weights / "tiny.safetensors")}, "rates": ["r2", "r4", "r6"]}
     training.configure({"codecs": {"pcgcv2_plus": codec}, "figures": {}, "sensor_study": None})
-    row = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2_plus" / "r2.json"
-    training.made(str(row.relative_to(training.folder)))
-    assert read_json(row)["weights"].startswith("tiny ")
+    rows = training.results / "metrics" / "objects" / "chair_01" / "pcgcv2_plus.parquet"
+    training.made(str(rows.relative_to(training.folder)))
+    assert read_rows([rows])[0]["weights"].startswith("tiny ")
 
 
 @pytest.mark.parametrize(

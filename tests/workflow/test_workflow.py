@@ -314,7 +314,7 @@ def test_rules_are_named_on_the_command_line_as_in_any_workflow(fresh: Bench) ->
     assert set(jobs("--until", "encode")) == {
         *("scene", "sample", "scan", "prepare", "encode", "total"),
     }
-    assert not {"encode", "evaluate", "figure"} & set(jobs("--omit-from", "encode"))
+    assert not {"encode", "evaluate", "recovery"} & set(jobs("--omit-from", "encode"))
     target = "results/coded/objects/chair_01/draco.zip"
     asked = ["--set-resources", "encode:mem_mb=123", "--set-threads", "encode=2", "--quiet", "host"]
     done = fresh.snakemake(target, *asked, "--dry-run", "--printshellcmds")

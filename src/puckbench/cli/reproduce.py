@@ -44,8 +44,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         found = estimated(asked.job_kinds(), read_job_times(options.estimate))
         return _estimate(found)
     pending = _pending(asked) if options.exact and not asked.absent else None
-    items = asked.items(None if pending is None else {file for file, _, _ in pending})
-    left = None if pending is None else _jobs_by_rule(pending)
+    items = asked.items(None if pending is None else [file for file, _ in pending])
+    left = None if pending is None else _jobs_by_rule(pending, asked.results)
     if options.json:
         rows = [vars(item) for item in items]
         done = {} if asked.absent else asked.progress()
@@ -58,8 +58,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     return answer | made | {f"left: {rule}": count for rule, count in (left or {}).items()}
 
 
-def _pending(asked: Reproduction) -> list[tuple[str, str, str]]:
-    """File, rule and log of all that Snakemake would make; InputError when Snakemake fails."""
+def _pending(asked: Reproduction) -> list[tuple[str, str]]:
+    """File and rule of all that Snakemake would make; InputError when Snakemake fails."""
     words = [sys.executable, "-m", *asked.command("--summary")]
     words += ["--snakefile", str(asked.snakefile)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -67,16 +67,15 @@ def _pending(asked: Reproduction) -> list[tuple[str, str, str]]:
         last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
         raise InputError(f"snakemake --summary failed: {last}")
     rows = csv.DictReader(done.stdout.splitlines(), delimiter="\t")
-    return [
-        (row["output_file"], row["rule"], row["log-file(s)"])
-        for row in rows
-        if row["plan"] != "no update"
-    ]
+    return [(row["output_file"], row["rule"]) for row in rows if row["plan"] != "no update"]
 
 
-def _jobs_by_rule(pending: list[tuple[str, str, str]]) -> dict[str, int]:
-    """Jobs by rule; each job has a log of its own."""
-    return dict(Counter(rule for rule, _ in {(rule, log) for _, rule, log in pending}))
+def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, int]:
+    """Jobs by rule; the files of one job have one name below their folders."""
+    names = {
+        (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
+    }
+    return dict(Counter(rule for rule, _ in names))
 
 
 def _estimate(found: list[Estimate]) -> dict[str, Any]:
