@@ -13,6 +13,7 @@ from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, ready
+from puckbench.jobs.curve import read_curve
 from puckbench.metrics.measures import measures
 
 if TYPE_CHECKING:
@@ -20,7 +21,16 @@ if TYPE_CHECKING:
 
     from puckbench.metrics.geometry import Reference
 
-__all__ = ["Codec", "InputError", "PointCloud", "compare", "open_codec", "prepare", "read_cloud"]
+__all__ = [
+    "Codec",
+    "InputError",
+    "PointCloud",
+    "compare",
+    "open_codec",
+    "prepare",
+    "read_cloud",
+    "read_curve",
+]
 
 
 def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
