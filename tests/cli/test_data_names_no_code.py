@@ -22,6 +22,7 @@ from puckbench.geometry.mesh import Labels, Primitive, SceneObject
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes import write_mesh
 from puckbench.io.tables import write_table
+from puckbench.jobs.curve import write_rows
 from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference
 from puckbench.report.run_record import RunRecord
@@ -320,14 +321,15 @@ def _times_of_a_run(place: str) -> int:
 def _rows_of_a_run(place: str) -> int:
     """Result rows that become a table."""
     row = {"dataset": "a", "cloud": "b", "rate": "r1", "codec": place, "class": place, "bpp": 1.0}
-    write_json(Path("r1.json"), row)
-    files = ["rows=r1.json", "csv=a.csv", "parquet=a.parquet", "summary=b.csv"]
-    return job(["metrics_table", "{}", *files])
+    write_rows(Path("rows.parquet"), [row])
+    write_json(Path("record.json"), {"kind": "metrics", "names": ["rows.parquet"]})
+    return job(["rows_table", "record.json", "results=.", "csv=a.csv", "parquet=a.parquet"])
 
 
 def _job(place: str) -> int:
     """The name of a job, which is one of ours."""
-    return job([place, "{}"])
+    write_json(Path("record.json"), {})
+    return job([place, "record.json"])
 
 
 READERS: dict[Callable[[str], int], str | None] = {

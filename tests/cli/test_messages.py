@@ -64,8 +64,9 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     assert main(["encode", str(cloud), str(out), *coding]) == 130
     assert capsys.readouterr().err == "puckbench: interrupted\n"
     assert sorted(cloud.parent.iterdir()) == before
-    record = json.dumps({"codec": "draco", "rate": "r1"})
-    assert process.main(["encode", record, f"cloud={cloud}", f"stream={out}"]) == 130
+    record = cloud.with_name("record.json")
+    record.write_text(json.dumps({"codec": "draco", "rate": "r1"}))
+    assert process.main(["encode", str(record), f"cloud={cloud}", f"stream={out}"]) == 130
     assert capsys.readouterr().err == "puckbench: interrupted\n"
 
 

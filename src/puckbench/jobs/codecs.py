@@ -63,7 +63,7 @@ class CodecJob(Job):
         if name not in CODECS and "class" not in self.changes:
             code = repr(name) if is_place(name) else "path/to/file.py:Class"
             raise InputError(
-                f"codec {name!r} of its record is not registered, and data name no code to run: "
+                f"codec {name!r} is not registered, and data name no code to run: "
                 f"if it is yours, say --codec {code}"
             )
         return name
