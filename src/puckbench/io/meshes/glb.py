@@ -207,8 +207,7 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 def _moved(vertices: Floats, triangles: Integers, matrix: Floats) -> tuple[Floats, Integers]:
     """A part of the scene in its place; a mirrored one keeps its front."""
-    with np.errstate(invalid="ignore", over="ignore"):  # the mesh is checked as a whole
-        placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return placed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 
 

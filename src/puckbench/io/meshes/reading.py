@@ -61,10 +61,11 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
     read = _reader(path)
-    with unpacked(path) as plain:
+    # Numbers that are not finite, or whose squares are not, are for the check of the whole mesh.
+    with unpacked(path) as plain, np.errstate(invalid="ignore", over="ignore"):
         polygons = read(plain)
-    turned = _turned(polygons, polygons.up or up)
-    return mesh_of_polygons(turned, str(path), plain_suffix(path)[1:])
+        turned = _turned(polygons, polygons.up or up)
+        return mesh_of_polygons(turned, str(path), plain_suffix(path)[1:])
 
 
 def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
