@@ -114,10 +114,11 @@ def read_table(path: Path, kind: type[T]) -> T:
     check_rows(path)
     try:
         rows = parquet.read_table(path)
-    except (OSError, pa.ArrowException) as error:
+        names = rows.column_names
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
         reason = "no such file" if not path.exists() else "not a readable Parquet file"
         raise InputError(f"{path}: {reason}") from error
-    missing = [name for name in declared.columns if name not in rows.column_names]
+    missing = [name for name in declared.columns if name not in names]
     if missing:
         raise InputError(f"{path}: not a {declared.name}, it lacks {', '.join(missing)}")
     text = (rows.schema.metadata or {}).get(declared.key.encode(), b"{}")
@@ -137,7 +138,7 @@ def metadata_of(path: Path) -> dict[bytes, bytes]:
 
     try:
         found: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
-    except (OSError, ArrowException):
+    except (OSError, UnicodeDecodeError, ArrowException):
         return {}
     return found
 

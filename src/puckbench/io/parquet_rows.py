@@ -24,7 +24,7 @@ def check_rows(path: Path) -> None:
 
     try:
         metadata = parquet.read_metadata(path)
-    except (OSError, ArrowException):
+    except (OSError, UnicodeDecodeError, ArrowException):
         return
     most, _ = limits(path.stat().st_size)
     if metadata.num_rows * metadata.num_columns * _VALUE_BYTES > most:

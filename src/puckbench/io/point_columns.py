@@ -154,8 +154,12 @@ def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
     with np.errstate(invalid="ignore"):
-        extent = max(float(np.nanmax(part) - np.nanmin(part)) for part in parts)
-        step = max(float(np.spacing(np.nanmax(np.abs(part)))) for part in parts)
+        parts = [part[np.isfinite(part)] for part in parts]
+    if not all(map(len, parts)):
+        return None
+    with np.errstate(over="ignore"):
+        extent = max(float(np.ptp(part)) for part in parts)
+    step = max(float(np.spacing(np.abs(part).max())) for part in parts)
     return step if np.isfinite(extent) and step > _MOST_STEP * extent > 0 else None
 
 
@@ -192,7 +196,7 @@ def _unpacked(columns: Columns) -> NDArray[np.uint8] | None:
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
     """Colours (n, 3) as whole numbers to 255, and whether nothing is lost by that."""
     if colours.dtype.kind == "f":
-        high = np.nanmax(colours, initial=0)
+        high = np.nan_to_num(colours).max(initial=0)
         scaled = np.clip(np.nan_to_num(colours * (_HIGHEST if high <= 1 else 1)), 0, _HIGHEST)
         return np.rint(scaled).astype(np.uint8), bool(high > 1 and (scaled == colours).all())
     if colours.max(initial=0) <= _HIGHEST:

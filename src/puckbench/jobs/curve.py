@@ -13,6 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import json_of, read_bytes, read_object, written_whole
 from puckbench.core.models import Model, parsed
 from puckbench.io.archives import SUFFIX, read_archive, write_archive
+from puckbench.io.parquet_rows import check_rows
 
 STREAM, RECORD = ".bin", ".json"
 
@@ -115,9 +116,10 @@ def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
 
     rows: list[dict[str, Any]] = []
     for path in paths:
+        check_rows(path)
         try:
             rows += parquet.ParquetFile(path).read().to_pylist()
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             fault = " ".join(str(error).split())
             raise InputError(f"{path}: not a readable table of results ({fault})") from error
     return [{key: value for key, value in row.items() if value is not None} for row in rows]
