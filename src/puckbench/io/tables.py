@@ -24,7 +24,7 @@ def read_table(path: Path) -> pd.DataFrame:
             table = pd.read_csv(path, dtype=dict.fromkeys(_NAMES, "str"))
     except OSError as error:
         raise unreadable(path, error) from error
-    except (ValueError, LookupError, TypeError, AttributeError) as error:  # of wrong metadata too
+    except (ValueError, NotImplementedError, LookupError, TypeError, AttributeError) as error:
         fault = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError(f"{path}: not a readable table ({fault})") from error
     if len(table) == 0:
