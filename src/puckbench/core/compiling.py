@@ -63,7 +63,7 @@ class SourcesLocator(InTreeCacheLocator):
         self._folder = loops_folder(file.parent) / place
 
     def get_cache_path(self) -> str:
-        """The folder in which numba keeps the function."""
+        """Folder of the function's compiled code."""
         return str(self._folder)
 
 

@@ -33,7 +33,7 @@ COMPRESSED = tuple(_OPENERS)
 """Suffixes of compressed files."""
 LEAST_LIMIT = 1 << 28
 MOST_TIMES = 40
-"""Content has up to 256 MiB, or forty times the bytes of its file."""
+"""Decompressed content is limited to 256 MiB, or 40 times the file's size if that is more."""
 _PORTION, _HEAD = 1 << 20, 1 << 10
 
 

@@ -113,8 +113,13 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """Write `value` as indented JSON with sorted keys; nan and infinity are refused."""
+    write_bytes(path, json_bytes(value))
+
+
+def json_bytes(value: Any) -> bytes:
+    """The bytes of a JSON file, indented, keys sorted; ValueError for nan and infinity."""
     text = json.dumps(value, indent=1, sort_keys=True, allow_nan=False)
-    write_bytes(path, (text + "\n").encode())
+    return (text + "\n").encode()
 
 
 def read_json(path: Path) -> Any:
@@ -147,9 +152,14 @@ def _is_deep(value: Any) -> bool:
 
 def read_object(path: Path) -> dict[str, Any]:
     """Read a JSON file that holds an object; InputError as `read_json`, or for another value."""
-    value = read_json(path)
+    return object_of(read_bytes(path), str(path))
+
+
+def object_of(data: bytes, what: str) -> dict[str, Any]:
+    """The object of a JSON text; InputError as of `json_of`, or for another value."""
+    value = json_of(data, what)
     if not isinstance(value, dict):
-        raise InputError(f"{path}: not a JSON object")
+        raise InputError(f"{what}: not a JSON object")
     return value
 
 

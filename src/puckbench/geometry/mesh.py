@@ -142,7 +142,7 @@ def surface_in_metres(surface: Mesh, scale: float, offset: Floats) -> Mesh:
 
 
 def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
-    """Bring a mesh, with the primitives of its labels, from another unit to metres."""
+    """Scale a mesh and its labelled primitives from another unit to metres."""
     labels = mesh.labels
     if labels is not None and metres_per_unit != 1:
         scale, origin = 1 / metres_per_unit, np.zeros(3)

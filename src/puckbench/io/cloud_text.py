@@ -228,7 +228,7 @@ def _split(text: str, mark: str) -> list[str]:
 def _unnamed(
     parts: list[NDArray[Any]], first: str, path: Path
 ) -> tuple[list[str], list[NDArray[Any]]]:
-    """Names, by what is customary, and columns of a table without names."""
+    """Customary names for the columns of a table without a header, and these columns."""
     while parts and _is_empty(parts[-1]):
         parts = parts[:-1]
     if len(parts) < _FEWEST or not all(part.dtype.kind in "fiu" for part in parts):
@@ -257,7 +257,7 @@ def _is_empty(part: NDArray[Any]) -> bool:
 
 
 def _numbers(names: Sequence[str], parts: Sequence[NDArray[Any]], path: Path) -> Columns:
-    """The columns of numbers by name; a remark names the others."""
+    """Numeric columns by name; the names of the other columns are logged."""
     named = {name: part for name, part in zip(names, parts, strict=True) if name}
     numbers = {name: part for name, part in named.items() if part.dtype.kind in "fiu"}
     others = [name for name in named if name not in numbers]

@@ -118,7 +118,7 @@ def _fitting(values: Rows, size: int) -> list[int]:
 
 
 def _names_of(rows: Rows) -> tuple[str, ...]:
-    """Names of columns: after the intensity the ring if there is one, and the time."""
+    """Names of a frame's columns: x, y, z, intensity, the ring if it has one, and the time."""
     names = [*_LAYOUTS[min(rows.shape[1], _USUAL)]]
     for place in range(len(names), rows.shape[1]):
         likely = "ring" if _are_rings(rows[:, place]) else "time"

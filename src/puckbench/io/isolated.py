@@ -44,7 +44,7 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 
 @dataclass(frozen=True)
 class Parsed:
-    """What a parser hands back: columns (n,) or (n, k) by name, and what JSON can hold."""
+    """Result of a parser: arrays (n,) or (n, k) by name, and values that JSON can hold."""
 
     columns: dict[str, NDArray[Any]]
     about: dict[str, Any] = field(default_factory=dict)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import NonNegativeFloat, NonNegativeInt
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import json_of, read_bytes, read_object, written_whole
+from puckbench.core.files import json_bytes, object_of, read_bytes, read_object, written_whole
 from puckbench.core.models import Model, parsed
 from puckbench.io.archives import SUFFIX, read_archive, write_archive
 from puckbench.io.parquet_rows import check_rows
@@ -33,8 +32,7 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
     members = {}
     for rate, one in coded.items():
         members[rate + STREAM] = one.stream
-        text = json.dumps(one.record, indent=1, sort_keys=True, allow_nan=False)
-        members[rate + RECORD] = f"{text}\n".encode()
+        members[rate + RECORD] = json_bytes(one.record)
     write_archive(path, members)
 
 
@@ -49,9 +47,7 @@ def read_curve(path: Path) -> dict[str, Coded]:
 
 def _coded(path: Path, members: Mapping[str, bytes], rate: str) -> Coded:
     what = f"{path}: {rate}{RECORD}"
-    record = json_of(members.get(rate + RECORD, b"{}"), what)
-    if not isinstance(record, dict):
-        raise InputError(f"{what}: not a JSON object")
+    record = object_of(members.get(rate + RECORD, b"{}"), what)
     return Coded(members[rate + STREAM], _checked(record, what))
 
 

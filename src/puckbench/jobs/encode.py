@@ -117,7 +117,7 @@ class Encode(Encoding):
 
 @JOBS.register("encode_curve")
 class EncodeCurve(Encoding):
-    """Code a cloud at all rates of a codec's entry, in one process."""
+    """Code a cloud at every rate of the codec, in one process."""
 
     def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
         """Write the streams and their records as one file."""

@@ -161,7 +161,7 @@ def _end_of_job(server: socket.socket) -> bytes:
 
 
 def _kill(job: int) -> None:
-    """End a process by its descriptor: a job that outlives its watcher would write its files."""
+    """Kill a job by its process descriptor, so that it writes no files after its watcher died."""
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(job, signal.SIGKILL)
     select.select([job], [], [])

@@ -11,7 +11,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("join_streams")
 class JoinStreams(Job):
-    """Join the streams of a curve's parts."""
+    """Join the archives of streams that the parts of a curve made."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
         """Write the streams and their records as one file, in the order of the parts."""
@@ -22,7 +22,7 @@ class JoinStreams(Job):
 
 @JOBS.register("join_rows")
 class JoinRows(Job):
-    """Join the result rows of a curve's parts."""
+    """Join the tables of result rows that the parts of a curve made."""
 
     def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
         """Write the rows as one table, in the order of the parts."""

@@ -140,7 +140,7 @@ class CodingJobs:
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
     def encode(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Code a cloud at all of its rates, or those of a part."""
+        """Plan to code a cloud at all rates of its curve, or at those of one part."""
         return self._encode(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019
@@ -164,7 +164,7 @@ class CodingJobs:
         return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Measure the streams of a curve, or of a part of it."""
+        """Plan to measure all streams of a curve, or those of one part."""
         return self._evaluate(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019

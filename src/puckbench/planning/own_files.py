@@ -349,12 +349,8 @@ def _seconds(plan: Plan) -> float:
 def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> None:
     """InputError where all clouds of a frame are too wide for a codec at these rates."""
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
-    if names and not any(
-        dataset in names
-        and coder == codec
-        and {*rates} & {*plan.curve_rates(dataset, cloud, coder)}
-        for dataset, cloud, coder in plan.curves
-    ):
+    curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
+    if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 

@@ -227,7 +227,7 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Rates that are left out, as the cloud is too wide for them: data set, cloud, codec."""
+        """Rates that are too fine for the width of a cloud, by data set, cloud and codec."""
         found = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()

@@ -61,7 +61,7 @@ def read_glb(path: Path) -> Polygons:
 
 
 def _chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON and the binary chunk, which may be empty."""
+    """The JSON chunk of a GLB file, and its binary chunk, which may be empty."""
     if data[:4] != b"glTF":
         raise InputError(f"{path}: not a GLB file")
     version, length = (int.from_bytes(data[at : at + 4], "little") for at in (4, 8))
