@@ -6,14 +6,12 @@ import io
 import struct
 import warnings
 import zipfile
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.corpus.case import Case, content
+from tests.corpus.case import cloud_case as _case
 
 TWO = np.array([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])
 
@@ -62,17 +60,6 @@ def _fields(*kinds: Any, **values: Any) -> NDArray[Any]:
 
 _XYZ = [(axis, "<f4") for axis in "xyz"]
 _NAMED = dict(zip("xyz", TWO.T, strict=True))
-
-
-def _case(
-    file: str,
-    data: bytes | Callable[[Path], Any],
-    points: Any = TWO,
-    line: str | None = None,
-    **more: Any,
-) -> Case:
-    write = content(data) if isinstance(data, bytes) else data
-    return Case(file, write, "cloud", None if line else points, line, **more)
 
 
 RNG = np.random.default_rng(8)

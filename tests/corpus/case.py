@@ -58,6 +58,22 @@ def content(data: bytes | str) -> Callable[[Path], None]:
     return lambda path: path.write_bytes(raw) and None
 
 
+TWO = [(1, 2, 3), (4, 5, 6)]
+"""The points of most clouds of the corpus."""
+
+
+def cloud_case(
+    file: str,
+    data: bytes | str | Callable[[Path], Any],
+    points: Any = TWO,
+    line: str | None = None,
+    **more: Any,
+) -> Case:
+    """A cloud's file, by its content or its writer, and its points or the line that refuses it."""
+    write = data if callable(data) else content(data)
+    return Case(file, write, "cloud", None if line else points, line, **more)
+
+
 def cases() -> Iterator[Case]:
     """The cases of all modules of the corpus (their ``CASES``)."""
     for module in sorted(module.name for module in pkgutil.iter_modules(tests.corpus.__path__)):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
 
 import lzf
 import numpy as np
 
-from tests.corpus.case import Case, content
+from tests.corpus.case import TWO
+from tests.corpus.case import cloud_case as _case
 
-TWO = [(1, 2, 3), (4, 5, 6)]
 _FLOATS = struct.pack("<6f", 1, 2, 3, 4, 5, 6)
 _TEXT = b"1 2 3\n4 5 6\n"
 _NAN = float("nan")
@@ -45,10 +44,6 @@ def _packed(plain: bytes, size: int | None = None) -> bytes:
 _COLUMNS = np.array(TWO, dtype="<f4").T.tobytes() + bytes(400)
 """x, then y, then z, then 200 bytes of a field for each point."""
 _PADDED = _fields("x y z _", "4 4 4 1", "F F F U", "1 1 1 200")
-
-
-def _case(file: str, data: bytes, points: Any = TWO, line: str | None = None, **more: Any) -> Case:
-    return Case(file, content(data), "cloud", None if line else points, line, **more)
 
 
 _IMAGE = {"WIDTH": "2", "HEIGHT": "2", "POINTS": "4"}

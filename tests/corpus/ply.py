@@ -9,12 +9,10 @@ import lzma
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from puckbench.codecs.common import zstandard
-from tests.corpus.case import Case, content
+from tests.corpus.case import cloud_case as _case
 
-TWO = [(1, 2, 3), (4, 5, 6)]
 _TEXT = "1 2 3\n4 5 6\n"
 _FLOATS = struct.pack("<6f", 1, 2, 3, 4, 5, 6)
 
@@ -35,17 +33,6 @@ def _ply(
 
 _ASCII = _ply(_TEXT, form="ascii")
 _FACES = "element face {}\nproperty list uchar int vertex_indices\n"
-
-
-def _case(
-    file: str,
-    data: bytes | Callable[[Path], Any],
-    points: Any = TWO,
-    line: str | None = None,
-    **more: Any,
-) -> Case:
-    write = content(data) if isinstance(data, bytes) else data
-    return Case(file, write, "cloud", None if line else points, line, **more)
 
 
 def _beside(data: bytes, text: str) -> Callable[[Path], None]:

@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from tests.corpus.case import Case, content
+from tests.corpus.case import cloud_case as _case
 
-TWO = [(1, 2, 3), (4, 5, 6)]
 INTENSITY = {"Intensity": [7, 8]}
-
-
-def _case(
-    file: str, text: bytes | str, points: object = TWO, line: str | None = None, **more: object
-) -> Case:
-    return Case(file, content(text), "cloud", None if line else points, line, **more)  # type: ignore[arg-type]
 
 
 _NAMED = "{0}1{0}2{0}3{0}7\n{0}4{0}5{0}6{0}8\n"
