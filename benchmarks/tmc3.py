@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from benchmarks.turns import Turn
 
-from puckbench.codecs.external.program import write_points
-from puckbench.codecs.gpcc.coder import decode_geometry
-from puckbench.codecs.gpcc.sensor import SensorDescription
+from puckbench.codecs.external import write_points
 from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.coder import decode_geometry
+from puckbench.gpcc.sensor import SensorDescription
 from puckbench.io.clouds import read_cloud
 
 SECONDS, MEMORY = 30, 2**31

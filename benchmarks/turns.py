@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.codecs.gpcc.sensor import SensorDescription, described
 from puckbench.core.seeding import generator
 from puckbench.geometry.morton import Ints
+from puckbench.gpcc.sensor import SensorDescription, described
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings import read_recording
 from puckbench.lidar.returns import Beams

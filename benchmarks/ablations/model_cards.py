@@ -18,11 +18,11 @@ from pathlib import Path
 
 import yaml
 
-from puckbench.codecs.learned.catalogue import header_of, shipped
-from puckbench.codecs.learned.training.validation import peak_of, validation
 from puckbench.codecs.registry import open_codec
 from puckbench.core.files import write_json
 from puckbench.io.clouds import read_cloud
+from puckbench.jobs.validation import peak_of, validation
+from puckbench.learned.catalogue import header_of, shipped
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]

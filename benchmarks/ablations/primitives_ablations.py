@@ -20,15 +20,6 @@ from typing import Any
 import numpy as np
 from benchmarks.ablations import primitives_rate_distortion as rd
 
-from puckbench.codecs.primitives import (
-    grid_alignment,
-    mode_decision,
-    preparation,
-    smoothing,
-    surface_mode,
-    voxel_mode,
-)
-from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.geometry.closest import mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
@@ -38,6 +29,15 @@ from puckbench.lidar.placement import free_origin
 from puckbench.lidar.scan import scan
 from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.sweep import open_sweep
+from puckbench.primitives import (
+    grid_alignment,
+    mode_decision,
+    preparation,
+    smoothing,
+    surface_mode,
+    voxel_mode,
+)
+from puckbench.primitives.manhattan_frame import rotation_matrix
 
 SIGMAS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
 POINTS = (50_000, 150_000, 500_000, 1_150_000)

@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.codecs.primitives.decoder import read_patches, surface_part
-from puckbench.codecs.primitives.segments import segment_points
 from puckbench.codecs.registry import open_codec
 from puckbench.core.seeding import generator
 from puckbench.figures.drawing import lay_out, save_figure
@@ -30,6 +28,8 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.rendering import render_cloud, three_quarter_view
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes.reading import read_mesh
+from puckbench.primitives.decoder import read_patches, surface_part
+from puckbench.primitives.segments import segment_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,8 +23,8 @@ import numpy as np
 from benchmarks.ablations.puck_smoothed import Turned, turned
 from scipy.spatial import cKDTree
 
-from puckbench.codecs.puck.codec import Puck
-from puckbench.codecs.puck.smoothed import PuckSmoothed
+from puckbench.codecs.puck import Puck
+from puckbench.codecs.puck_smoothed import PuckSmoothed
 from puckbench.geometry.cloud import PointCloud
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.recordings.reading import read_packets

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.puck import smoothing
 from puckbench.codecs.registry import open_codec
 from puckbench.core.seeding import generator
 from puckbench.datasets.registry import LOADERS
@@ -33,6 +32,7 @@ from puckbench.lidar.scan import scan
 from puckbench.lidar.scan_returns import ScanReturns, returns_of_scan, true_points
 from puckbench.lidar.scan_table import ScanTable
 from puckbench.metrics.truth import Truth
+from puckbench.puck import smoothing
 
 SWEEP = {
     "preset": "spin",

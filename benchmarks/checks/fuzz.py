@@ -49,10 +49,10 @@ from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.gpcc.conformance import FOLDER
-from puckbench.codecs.learned.codec import Learned
+from puckbench.codecs.learned import Learned
 from puckbench.codecs.registry import codec_class, codecs, open_codec
 from puckbench.core.errors import InputError
+from puckbench.gpcc.conformance import FOLDER
 from puckbench.lidar.returns import Returns
 
 ROOT = Path(__file__).parents[2]

@@ -31,10 +31,10 @@ from benchmarks.tmc3 import (
 )
 from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
 
-from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.codecs.gpcc.grid import Frame, quantised
-from puckbench.codecs.gpcc.options import PROFILES, SPINNING, GpccOptions
-from puckbench.codecs.gpcc.sensor import SensorDescription
+from puckbench.gpcc.coder import decode_geometry, encode_geometry
+from puckbench.gpcc.grid import Frame, quantised
+from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
+from puckbench.gpcc.sensor import SensorDescription
 
 COMMON = {**PROFILES["ctc"].model_dump(exclude_defaults=True), **SPINNING}
 """MPEG's common test conditions for a spinning sensor's sparse clouds."""

@@ -31,10 +31,10 @@ from benchmarks.tmc3 import (
 )
 from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
 
-from puckbench.codecs.gpcc.coder import decode_geometry
-from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions, encode_predictive
-from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.core.errors import InputError
+from puckbench.gpcc.coder import decode_geometry
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive
+from puckbench.gpcc.sensor import SensorDescription
 
 AS_TMC3: dict[str, Any] = {"slice_qp_interval_log2": 0}
 """TMC3's default for slices differs from its default for streams."""

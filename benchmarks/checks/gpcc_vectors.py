@@ -21,11 +21,11 @@ import numpy as np
 from benchmarks.clouds import grown, sampled_object, scanned_room
 from tests.support.small_turn import SENSOR, STEPS, small_turn
 
-from puckbench.codecs.external.program import write_points
-from puckbench.codecs.external.tmc13 import PROFILES
-from puckbench.codecs.gpcc.conformance import FOLDER
+from puckbench.codecs.external import write_points
+from puckbench.codecs.tmc13 import PROFILES
 from puckbench.core.files import write_json
 from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.conformance import FOLDER
 from puckbench.io.clouds import read_cloud
 
 IN_LOOP = ("--positionQuantisationEnabled=1", "--positionBaseQp=8")

@@ -22,8 +22,6 @@ import numpy as np
 from benchmarks.ablations import primitives_rate_distortion as rd
 from numpy.typing import NDArray
 
-from puckbench.codecs.primitives.preparation import prepare
-from puckbench.codecs.primitives.settings import rate_settings
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.mesh import Primitive
 from puckbench.geometry.ransac import least_squares_plane
@@ -34,6 +32,8 @@ from puckbench.metrics.recovery import (
     decoded_in_metres,
     recovery,
 )
+from puckbench.primitives.preparation import prepare
+from puckbench.primitives.settings import rate_settings
 
 Ints = NDArray[np.int64]
 

@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.reno.codec import Reno
 from puckbench.codecs.registry import open_codec
+from puckbench.codecs.reno import Reno
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.registry import JOBS

@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.clouds import scanned_room
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.external.program import ExternalCodec
-from puckbench.codecs.measurement import measured
+from puckbench.codecs.external import ExternalCodec
 from puckbench.codecs.registry import open_codec
+from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import Floats
 
 T = TypeVar("T")

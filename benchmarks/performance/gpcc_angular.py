@@ -20,8 +20,8 @@ from benchmarks.checks.gpcc_angular_crosscheck import COMMON, tmc3_options
 from benchmarks.tmc3 import Reference
 from benchmarks.turns import Turn, virtual_turn
 
-from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.codecs.gpcc.options import GpccOptions
+from puckbench.gpcc.coder import decode_geometry, encode_geometry
+from puckbench.gpcc.options import GpccOptions
 
 COLUMNS = "| points | bytes, TMC3 / ours | | TMC3, process s | TMC3, printed s | ours s | ratio |"
 

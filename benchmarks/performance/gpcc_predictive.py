@@ -21,9 +21,9 @@ from benchmarks.checks.gpcc_predictive_crosscheck import tmc3_options
 from benchmarks.tmc3 import Reference
 from benchmarks.turns import Turn, virtual_turn
 
-from puckbench.codecs.gpcc.coder import decode_geometry
-from puckbench.codecs.gpcc.predictive_coder import PredictiveOptions, encode_predictive
 from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.coder import decode_geometry
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive
 
 MOST = 1 << 24
 LEAST = 0.001

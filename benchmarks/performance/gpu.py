@@ -20,11 +20,11 @@ import numpy as np
 from benchmarks.clouds import sampled_object, scanned_room
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.device import why_not
-from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
+from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
+from puckbench.learned.device import why_not
 
 SHIPPED = ("pcgcv1_plus", "pcgcv2_plus", "pcgcv2_plus_rooms", "sparse_octree_net")
 HEADS = (

@@ -24,11 +24,11 @@ import numpy as np
 import torch
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.sparse.kernel_map import block_kernel_map
-from puckbench.codecs.learned.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
-from puckbench.codecs.measurement import measured
 from puckbench.codecs.registry import open_codec
+from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import Floats
+from puckbench.learned.sparse.kernel_map import block_kernel_map
+from puckbench.learned.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
 
 T = TypeVar("T")
 ENCODER, DECODER = ((16, 32, 32), (32, 64, 64), (64, 32, 8)), ((8, 64), (64, 32), (32, 16))

@@ -22,14 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from puckbench.codecs.puck.ranges import EFFORTS
-from puckbench.codecs.puck.recording import compress, decompress
-from puckbench.codecs.puck.stream import decode, encode
-from puckbench.codecs.puck.turns import Settings
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings.packet_turns import SENSORS, split_turns, turn_of
 from puckbench.lidar.recordings.reading import read_packets
 from puckbench.lidar.turns import Layout, Turn
+from puckbench.puck.ranges import EFFORTS
+from puckbench.puck.recording import compress, decompress
+from puckbench.puck.stream import decode, encode
+from puckbench.puck.turns import Settings
 
 QUANTUM_MM = 2.0
 LOSSY = ((1, 0), (2, 0), (4, 0), (8, 0), (8, 6), (16, 0), (16, 24), (32, 0), (32, 96))

@@ -13,13 +13,13 @@ import pytest
 import puckbench
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
-from puckbench.codecs.learned import codec as learned
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
+from puckbench.learned import codec as learned
 
 CAPTURE = Path(__file__).parents[1] / "data" / "capture" / "single.pcap"
 OWN = """

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from puckbench.codecs.base import Codec, Parameters
-from puckbench.codecs.external.program import ExternalCodec
-from puckbench.codecs.learned.codec import LearnedByLambda
-from puckbench.codecs.learned.reno.codec import PUBLISHED_WEIGHTS
+from puckbench.codecs.external import ExternalCodec
+from puckbench.codecs.learned import LearnedByLambda
 from puckbench.codecs.registry import codec_of, codecs, open_codec
+from puckbench.codecs.reno import PUBLISHED_WEIGHTS
 from puckbench.core.errors import InputError
 
 UNITS_PER_METRE = 128.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.base import Codec, Cost
-from puckbench.codecs.external.program import ExternalCodec
+from puckbench.codecs.external import ExternalCodec
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 
@@ -68,7 +68,7 @@ def test_a_program_that_fails_ends_in_one_line(
 def test_a_program_that_hangs_is_ended(
     python: Python, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("puckbench.codecs.external.program._SECONDS", 1)
+    monkeypatch.setattr("puckbench.codecs.external._SECONDS", 1)
     with pytest.raises(InputError, match=r"failed \(-9: "):
         python.do("import time; time.sleep(60)", tmp_path)
 
@@ -152,7 +152,7 @@ def test_the_reference_software_makes_our_streams(
 def test_damaged_streams_end_in_one_clean_error_or_points(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("puckbench.codecs.external.program._SECONDS", 1)
+    monkeypatch.setattr("puckbench.codecs.external._SECONDS", 1)
     tool, rng = _present(name), np.random.default_rng(0)
     stream = tool.encode(_surface(), "r1") if tool else b""
     for _ in range(10 if tool else 0):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from puckbench.codecs.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.codecs.gpcc.container import unpacked
-from puckbench.codecs.gpcc.options import PROFILES
-from puckbench.codecs.gpcc.sensor import SensorDescription
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
+from puckbench.gpcc.coder import decode_geometry, encode_geometry
+from puckbench.gpcc.container import unpacked
+from puckbench.gpcc.options import PROFILES
+from puckbench.gpcc.sensor import SensorDescription
 from tests.support.returns import EXAMPLES, recorded
 from tests.support.small_turn import SENSOR, small_turn
 

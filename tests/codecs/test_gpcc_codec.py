@@ -4,11 +4,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from puckbench.codecs.gpcc import syntax
-from puckbench.codecs.gpcc.bits import Reader
-from puckbench.codecs.gpcc.container import MAGIC, unpacked
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
+from puckbench.gpcc import syntax
+from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.container import MAGIC, unpacked
 
 SCALES = {"r": {"scale": 1.0}, "half": {"scale": 0.5}, "odd": {"scale": 0.7}, "fine": {"scale": 4}}
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.gpcc import syntax
-from puckbench.codecs.gpcc.bits import Reader
-from puckbench.codecs.gpcc.container import unpacked
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
+from puckbench.gpcc import syntax
+from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.container import unpacked
 from puckbench.io.clouds import write_cloud
 from puckbench.jobs.encode import to_code
 from puckbench.lidar.returns import Returns, write_firings

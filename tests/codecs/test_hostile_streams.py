@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.octree_net import stream as octree_stream
-from puckbench.codecs.learned.pcgcv1 import stream as pcgcv1_stream
-from puckbench.codecs.learned.pcgcv2 import stream as pcgcv2_stream
-from puckbench.codecs.learned.reno import stream as reno_stream
-from puckbench.codecs.primitives import hybrid_mode, voxel_mode
-from puckbench.codecs.primitives import stream as limits
-from puckbench.codecs.primitives.revolution import SPHERE, RevolutionSurface, pack_parameters
-from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.stream import (
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.learned.octree_net import stream as octree_stream
+from puckbench.learned.pcgcv1 import stream as pcgcv1_stream
+from puckbench.learned.pcgcv2 import stream as pcgcv2_stream
+from puckbench.learned.reno import stream as reno_stream
+from puckbench.primitives import hybrid_mode, voxel_mode
+from puckbench.primitives import stream as limits
+from puckbench.primitives.revolution import SPHERE, RevolutionSurface, pack_parameters
+from puckbench.primitives.settings import Settings
+from puckbench.primitives.stream import (
     HybridHeader,
     SurfaceHeader,
     is_decodable,
     pack_hybrid,
     pack_surface,
 )
-from puckbench.codecs.registry import open_codec
-from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, shell, weights_name
 from tests.support.puck_streams import RecordingDecoder
 from tests.support.returns import recorded
@@ -128,9 +128,9 @@ def test_voxels_about_many_equal_spheres_are_refused(monkeypatch: pytest.MonkeyP
 def test_what_a_decoder_would_refuse_primitives_codes_as_voxels(
     monkeypatch: pytest.MonkeyPatch, name: str, least: int
 ) -> None:
-    from puckbench.codecs.primitives import surface_mode
-    from puckbench.codecs.primitives.preparation import prepare
-    from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
+    from puckbench.primitives import surface_mode
+    from puckbench.primitives.preparation import prepare
+    from puckbench.primitives.surface_mode import SurfaceMode, encode_surface
 
     rng = np.random.default_rng(0)
     cloud = prepare(np.column_stack([rng.random((2000, 2)) * 100, np.zeros(2000)]), Settings())

@@ -10,13 +10,13 @@ from safetensors.numpy import save
 
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned import catalogue
-from puckbench.codecs.learned.weights_file import read_weights, write_weights
 from puckbench.codecs.registry import codec_of, codecs, entry, has_weights, open_codec
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
+from puckbench.learned import catalogue
+from puckbench.learned.weights_file import read_weights, write_weights
 from puckbench.planning.workflow import Workflow
 from tests.support.learned_codecs import RATES, changes, save_tiny, shell
 
@@ -183,7 +183,7 @@ def test_shipped_sets_have_what_their_codecs_ask_for() -> None:
 def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> None:
     program = (
         "import sys; from puckbench.codecs.registry import open_codec;"
-        "from puckbench.codecs.learned.training.settings import open_training;"
+        "from puckbench.codecs.registry import open_training;"
         f"open_codec('{name}', {{'options': {{'weights': '{together}'}}}}).available();"
         f"open_training('{name}', None, {{}}); print(*sys.modules)"
     )

@@ -9,25 +9,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from puckbench.cli import main
-from puckbench.codecs.primitives.codec import Primitives
-from puckbench.codecs.primitives.decoder import decode_surface
-from puckbench.codecs.primitives.manhattan_frame import rotation_matrix
-from puckbench.codecs.primitives.noise import estimate_noise
-from puckbench.codecs.primitives.preparation import prepare
-from puckbench.codecs.primitives.settings import Settings
-from puckbench.codecs.primitives.smoothing import sample_cells, smooth_samples
-from puckbench.codecs.primitives.stream import (
+from puckbench.codecs.primitives import Primitives
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.io.meshes import read_mesh
+from puckbench.primitives.decoder import decode_surface
+from puckbench.primitives.manhattan_frame import rotation_matrix
+from puckbench.primitives.noise import estimate_noise
+from puckbench.primitives.preparation import prepare
+from puckbench.primitives.settings import Settings
+from puckbench.primitives.smoothing import sample_cells, smooth_samples
+from puckbench.primitives.stream import (
     SurfaceHeader,
     VoxelHeader,
     pack_surface,
     pack_voxels,
     unpack,
 )
-from puckbench.codecs.primitives.surface_mode import SurfaceMode, encode_surface
-from puckbench.codecs.primitives.voxel_mode import VoxelSearch
-from puckbench.codecs.registry import open_codec
-from puckbench.core.errors import InputError
-from puckbench.io.meshes import read_mesh
+from puckbench.primitives.surface_mode import SurfaceMode, encode_surface
+from puckbench.primitives.voxel_mode import VoxelSearch
 
 SIZE = np.array([1023.0, 700.0, 500.0])
 NOISE = 2.5

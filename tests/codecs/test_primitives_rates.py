@@ -5,11 +5,6 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from puckbench.codecs.primitives.distortion import DistortionEstimator
-from puckbench.codecs.primitives.grid_alignment import frame_candidates
-from puckbench.codecs.primitives.mode_decision import _best_surface, _evaluate
-from puckbench.codecs.primitives.preparation import prepare
-from puckbench.codecs.primitives.settings import Settings
 from puckbench.codecs.registry import open_codec
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.geometry.cloud import PointCloud
@@ -17,6 +12,11 @@ from puckbench.jobs.preparation import Returns
 from puckbench.jobs.preparation import prepare as prepare_cloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.metrics.geometry import distortion
+from puckbench.primitives.distortion import DistortionEstimator
+from puckbench.primitives.grid_alignment import frame_candidates
+from puckbench.primitives.mode_decision import _best_surface, _evaluate
+from puckbench.primitives.preparation import prepare
+from puckbench.primitives.settings import Settings
 from tests.support.default_clouds import CLOUDS, sampled_room
 
 _BOXES = (

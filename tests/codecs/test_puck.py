@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from puckbench.codecs.puck.records import Kind, read_records
-from puckbench.codecs.puck.stream import decode, encode
-from puckbench.codecs.puck.turns import Settings, TurnDecoder, TurnEncoder
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import step_in_quanta
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import packets_of, split_turns, turn_of
 from puckbench.lidar.turns import Layout, Turn
+from puckbench.puck.records import Kind, read_records
+from puckbench.puck.stream import decode, encode
+from puckbench.puck.turns import Settings, TurnDecoder, TurnEncoder
 from tests.support.returns import recorded
 from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, spin
 
@@ -321,7 +321,7 @@ def test_streams_of_reflectivities_coded_with_full_mixing_at_every_effort_decode
     layout, turns = whole_numbers()
     lean = encode(turns, layout, Settings(effort="fast"))
     with monkeypatch.context() as patch:
-        patch.setattr("puckbench.codecs.puck.turns._LEAN", 0)
+        patch.setattr("puckbench.puck.turns._LEAN", 0)
         full = encode(turns, layout, Settings(effort="fast"))
     assert full != lean
     assert all(map(alike, turns, decode(full)))

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.puck import recording, stream
-from puckbench.codecs.puck.recording import Account, compress, decompress
-from puckbench.codecs.puck.stream import decode
-from puckbench.codecs.puck.turns import Settings
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
 from puckbench.lidar.recordings.reading import read_packets
+from puckbench.puck import recording, stream
+from puckbench.puck.recording import Account, compress, decompress
+from puckbench.puck.stream import decode
+from puckbench.puck.turns import Settings
 from tests.support.spinning import (
     DUAL,
     HDL32E,
@@ -99,7 +99,7 @@ def test_whatever_is_in_a_recording_comes_back(tmp_path: Path, name: str) -> Non
 def test_windows_of_a_long_recording_cut_no_packet(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("puckbench.codecs.puck.recording._WINDOW", 9001)
+    monkeypatch.setattr("puckbench.puck.recording._WINDOW", 9001)
     account = there_and_back(tmp_path, pcap(recorded()))
     assert account.packets == 50
 
@@ -114,7 +114,7 @@ def test_packets_on_the_pages_of_a_bag_are_found(
     assert len(find_packets(np.frombuffer(data, np.uint8))) < 40
     # The first packet begins on another page than the one before the others'.
     assert there_and_back(tmp_path, data).packets == 49
-    monkeypatch.setattr("puckbench.codecs.puck.recording._WINDOW", 9001)
+    monkeypatch.setattr("puckbench.puck.recording._WINDOW", 9001)
     assert there_and_back(tmp_path, data).packets == 49
 
 
@@ -152,7 +152,7 @@ def test_damaged_files_end_in_one_error_and_leave_nothing(tmp_path: Path) -> Non
 
 
 def test_turns_without_packets_are_no_recording(tmp_path: Path) -> None:
-    from puckbench.codecs.puck.stream import encode
+    from puckbench.puck.stream import encode
 
     kind, payloads = next(split_turns(spin(packets=9)))
     turns = encode([turn_of(kind, payloads)], kind.layout, Settings(times=False))
@@ -329,7 +329,7 @@ def test_a_recording_of_too_many_bytes_is_refused_and_can_be_trusted(
 
 def test_links_of_pages_stand_once(tmp_path: Path) -> None:
     """Each record of a few bytes would unpack to 64 MiB."""
-    from puckbench.codecs.puck.records import Kind, Record, stream_of
+    from puckbench.puck.records import Kind, Record, stream_of
 
     links = Record(Kind.PAGES, recording.base_128(512) + recording._packed(bytes(4)))
     (tmp_path / "links.puck").write_bytes(stream_of([links, links]))

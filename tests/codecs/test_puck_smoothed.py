@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from puckbench.codecs.puck.smoothing import (
-    _eliminate,
-    _solve,
-    smoothed_distances,
-    smoothed_ranges,
-)
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.returns import range_errors
+from puckbench.puck.smoothing import (
+    _eliminate,
+    _solve,
+    smoothed_distances,
+    smoothed_ranges,
+)
 from tests.support.processors import printed_on_processors
 from tests.support.returns import dual, homemade, recorded
 

@@ -8,11 +8,11 @@ import laspy
 import numpy as np
 import pytest
 
-from puckbench.codecs.common import most_points
-from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
-from puckbench.codecs.common.varints import packed_signed, unpacked_signed
-from puckbench.codecs.common.zstandard import compressed, decompressed
 from puckbench.codecs.registry import codec_of, open_codec
+from puckbench.coding import most_points
+from puckbench.coding.byte_io import Reader, base_128, signed_128
+from puckbench.coding.varints import packed_signed, unpacked_signed
+from puckbench.coding.zstandard import compressed, decompressed
 from puckbench.core.errors import InputError
 
 NAMES = ("laz", "delta_zstd", "draco_sequential")

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from puckbench.codecs.common.byte_io import Reader, base_128
-from puckbench.codecs.common.zstandard import compressed, decompressed
-from puckbench.codecs.puck import stream
+from puckbench.codecs import packets, range_image
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import ReturnsCodec
-from puckbench.codecs.storage import packets, range_image
+from puckbench.coding.byte_io import Reader, base_128
+from puckbench.coding.zstandard import compressed, decompressed
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.returns import range_errors
+from puckbench.puck import stream
 from tests.support.returns import dual, homemade, recorded
 from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, spin
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from puckbench.codecs.common import zstandard
+from puckbench.coding import zstandard
 from puckbench.core import content
 from puckbench.core.content import limit_of, plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError

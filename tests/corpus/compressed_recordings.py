@@ -5,9 +5,9 @@ from __future__ import annotations
 import lzma
 from pathlib import Path
 
-from puckbench.codecs.common.byte_io import base_128
-from puckbench.codecs.puck.recording import compress
-from puckbench.codecs.puck.records import Kind, Record, stream_of
+from puckbench.coding.byte_io import base_128
+from puckbench.puck.recording import compress
+from puckbench.puck.records import Kind, Record, stream_of
 from tests.corpus.case import Case, content
 from tests.support.spinning import pcap, rows, spin
 

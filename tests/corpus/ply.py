@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-from puckbench.codecs.common import zstandard
+from puckbench.coding import zstandard
 from tests.corpus.case import cloud_case as _case
 
 _TEXT = "1 2 3\n4 5 6\n"

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.learned.codec import PUBLISHED_WEIGHTS
+from puckbench.codecs.learned import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import open_codec
 from puckbench.datasets import published_weights
 from puckbench.datasets.sources import SOURCES

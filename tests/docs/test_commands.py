@@ -36,7 +36,7 @@ PAGES = [
 ]
 STORE = "docs/how-to/store_a_recording.md"
 CALIBRATE, RECORDING = "docs/how-to/calibrate.md", "docs/how-to/use_a_recording.md"
-WEIGHTS = "src/puckbench/codecs/learned/weights/pcgcv2_objects.safetensors"
+WEIGHTS = "src/puckbench/learned/weights/pcgcv2_objects.safetensors"
 
 # Languages of code that other tests run, and of what is no code.
 ELSEWHERE = {"python", "toml", "snakemake", "{toctree}"}

@@ -10,7 +10,6 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.base import Pace
-from puckbench.codecs.primitives import mode_decision
 from puckbench.codecs.registry import codec_class
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
@@ -28,6 +27,7 @@ from puckbench.jobs.library import compare, open_codec
 from puckbench.metrics import geometry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.workflow import Workflow
+from puckbench.primitives import mode_decision
 from puckbench.report.quantities import is_time
 
 RATES = ("r1", "r4", "r8")

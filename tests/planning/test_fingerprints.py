@@ -35,8 +35,8 @@ def tree(tmp_path: Path) -> Path:
 
 
 ARTEFACTS = {
-    "draco": ("codecs/measurement.py", "codecs/draco.py"),
-    "gpcc": ("codecs/measurement.py", "codecs/gpcc/codec.py"),
+    "draco": ("core/measurement.py", "codecs/draco.py"),
+    "gpcc": ("core/measurement.py", "codecs/gpcc.py"),
     "scan": ("lidar/scan.py", "lidar/errors/vlp16.py"),
     "table": ("io/tables.py", "thesis/printed_tables.py"),
     "figure": ("figures/drawing.py", "figures/curves.py"),
@@ -85,7 +85,7 @@ def test_an_edited_registry_re_makes_nothing(tree: Path, room: str) -> None:
 
 def test_an_edited_codec_re_makes_its_own_streams_alone(tree: Path) -> None:
     assert _changed(tree, "codecs/draco.py", "", "\nLIMIT = 3\n") == {"draco"}
-    assert _changed(tree, "codecs/gpcc/octree.py", "", "\nLIMIT = 3\n") == {"gpcc"}
+    assert _changed(tree, "gpcc/octree.py", "", "\nLIMIT = 3\n") == {"gpcc"}
 
 
 def test_an_edited_contract_re_makes_the_streams_of_all_codecs(tree: Path) -> None:
@@ -100,7 +100,7 @@ def test_an_edited_error_model_re_makes_its_scans_alone(tree: Path) -> None:
 
 
 def test_a_packages_docstring_re_makes_nothing(tree: Path) -> None:
-    assert _changed(tree, "codecs/gpcc/__init__.py", '"""', '"""More about ') == set()
+    assert _changed(tree, "gpcc/__init__.py", '"""', '"""More about ') == set()
     assert _changed(tree, "geometry/__init__.py", '"""', '"""More about ') == set()
 
 

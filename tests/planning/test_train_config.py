@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
-from puckbench.codecs.learned import catalogue
-from puckbench.codecs.learned.training.settings import open_training
-from puckbench.codecs.learned.training.validation import faults
-from puckbench.codecs.registry import open_codec
+from puckbench.codecs.registry import open_codec, open_training
+from puckbench.jobs.validation import faults
+from puckbench.learned import catalogue
 from puckbench.planning.plan import TrainingPlan
 from puckbench.planning.workflow import Workflow
 

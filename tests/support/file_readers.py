@@ -123,7 +123,7 @@ def _description(path: Path) -> NDArray[np.float64]:
 
 
 def _weights(path: Path) -> None:
-    from puckbench.codecs.learned.weights_file import read_weights
+    from puckbench.learned.weights_file import read_weights
 
     read_weights(path)
 

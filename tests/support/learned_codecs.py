@@ -13,17 +13,17 @@ import pytest
 import torch
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.octree_net import weights as octree_weights
-from puckbench.codecs.learned.octree_net.model import Layer, OctreeNet
-from puckbench.codecs.learned.octree_net.model import Shape as OctreeShape
-from puckbench.codecs.learned.pcgcv1 import weights as pcgcv1_weights
-from puckbench.codecs.learned.pcgcv1.model import PCGCv1
-from puckbench.codecs.learned.pcgcv1.model import Shape as Shape1
-from puckbench.codecs.learned.pcgcv2 import weights as pcgcv2_weights
-from puckbench.codecs.learned.pcgcv2.model import PCGCv2
-from puckbench.codecs.learned.pcgcv2.model import Shape as Shape2
-from puckbench.codecs.learned.reno.weights import shapes as reno_shapes
 from puckbench.core.errors import InputError
+from puckbench.learned.octree_net import weights as octree_weights
+from puckbench.learned.octree_net.model import Layer, OctreeNet
+from puckbench.learned.octree_net.model import Shape as OctreeShape
+from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
+from puckbench.learned.pcgcv1.model import PCGCv1
+from puckbench.learned.pcgcv1.model import Shape as Shape1
+from puckbench.learned.pcgcv2 import weights as pcgcv2_weights
+from puckbench.learned.pcgcv2.model import PCGCv2
+from puckbench.learned.pcgcv2.model import Shape as Shape2
+from puckbench.learned.reno.weights import shapes as reno_shapes
 
 TINY1 = Shape1(
     cube_size=16, channels=(4, 8, 16), latent_channels=4, hyper_channels=(16, 8), blocks=1, rates=2

@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs.puck.recording import compress, decompress
-from puckbench.codecs.puck.stream import decode, encode
-from puckbench.codecs.puck.turns import Settings
 from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
+from puckbench.puck.recording import compress, decompress
+from puckbench.puck.stream import decode, encode
+from puckbench.puck.turns import Settings
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 _EFFORTS = ("fast", "normal", "thorough")

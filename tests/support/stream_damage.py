@@ -68,7 +68,7 @@ def _sealed_records(stream: bytes) -> bytes:
 
 
 FRAMED = ("delta_zstd", "packets_xz", "packets_zstd", "jpegls", "jpegxl")
-"""Codecs whose streams are those of `puckbench.codecs.common.framing`, without a header."""
+"""Codecs whose streams are those of `puckbench.coding.framing`, without a header."""
 SEALS: dict[str, Callable[[bytes], bytes]] = {
     "pcgcv1_plus": _sealed_at(5),
     "pcgcv2_plus": _sealed_at(6),

@@ -17,15 +17,15 @@ from unittest.mock import patch
 
 import numpy as np
 
-from puckbench.codecs.common.byte_io import Reader, base_128, signed_128
-from puckbench.codecs.common.framing import Framing
-from puckbench.codecs.common.varints import packed_signed
-from puckbench.codecs.common.zstandard import compressed
-from puckbench.codecs.gpcc import syntax
-from puckbench.codecs.learned.sparse.voxels import morton_voxels
-from puckbench.codecs.puck.records import Kind, Record, read_records, start
+from puckbench.coding.byte_io import Reader, base_128, signed_128
+from puckbench.coding.framing import Framing
+from puckbench.coding.varints import packed_signed
+from puckbench.coding.zstandard import compressed
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
+from puckbench.gpcc import syntax
+from puckbench.learned.sparse.voxels import morton_voxels
+from puckbench.puck.records import Kind, Record, read_records, start
 
 Random = np.random.Generator
 
@@ -64,7 +64,7 @@ def packed_voxels(random: Random) -> bytes:
 
 def primitives(streams: Sequence[bytes], random: Random) -> bytes:
     """A surface, voxels, or a hybrid of two streams, each of which may be any of the three."""
-    from puckbench.codecs.primitives.stream import CLASSES, HybridHeader, pack_hybrid
+    from puckbench.primitives.stream import CLASSES, HybridHeader, pack_hybrid
 
     if random.random() < 0.8:
         return _surface_or_voxels(random)
@@ -80,7 +80,7 @@ def primitives(streams: Sequence[bytes], random: Random) -> bytes:
 
 def _surface_or_voxels(random: Random) -> bytes:
     """A header of surfaces or voxels, changed in a few fields or in all."""
-    from puckbench.codecs.primitives.stream import (
+    from puckbench.primitives.stream import (
         CLASSES,
         MAX_CELLS,
         DisplacementTable,
@@ -114,7 +114,7 @@ def _surface_or_voxels(random: Random) -> bytes:
 
 
 def _revolution(random: Random) -> bytes:
-    from puckbench.codecs.primitives.revolution import _PARAMETERS
+    from puckbench.primitives.revolution import _PARAMETERS
 
     signed = [limit(random, 15) * int(random.choice([-1, 1])) for _ in range(7)]
     kind, rows = int(random.integers(7)), limit(random, 16)
@@ -428,7 +428,7 @@ def _filling(random: Random) -> bytes:
 
 def recording(streams: Sequence[bytes], random: Random) -> bytes:
     """Compressed recordings whose turns, gaps, pages and end are at their limits."""
-    from puckbench.codecs.puck import recording as codec
+    from puckbench.puck import recording as codec
 
     whole = _records(streams, random)
     if random.random() < 0.2:
@@ -482,7 +482,7 @@ def draco(streams: Sequence[bytes], random: Random) -> bytes:
 
 def laz(streams: Sequence[bytes], random: Random) -> bytes:
     """Points, scales and chunks at their limits, before points of a stream or any."""
-    from puckbench.codecs.storage import laz as codec
+    from puckbench.codecs import laz as codec
 
     plain = [each for each in streams if each.startswith(codec.Laz.magic)]
     stream = bytearray(plain[random.integers(len(plain))])
@@ -556,7 +556,7 @@ def packets(streams: Sequence[bytes], random: Random) -> bytes:
     return Framing(stream[:4], 1, "").framed(numbers + packed)
 
 
-_NETS = "puckbench.codecs.learned"
+_NETS = "puckbench.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from puckbench.codecs.learned.codec import Learned
+from puckbench.codecs.learned import Learned
 from puckbench.codecs.registry import codec_class, codecs, memory_mb
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"

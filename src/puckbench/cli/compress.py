@@ -27,9 +27,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the file."""
-    from puckbench.codecs.puck.recording import account_of, compress
-    from puckbench.codecs.puck.turns import Settings
     from puckbench.core.progress import Progress
+    from puckbench.puck.recording import account_of, compress
+    from puckbench.puck.turns import Settings
 
     settings = Settings(effort=options.effort, key_every=options.key_every)
     return account_of(compress(options.recording, options.out, settings, Progress("byte")))

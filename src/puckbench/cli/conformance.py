@@ -21,8 +21,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode every stream; count those decoded, refused and failed, and list the last two."""
-    from puckbench.codecs.gpcc.conformance import FOLDER, conformance_streams, program, verdicts
     from puckbench.codecs.registry import codecs, open_codec
+    from puckbench.gpcc.conformance import FOLDER, conformance_streams, program, verdicts
 
     streams = conformance_streams(options.streams or FOLDER)
     chosen = [stream for stream in streams if not options.tools or stream.tools in options.tools]

@@ -20,8 +20,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the recording."""
-    from puckbench.codecs.puck.recording import account_of, decompress
     from puckbench.core.progress import Progress
+    from puckbench.puck.recording import account_of, decompress
 
     account = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
     return account_of(account)

@@ -21,13 +21,14 @@ What it codes with is here; what plans and figures need to know of it is in
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from puckbench.codecs.common.shift import moved, shift_of, shifted, unshifted
 from puckbench.codecs.facts import CodecFacts, Line, Memory, Pace, Parameters, Takes, lengths
+from puckbench.coding.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
+from puckbench.core.measurement import NO_COST, Cost
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.mesh import Mesh, surface_in_metres
 
@@ -56,25 +57,8 @@ class Availability(NamedTuple):
     why: str = ""
 
 
-class Cost(NamedTuple):
-    """What a call cost: seconds, and peak memory in MiB."""
-
-    seconds: float
-    peak_mib: float
-
-    def plus(self, other: Cost) -> Cost:
-        """The cost of this call and of another one after it."""
-        return Cost(self.seconds + other.seconds, max(self.peak_mib, other.peak_mib))
-
-
-NO_COST = Cost(0.0, 0.0)
-
-
-class SharedWork:
-    """Work that calls for the rates of one cloud share: one does it, later ones need not.
-
-    A codec derives a class from it, which holds the work.
-    """
+class SharedWork(Protocol):
+    """Work that the rates of one cloud share: the first call does it, later calls reuse it."""
 
     saved: Cost = NO_COST
     """Cost of the work that the last call with this object did not do, since another one had."""

@@ -16,8 +16,8 @@ import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
-from puckbench.codecs.common.most_points import most_points
 from puckbench.codecs.registry import CODECS
+from puckbench.coding.most_points import most_points
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from puckbench.codecs.base import Codec, Pace
-from puckbench.codecs.common.shift import unshifted
-from puckbench.codecs.common.unit import without_unit
+from puckbench.coding.shift import unshifted
+from puckbench.coding.unit import without_unit
 from puckbench.core.errors import InputError
-from puckbench.core.models import among
+from puckbench.core.models import among, parsed
 from puckbench.core.registry import Registry, load, trust
+
+if TYPE_CHECKING:
+    from puckbench.learned.training.settings import Training
 
 Entry = Mapping[str, Any]
 
@@ -111,6 +114,29 @@ def training_class(name: str, changes: Entry | None = None) -> str:
         known = ", ".join(other for other in codecs() if has_weights(other))
         raise InputError(f"codec {name}: there is nothing to train (trainable: {known})")
     return found
+
+
+def open_training(
+    codec: str, entry: Mapping[str, Any] | None, settings: Mapping[str, Any]
+) -> Training:
+    """The training of a codec.
+
+    Parameters
+    ----------
+    codec
+        Name of the codec.
+    entry
+        A user's changes to the codec's entry.
+    settings
+        Options of the training by name.
+
+    Raises
+    ------
+    InputError
+        The codec has no training, or an option is unknown or out of range.
+    """
+    training: type[Training] = load(training_class(codec, entry), f"codec {codec}")
+    return parsed(training, settings, f"codec {codec}: training")
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:

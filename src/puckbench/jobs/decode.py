@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from puckbench.codecs.measurement import measured
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import naming
+from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, write_cloud

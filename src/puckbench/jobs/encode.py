@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs.base import Codec, SharedWork
-from puckbench.codecs.measurement import measured_encoding
 from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming
 from puckbench.core.files import write_json, written_whole
+from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import Frame, PointCloud
 from puckbench.io.clouds import read_cloud
@@ -47,6 +47,22 @@ def to_code(
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
     return cloud if codec.takes == "points" else with_returns(cloud, path)
+
+
+def measured_encoding(
+    codec: Codec, cloud: PointCloud, rate: str, repeats: int = 1, shared: SharedWork | None = None
+) -> Measured[bytes]:
+    """Code a cloud, timed; shared work counts for every rate, as if it were coded alone.
+
+    shared: as `Codec.encode_cloud` takes it.
+    """
+    if shared is None:
+        return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost)
+    return measured(
+        lambda: codec.encode_cloud(cloud, rate, shared),
+        repeats,
+        lambda here: codec.cost(here).plus(shared.saved),
+    )
 
 
 class Encoding(TimedJob):

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.codecs import registry
 from puckbench.codecs.base import Codec, SharedWork
-from puckbench.codecs.measurement import measured, measured_encoding
 from puckbench.core.errors import InputError
+from puckbench.core.measurement import measured
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, ready
 from puckbench.jobs.curve import read_curve
+from puckbench.jobs.encode import measured_encoding
 from puckbench.metrics.measures import measures
 
 if TYPE_CHECKING:

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.codecs.learned.catalogue import weights_file
-from puckbench.codecs.learned.training.settings import Training, open_training
-from puckbench.codecs.registry import entry, open_codec
+from puckbench.codecs.registry import entry, open_codec, open_training
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_json
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
+from puckbench.learned.catalogue import weights_file
+from puckbench.learned.training.settings import Training
 
 if TYPE_CHECKING:
-    from puckbench.codecs.learned.training.loop import Trainer
+    from puckbench.learned.training.loop import Trainer
 
 
 @JOBS.register("train")
@@ -52,8 +52,8 @@ class Train(Job):
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
         """Train, going on from the checkpoint beside `weights`, and write the set and its card."""
-        from puckbench.codecs.learned.training.loop import train
         from puckbench.jobs.training_curve import Curve
+        from puckbench.learned.training.loop import train
 
         training = open_training(self.codec, self.changes, self.options)
         checkpoint = weights.with_suffix(".pt")
@@ -94,7 +94,7 @@ class Train(Job):
 
     def _resume(self, trainer: Trainer[Any, Any], checkpoint: Path) -> None:
         """Go on from the checkpoint; with a fingerprint of the code, remove another training's."""
-        from puckbench.codecs.learned.training.loop import OtherTrainingError
+        from puckbench.learned.training.loop import OtherTrainingError
 
         if checkpoint.exists():
             try:
@@ -126,7 +126,7 @@ class Train(Job):
         self, training: Training, weights: Path, validate: Sequence[Path]
     ) -> dict[str, Any]:
         """What the codec does with a set on the validation's clouds; warnings where at fault."""
-        from puckbench.codecs.learned.training.validation import peak_of, validation
+        from puckbench.jobs.validation import peak_of, validation
 
         clouds = [read_cloud(path) for path in validate]
         changes = with_options(self.changes, weights=str(weights))

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.learned.training.loop import Trainer
 from puckbench.core.files import write_bytes
+from puckbench.learned.training.loop import Trainer
 
 _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0

@@ -13,8 +13,7 @@ from typing import Any
 
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
-from puckbench.codecs.learned.catalogue import weights_file
-from puckbench.codecs.learned.training.settings import open_training
+from puckbench.codecs.registry import open_training
 from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.models import among, closest
 from puckbench.datasets.registry import open_scene_set
@@ -28,6 +27,7 @@ from puckbench.datasets.scene import (
 )
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import GRID, METRIC
+from puckbench.learned.catalogue import weights_file
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.further import METRICS
 from puckbench.planning.config import (

@@ -53,7 +53,7 @@ class Restore(Protocol):
         """Write the recording of `path` to `out`; InputError where it is damaged."""
 
 
-RECORDING_COMPRESSIONS: Registry[Restore] = Registry("recording compression", "codecs/puck")
+RECORDING_COMPRESSIONS: Registry[Restore] = Registry("recording compression", "puck")
 """Functions that restore compressed recordings, by the letters that these begin with."""
 
 

@@ -1,0 +1,75 @@
+"""Draco's own command-line tools, as Debian ships them (package draco)."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from functools import cached_property
+from pathlib import Path
+
+from puckbench.codecs.base import Parameters
+from puckbench.codecs.draco import DRACO_RATES, DracoOptions
+from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+
+
+class DracoToolOptions(DracoOptions):
+    """Draco's options, and the names or paths of its two command-line tools."""
+
+    encoder: str = "draco_encoder"
+    decoder: str = "draco_decoder"
+
+
+@CODECS.register("draco_cli")
+class DracoCli(ExternalCodec):
+    """Draco's tools ``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
+
+    title = "Draco (reference tool)"
+    use = "checking Draco against its own tools"
+    colour = "#56B4E9"
+    marker = "h"
+    line = "--"
+    rank = 60
+    rates = DRACO_RATES
+    Options = DracoToolOptions
+    options: DracoToolOptions
+    magic = b"DRACO"
+    thesis_role = "draco"
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Encoder and decoder."""
+        return self.options.encoder, self.options.decoder
+
+    @cached_property
+    def version(self) -> str:
+        """The tools name no version: the encoder's SHA-256."""
+        found = shutil.which(self.programs[0])
+        digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
+        return f"draco_encoder {digest}".strip()
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        with folder() as at:
+            write_points(at / "in.ply", points, "float32")
+            command = (
+                *(self.programs[0], "-point_cloud", "-i", at / "in.ply", "-o", at / "out.drc"),
+                *(
+                    "-qp",
+                    str(parameters["quantization_bits"]),
+                    "-cl",
+                    str(self.options.compression_level),
+                ),
+            )
+            self.run(command, at / "in.ply")
+            return read_bytes(at / "out.drc")
+
+    def _decode(self, stream: bytes) -> Floats:
+        if not stream.startswith(b"DRACO"):
+            raise InputError(f"codec {self.name}: not a Draco stream")
+        with folder() as at:
+            (at / "in.drc").write_bytes(stream)
+            self.run((self.programs[1], "-i", at / "in.drc", "-o", at / "out.ply"), at / "in.drc")
+            return read_points(at / "out.ply", f"codec {self.name}: {self.programs[1]}")

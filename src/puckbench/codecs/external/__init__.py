@@ -1,1 +1,0 @@
-"""Codecs that are programs of others, run under limits."""

@@ -1,0 +1,209 @@
+"""G-PCC geometry as a codec: a grid, a bare stream of the standard, and what puckbench adds."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from puckbench import __version__
+from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError, naming
+from puckbench.core.models import Model
+from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.container import packed, unpacked
+from puckbench.gpcc.grid import MOST_BITS, Frame, Rounding, frame_of, in_frame, quantised
+from puckbench.gpcc.options import PROFILES, GpccOptions
+
+if TYPE_CHECKING:
+    from puckbench.geometry.morton import Ints
+    from puckbench.gpcc.sensor import SensorDescription
+    from puckbench.lidar.returns import Returns
+
+EIGHTHS: Mapping[str, Parameters] = {
+    f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
+}
+"""PCC Arena's rates, as the thesis ran them: what coordinates are multiplied by."""
+
+
+LOSSLESS_STEP_M = 0.002
+"""Step of the coarsest grid on which sensors' points count as coded without loss."""
+
+
+class UnitOptions(Model):
+    """Options of a codec whose rates are scales of the input's grid."""
+
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="step of the input's grid, which scale 1 keeps; by default 1, that of scaled "
+        "clouds",
+    )
+
+    @property
+    def step(self) -> float:
+        """The step of the input's grid."""
+        return self.unit or 1.0
+
+
+class GridOptions(UnitOptions):
+    """How points come to the grid, and which of G-PCC's coding tools are used."""
+
+    profile: Literal["minimal", "ctc", "defaults"] = Field(
+        "ctc",
+        description="coding tools: the octree alone, the common test conditions', TMC13's defaults",
+    )
+    rounding: Rounding = Field(
+        "nearest", description="of coordinates; `truncate` as TMC13 reads floating-point files"
+    )
+    duplicates: Literal["merged", "kept", "by_rate"] = Field(
+        "merged",
+        description="points of one grid position: one, or all of them; `by_rate`: all at scale 1 "
+        "and on grids of 2 mm or finer, else one",
+    )
+    raw: bool = Field(False, description="write bare streams, as the reference software does")
+
+
+class GridCodec(Codec):
+    """What our coder and the reference software have in common.
+
+    A rate is the `scale` that coordinates are multiplied by before they are rounded or, of clouds
+    in metres, the step that they are rounded to.
+    """
+
+    rates: Mapping[str, Parameters] = EIGHTHS
+    metric_rates: Mapping[str, Parameters] = lengths()
+    Options: type[GridOptions] = GridOptions
+    options: GridOptions
+    magic = b"PBGP"
+    pace = Pace(0.05, 1.5)
+    bare_magic = b"\0\0\0"
+    most_steps = float(2**MOST_BITS - 2)
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
+        self.grid = self.options.step / finest
+        self.shifts_far_clouds = not self.options.raw
+
+    @property
+    def thesis_role(self) -> str:
+        """G-PCC as the thesis ran it where coordinates are truncated, else G-PCC."""
+        return "gpcc_as_run" if self.options.rounding == "truncate" else "gpcc"
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        return self._encoded(points, parameters)
+
+    def _encoded(
+        self, points: Floats, parameters: Parameters, returns: Returns | None = None
+    ) -> bytes:
+        step = float(parameters.get("step_m", self.options.step))
+        frame = frame_of(points, step, scale_of(parameters))
+        if self.options.raw and frame != Frame():
+            raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
+        with naming(f"codec {self.name}"):
+            stream = self._code(points, frame, parameters, returns)
+        return stream if self.options.raw else packed(stream, frame)
+
+    def _decode(self, stream: bytes) -> Floats:
+        with naming(f"codec {self.name}"):
+            bare, frame = unpacked(stream)
+            return in_frame(self._units(bare), frame)
+
+    def _merges(self, parameters: Parameters) -> bool:
+        """Whether points of one grid position are merged at a rate."""
+        if self.options.duplicates != "by_rate":
+            return self.options.duplicates == "merged"
+        return self._loses(parameters)
+
+    def _loses(self, parameters: Parameters) -> bool:
+        """Whether a rate is one with loss: a scale below 1, or a grid of more than 2 mm."""
+        if "step_m" in parameters:
+            return float(parameters["step_m"]) > LOSSLESS_STEP_M
+        return scale_of(parameters) < 1
+
+    @abstractmethod
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        """The bare stream of points (n, 3); returns: those that the points are of, where given."""
+
+    @abstractmethod
+    def _units(self, stream: bytes) -> Floats:
+        """Points (m, 3) of a bare stream, in units of the input's grid."""
+
+
+class OnGrid(NamedTuple):
+    """What our coder codes: (positions + origin) / scale, (n, 3), of a sensor where it is known."""
+
+    positions: Ints
+    origin: Ints
+    scale: float = 1.0
+    sensor: SensorDescription | None = None
+
+
+class OwnCodec(GridCodec):
+    """What the codecs that use our own coder have in common."""
+
+    version = f"puckbench {__version__}"
+
+    def load(self) -> None:
+        """Compile the coder, or take it from the cache."""
+        from puckbench.gpcc.sensor import SensorDescription
+
+        points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]])
+        sensors = (None, SensorDescription((0.0,), (0.0,), 100))
+        for sensor in sensors[: 1 if self.takes == "points" else 2]:
+            self._units(self._stream(OnGrid(points, np.zeros(3, np.int64), sensor=sensor), {}))
+
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        from puckbench.gpcc.sensor import described
+
+        scale = scale_of(parameters)
+        positions, origin = quantised(points, frame, scale, self.options.rounding)
+        sensor = None
+        if returns is not None:
+            x, y, z = (round(-offset / frame.unit) for offset in frame.offset)
+            sensor = described(returns.beams, frame.unit, returns.columns_per_turn, (x, y, z))
+        return self._stream(OnGrid(positions, origin, scale, sensor), parameters)
+
+    def _units(self, stream: bytes) -> Floats:
+        from puckbench.gpcc.coder import decode_geometry
+
+        return decode_geometry(stream).positions()
+
+    @abstractmethod
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+        """The bare stream of what is given, with a rate's parameters."""
+
+
+def scale_of(parameters: Parameters) -> float:
+    """What a rate multiplies coordinates by, in units of the grid."""
+    return float(parameters.get("scale", 1.0))
+
+
+@CODECS.register("gpcc")
+class Gpcc(OwnCodec):
+    """Our own coder of G-PCC's octree geometry, with the common test conditions' tools."""
+
+    title = "G-PCC"
+    use = "the anchor; lossless coding on a grid"
+    colour = "#E69F00"
+    marker = "s"
+    rank = 10
+
+    def _options(self, parameters: Parameters) -> GpccOptions:
+        merged = {"merge_duplicates": self._merges(parameters)}
+        return PROFILES[self.options.profile].model_copy(update=merged)
+
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+        from puckbench.gpcc.coder import encode_geometry
+
+        tools = self._options(parameters)
+        return encode_geometry(given.positions, tools, given.scale, given.origin)

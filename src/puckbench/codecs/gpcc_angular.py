@@ -1,0 +1,66 @@
+"""The octree with angular mode as a codec: contexts by the lasers of the cloud's sensor."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import Field
+
+from puckbench.codecs.base import Pace, Parameters
+from puckbench.codecs.gpcc import GridOptions, OnGrid
+from puckbench.codecs.gpcc_sensor import SensorCodec
+from puckbench.codecs.registry import CODECS
+from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
+
+_LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
+
+
+class AngularOptions(GridOptions):
+    """How points come to the grid, and which tools are used besides angular mode."""
+
+    duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
+    direct_coding: Literal[0, 1, 2, 3] = Field(
+        1,
+        description="points are coded directly 0 never, 1 in isolated nodes, 2 in nodes without "
+        "neighbours, 3 in any node",
+    )
+
+
+@CODECS.register("gpcc_angular")
+class GpccAngular(SensorCodec):
+    """G-PCC's octree, of a cloud with returns in the contexts of its sensor's lasers.
+
+    The tools are those of MPEG's common test conditions for spinning sensors: points of one grid
+    position are merged where there is loss. Only points of isolated nodes are coded directly, also
+    without loss, where the conditions do so in any node (`direct_coding` 3), which takes more bits.
+    Rates of clouds in metres are steps of the grid.
+    """
+
+    title = "G-PCC (angular octree)"
+    use = "turns of spinning sensors, or several of them together"
+    colour = "#B8860B"
+    marker = "<"
+    rank = 11
+    pace = Pace(0.05, 2.5)
+    Options = AngularOptions
+    options: AngularOptions
+
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+        from puckbench.gpcc.coder import encode_geometry
+
+        tools = self._tools(parameters)
+        return encode_geometry(given.positions, tools, given.scale, given.origin, given.sensor)
+
+    def _tools(self, parameters: Parameters) -> GpccOptions:
+        """The coding tools of a rate: low nodes of its grid are of one height in metres."""
+        step = float(parameters.get("step_m", self.options.step))
+        finer = int(math.log2(0.001 / step)) if step < 1 else 0
+        sizes = {
+            "angular_max_node_min_dim_log2_to_split_z": min(max(_LOWEST_LOG2 + finer, 0), 21),
+            "angular_max_diff_to_split_z": min(max(_FLATTEST_LOG2 + finer, 0), 21),
+        }
+        merged = {"merge_duplicates": self._merges(parameters)}
+        direct = {"inferred_direct_coding_mode": self.options.direct_coding}
+        chosen = {**SPINNING, **sizes, **merged, **direct}
+        return PROFILES[self.options.profile].model_copy(update=chosen)

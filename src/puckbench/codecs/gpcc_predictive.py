@@ -1,0 +1,79 @@
+"""Predictive geometry as a codec, with the sensor of a cloud that has returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
+
+from puckbench.codecs.base import Pace, Parameters, lengths
+from puckbench.codecs.gpcc import GridOptions, OnGrid
+from puckbench.codecs.gpcc_sensor import SensorCodec
+from puckbench.codecs.registry import CODECS
+
+if TYPE_CHECKING:
+    from puckbench.gpcc.predictive_coder import PredictiveOptions
+
+_LEAST_QP = 58
+
+
+class TreeOptions(GridOptions):
+    """How points come to the grid, and how trees are built."""
+
+    duplicates: Literal["merged", "kept", "by_rate"] = "kept"
+    order: Literal["given", "morton", "azimuth", "radius"] = Field(
+        "azimuth", description="of the points, in which trees are built"
+    )
+
+
+def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
+    """A rate by the step of the radius, with the azimuth's steps that MPEG's conditions give it."""
+    steps = {"radius_inv_scale_log2": radius_log2, "azimuth_scale_log2": azimuth_log2}
+    return {f"{1 << radius_log2}mm": {"step_m": 0.001, **steps}}
+
+
+@CODECS.register("gpcc_predictive")
+class GpccPredictive(SensorCodec):
+    """G-PCC's predictive geometry, of a cloud with returns in its sensor's spherical coordinates.
+
+    Of clouds in metres, rates of 4 mm and more are steps of the radius, without a sensor of x, y
+    and z; on the grids of 2 mm and 1 mm nothing is lost.
+    """
+
+    title = "G-PCC (predictive)"
+    use = "turns of spinning sensors by MPEG's standard"
+    colour = "#A65628"
+    marker = ">"
+    rank = 12
+    pace = Pace(0.05, 4.0)
+    metric_rates: Mapping[str, Parameters] = {
+        **_coarse(7, 7),
+        **_coarse(5, 8),
+        **_coarse(4, 9),
+        **_coarse(2, 11),
+        **lengths(2, 1),
+    }
+    Options = TreeOptions
+    options: TreeOptions
+
+    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+        from puckbench.gpcc.predictive_coder import encode_predictive
+
+        positions, origin, scale, sensor = given
+        tools = self._tools(parameters, angular=sensor is not None)
+        return encode_predictive(positions, tools, sensor, scale, origin)
+
+    def _tools(self, parameters: Parameters, *, angular: bool = False) -> PredictiveOptions:
+        from puckbench.gpcc.predictive_coder import PredictiveOptions
+
+        steps: dict[str, Any] = {
+            key: value for key, value in parameters.items() if key.endswith("_log2")
+        }
+        radius_log2 = steps.get("radius_inv_scale_log2", 0)
+        if radius_log2 and angular:  # a step that no error of the radius reaches half of
+            steps["base_qp"] = max(_LEAST_QP, 8 * radius_log2 + 2)
+        elif radius_log2:
+            steps["base_qp"] = 8 * radius_log2
+        merged = self._merges(parameters)
+        return PredictiveOptions(order=self.options.order, merge_duplicates=merged, **steps)

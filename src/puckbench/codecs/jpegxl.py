@@ -1,0 +1,51 @@
+"""Range images by JPEG XL (ISO/IEC 18181), without loss, through imagecodecs and libjxl."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.range_image import Image, RangeImageCodec
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError
+from puckbench.core.models import Model
+
+_BOX = b"jxlc"
+
+
+class JpegXlOptions(Model):
+    """Options of JPEG XL."""
+
+    effort: int = Field(10, ge=1, le=10, description="of the encoder; 10 makes least bytes")
+
+
+@CODECS.register("jpegxl")
+class JpegXl(RangeImageCodec):
+    """Range images by JPEG XL; with loss, the numbers of cells are coded without any further."""
+
+    title = "Range image, JPEG XL"
+    use = "turns of spinning sensors by a codec of images: few bits"
+    colour = "#08306B"
+    marker = "h"
+    rank = 165
+    magic = b"PBJX"
+    Options = JpegXlOptions
+    options: JpegXlOptions
+
+    def _image_encoded(self, image: Image, quanta: int) -> bytes:
+        from imagecodecs import jpegxl_encode
+
+        effort = self.options.effort
+        stream = bytes(jpegxl_encode(image, lossless=True, effort=effort, numthreads=1))
+        at = stream.find(_BOX)
+        return stream[at + len(_BOX) :] if stream[:1] == b"\0" and at > 0 else stream
+
+    def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image:
+        from imagecodecs import jpegxl_decode
+
+        found = np.zeros(shape, np.uint16)
+        try:
+            jpegxl_decode(stream, numthreads=1, out=found)
+        except (RuntimeError, ValueError, TypeError, MemoryError) as error:
+            raise InputError("the stream is damaged (JPEG XL)") from error
+        return found

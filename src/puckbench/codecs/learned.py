@@ -1,0 +1,309 @@
+"""The codec of a network with trained weights: where they are, and which of them made a stream.
+
+PyTorch is loaded only when something is coded.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
+from puckbench.coding.unit import multiplied, with_unit, without_unit
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import sha256
+from puckbench.core.models import Model
+from puckbench.geometry.cloud import Floats
+from puckbench.learned.catalogue import SUFFIX, Network, header_of
+from puckbench.learned.device import DeviceName, why_not
+
+_NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
+_INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
+_DIGITS = 16
+PUBLISHED_WEIGHTS = "data/pcgc_weights"
+"""Where `puckbench data pcgc_weights` puts the weights of PCGCv1's and PCGCv2's authors."""
+
+
+class Weights(Protocol):
+    """A set of weights in memory."""
+
+    @property
+    def digest(self) -> bytes:
+        """8 bytes by which streams name them."""
+
+
+class MultiRateWeights(Weights, Protocol):
+    """A set of weights for several rates."""
+
+    @property
+    def lmbdas(self) -> tuple[float, ...]:
+        """Lagrangian weights of the rates, the smallest bitrate first."""
+
+
+W = TypeVar("W", bound=Weights)
+R = TypeVar("R", bound=MultiRateWeights)
+
+
+class LearnedOptions(Model):
+    """Which weights a network has, and how it is run."""
+
+    weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
+    threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
+    device: DeviceName = Field("cpu", description="where the network runs")
+
+
+class Learned(Codec, Generic[W]):
+    """A codec whose network has weights of its own: one set codes at every rate.
+
+    A subclass says which `network` it is, how a file of weights is read, and how it codes. Of
+    several sets the first by name codes.
+    """
+
+    network: Network
+    Options: type[LearnedOptions] = LearnedOptions
+    options: LearnedOptions
+    memory = Memory(1500, 1500)
+    pace = Pace(0.3, 16.0)
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._sets: dict[Path, W] = {}
+
+    def available(self) -> Availability:
+        """Whether packages and weights for every rate are here."""
+        missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
+        if missing:
+            return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
+        if self.options.device != "cpu" and (reason := why_not(self.options.device)):
+            return Availability(False, reason)
+        rates = self.rates or self.metric_rates
+        try:
+            lacking = [name for name, rate in rates.items() if self._path(rate) is None]
+        except InputError as error:
+            return Availability(False, str(error))
+        there = ", ".join(name for name in rates if name not in lacking) or "none"
+        where, without = self.options.weights, ", ".join(lacking)
+        why = f"{where} has no weights for {without} (rates it has: {there})"
+        return Availability(not lacking, why if lacking else "")
+
+    def weights_of(self, rate: str) -> str:
+        """Name and digest (16 hexadecimal digits) of the file with a rate's weights."""
+        path = self._path(self.parameters_of(rate))
+        return f"{path.stem} {_digest(path)}" if path else ""
+
+    def weights_files(self) -> list[Path]:
+        """The files with weights of this network; InputError where there is no such place."""
+        return self.network.files(self._where())
+
+    def _where(self) -> str:
+        """Name, file or folder of the weights."""
+        return self.options.weights
+
+    def _known_files(self) -> Iterator[Path]:
+        """Where weights that made a stream may be: those of the options, and the shipped sets."""
+        yield from self.weights_files()
+        yield from self.network.shipped()
+
+    def load(self) -> None:
+        """Load the weights of all rates, and compile what is compiled on first use."""
+        for parameters in self.rates.values():
+            self._weights(parameters)
+        self._try(list(self.rates.values())[:1])
+
+    def _try(self, rates: Iterable[Parameters]) -> None:
+        points = _trial_cloud()
+        for parameters in rates:
+            self._decode(self._encode(points, parameters))
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        with naming(f"codec {self.name}"):
+            return self._stream(points, parameters)
+
+    def _decode(self, stream: bytes) -> Floats:
+        with naming(f"codec {self.name}"):
+            return self._points(stream)
+
+    def _weights(self, parameters: Parameters) -> W:
+        """The weights that a rate is coded with."""
+        path = self._path(parameters)
+        if path is None:
+            rate = ", ".join(f"{name} {value}" for name, value in parameters.items())
+            raise InputError(f"{self.options.weights} has no weights for {rate}")
+        return self._set(path)
+
+    def _made_with(self, digest: bytes) -> W:
+        """The weights that a stream names, given or shipped."""
+        for path in self._known_files():
+            weights = self._set(path)
+            if weights.digest == digest:
+                return weights
+        where, made = self.options.weights, digest.hex()
+        raise InputError(f"the stream was made with other weights ({made}) than {where} has")
+
+    def _set(self, path: Path) -> W:
+        if path not in self._sets:
+            self._sets[path] = self._read(path)
+        return self._sets[path]
+
+    def _path(self, parameters: Parameters) -> Path | None:
+        """The file with a rate's weights, if there is one; the same for all rates."""
+        return next(iter(self.weights_files()), None)
+
+    @abstractmethod
+    def _read(self, path: Path) -> W: ...
+
+    @abstractmethod
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes: ...
+
+    @abstractmethod
+    def _points(self, stream: bytes) -> Floats: ...
+
+
+class PublishedOptions(LearnedOptions):
+    """Options of a codec that codes as its authors' program does."""
+
+    weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
+
+
+class LearnedByLambda(Learned[R]):
+    """A codec as its authors published it, with weights for each Lagrangian weight of a rate.
+
+    A rate's `lmbda` is the weight of the distortion that its weights were trained with. `Improved`
+    has what puckbench changes.
+    """
+
+    Options: type[PublishedOptions] = PublishedOptions
+    options: PublishedOptions
+    context_mixing = False
+    """Whether the latent is coded by context mixing, or by the weights' own tables alone."""
+    point_reconstruction = False
+    """Whether as many points are decoded as were coded, or one in the centre of each voxel."""
+
+    def _where(self) -> str:
+        where = self.options.weights
+        if where == PUBLISHED_WEIGHTS and not Path(where).is_dir():
+            raise InputError(f"no weights in {where}: fetch them (puckbench data pcgc_weights)")
+        return where
+
+    def _known_files(self) -> Iterator[Path]:
+        """Those of the options, the shipped sets, and the authors' where they were fetched."""
+        yield from super()._known_files()
+        if Path(PUBLISHED_WEIGHTS).is_dir():
+            yield from self.network.files(PUBLISHED_WEIGHTS)
+
+    def _as_read(self, points: Floats) -> Floats:
+        """Points (n, 3) as the authors' readers of PLY files take them: cut off at the point."""
+        return np.trunc(points)
+
+    def _level(self, points: Floats, parameters: Parameters) -> int:
+        """The level of the grid for points (n, 3), in quarter octaves: that of their own."""
+        return 0
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        return super()._encode(self._as_read(points), parameters)
+
+    def _path(self, parameters: Parameters) -> Path | None:
+        return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
+
+    def _numbered(self, parameters: Parameters) -> tuple[R, int]:
+        """The weights of a rate, and its number among theirs."""
+        weights = self._weights(parameters)
+        return weights, weights.lmbdas.index(float(parameters["lmbda"]))
+
+    def _of_rate(self, digest: bytes, rate: int) -> R:
+        """The weights that a stream names, which must have as many rates as its number says."""
+        weights = self._made_with(digest)
+        if rate >= len(weights.lmbdas):
+            raise InputError("the stream is damaged (its rate)")
+        return weights
+
+
+class ImprovedOptions(PublishedOptions):
+    """Which of puckbench's changes to a published codec are in use."""
+
+    context_mixing: bool = Field(
+        True, description="code the latent by context mixing, not by the weights' tables alone"
+    )
+    point_reconstruction: bool = Field(
+        True, description="decode as many points as were coded, not one in each voxel's centre"
+    )
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="length in metres that is one step of the finest grid, for clouds in metres; "
+        "by default coordinates are steps",
+    )
+
+
+class Improved(LearnedByLambda[R]):
+    """A published codec that puckbench changes, with weights of its own.
+
+    The cloud itself chooses the grid (see `grid_level`), the latent is coded by context mixing, and
+    the decoder reconstructs as many points as were coded.
+    """
+
+    options: ImprovedOptions
+    pace = Pace(0.3, 16.0)
+    thesis_role = ""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.context_mixing = self.options.context_mixing
+        self.point_reconstruction = self.options.point_reconstruction
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        unit = self.options.unit
+        if unit is None:
+            return super()._encode(points, parameters)
+        return with_unit(super()._encode(points / unit, parameters), unit)
+
+    def _decode(self, stream: bytes) -> Floats:
+        with naming(f"codec {self.name}"):
+            own, unit = without_unit(stream)
+        points = super()._decode(own)
+        if unit is None:
+            return points
+        with naming(f"codec {self.name}"):
+            return multiplied(points, unit)
+
+    def _as_read(self, points: Floats) -> Floats:
+        return points
+
+    def _level(self, points: Floats, parameters: Parameters) -> int:
+        return grid_level(points, parameters)
+
+
+def _trial_cloud() -> Floats:
+    """A block and a wave of voxels (n, 3): few, but enough of them to reach every compiled path."""
+    block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
+    x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
+    wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
+    return np.concatenate([block, np.column_stack([x, y, wave])])
+
+
+def _digest(path: Path) -> str:
+    """The hexadecimal digits by which streams name our sets, or those of the file's SHA-256."""
+    kept = header_of(path).digest if path.suffix == SUFFIX else None
+    return kept or sha256(path)[:_DIGITS]
+
+
+def grid_level(points: Floats, parameters: Parameters) -> int:
+    """The level of the grid that a rate codes points (n, 3) on, in quarter octaves above their own.
+
+    The grid is coarsened until a voxel has the rate's `mean_occupied_children`, and then
+    by its `grid_level_offset` in octaves, which may be negative. Without `mean_occupied_children`
+    the level is 0. It is never below 0 or above `MAX_QUARTER_OCTAVES`.
+    """
+    from puckbench.learned.grid_level import MAX_QUARTER_OCTAVES, QUARTERS, octaves_of_points
+
+    children = float(parameters.get("mean_occupied_children", 1))
+    if children <= 1:
+        return 0
+    octaves = octaves_of_points(points, children) + float(parameters.get("grid_level_offset", 0))
+    return round(min(max(0.0, QUARTERS * octaves), MAX_QUARTER_OCTAVES))

@@ -1,0 +1,147 @@
+"""The codecs PCGCv1, as its authors published it, and PCGCv1+, which is puckbench's.
+
+A rate has the Lagrangian weight of its weights (`lmbda`), the number of voxels per unit (`scale`)
+and of voxels kept for each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it.
+The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until voxels
+have the rate's `mean_occupied_children`; and where a cube has fewer than `min_points` points, too
+few for the network, it codes their voxels without loss by the octree coder of `gpcc`
+(`sparse_cubes`), where the original drops them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.base import Line, Pace, Parameters
+from puckbench.codecs.learned import (
+    Improved,
+    ImprovedOptions,
+    LearnedByLambda,
+    PublishedOptions,
+)
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.learned.catalogue import PCGCV1
+from puckbench.learned.pcgcv1.stream import Coded, read_stream, write_stream
+
+if TYPE_CHECKING:
+    from puckbench.learned.pcgcv1.coder import Encoder
+    from puckbench.learned.pcgcv1.weights import Weights
+
+
+class Pcgcv1Options(PublishedOptions):
+    """Options of PCGCv1."""
+
+    min_points: int = Field(20, ge=1, description="of a cube that the network codes")
+    sparse_cubes: bool = Field(False, description="code cubes with fewer points too, without loss")
+
+
+@CODECS.register("pcgcv1")
+class Pcgcv1(LearnedByLambda["Weights"]):
+    """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
+
+    title = "PCGCv1"
+    use = "the thesis's claims, as its authors published it"
+    colour = "#66CDAA"
+    marker = "<"
+    line: Line = "--"
+    rank = 110
+    pace = Pace(5.0, 180.0)
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 0.75, "scale": 0.625, "rho": 1.15},
+        "r2": {"lmbda": 0.75, "scale": 1, "rho": 1.15},
+        "r3": {"lmbda": 2, "scale": 1, "rho": 1},
+        "r4": {"lmbda": 3.5, "scale": 1, "rho": 1},
+        "r5": {"lmbda": 6, "scale": 1, "rho": 1},
+        "r6": {"lmbda": 10, "scale": 1, "rho": 1},
+    }
+    Options: type[Pcgcv1Options] = Pcgcv1Options
+    options: Pcgcv1Options
+    magic = b"PCG1"
+    training = "puckbench.learned.pcgcv1.training_settings:Training"
+    thesis_role = "pcgcv1"
+    version = "PCGCv1, stream version 4"
+    network = PCGCV1
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
+
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+        if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
+            raise InputError("coordinates exceed 30-bit integers")
+        level = self._level(points * float(parameters.get("scale", 1)), parameters)
+        return self._written(self._encoder(parameters, level).encode(points))
+
+    def _written(self, coded: Coded) -> bytes:
+        if not coded.cubes and not coded.sparse:
+            least = self.options.min_points
+            raise InputError(
+                f"no cube has {least} points, and sparse ones are dropped (sparse_cubes)"
+            )
+        return write_stream(coded)
+
+    def _points(self, stream: bytes) -> Floats:
+        from puckbench.learned.pcgcv1.coder import Decoder
+
+        coded = read_stream(stream)
+        return Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(coded)
+
+    def _encoder(self, parameters: Parameters, level: int) -> Encoder:
+        from puckbench.learned.grid_level import voxel_size
+        from puckbench.learned.pcgcv1.coder import Encoder
+
+        weights, rate = self._numbered(parameters)
+        return Encoder(
+            weights,
+            rate,
+            scale=float(parameters.get("scale", 1)) / voxel_size(level),
+            rho=float(parameters.get("rho", 1)),
+            min_points=self.options.min_points,
+            sparse_cubes=self.options.sparse_cubes,
+            threads=self.options.threads,
+            context_mixing=self.context_mixing,
+            point_reconstruction=self.point_reconstruction,
+        )
+
+    def _read(self, path: Path) -> Weights:
+        from puckbench.learned.pcgcv1.weights import load_weights
+
+        return load_weights(path, self.options.device)
+
+
+class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
+    """Options of PCGCv1+."""
+
+    weights: str = Field("pcgcv1_mixed", description="a shipped set's name, a file, or a folder")
+    sparse_cubes: bool = Field(True, description="code cubes with fewer points too, without loss")
+
+
+@CODECS.register("pcgcv1_plus")
+class Pcgcv1Plus(Improved["Weights"], Pcgcv1):
+    """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
+
+    title = "PCGCv1+"
+    use = "comparison with its paper"
+    colour = "#009E73"
+    marker = "^"
+    line = "-"
+    rank = 20
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2.5},
+        "r2": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2},
+        "r3": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 1.5},
+        "r4": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 1},
+        "r5": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 0.5},
+        "r6": {"lmbda": 10, "mean_occupied_children": 2.5},
+    }
+    Options = Pcgcv1PlusOptions
+    options: Pcgcv1PlusOptions
+    based_on = "pcgcv1"
+    version = "PCGCv1+, stream version 4"

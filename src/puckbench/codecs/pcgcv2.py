@@ -1,0 +1,161 @@
+"""The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
+
+Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces. PCGCv2
+codes a cloud on the grid that it came on, as the thesis ran it on clouds scaled to [0, 1023];
+PCGCv2+ coarsens the grid of a sparse cloud until voxels have the rate's `mean_occupied_children`.
+A rate's `lmbda` is the Lagrangian weight of its weights, `rho` the share of voxels that are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.base import Line, Pace, Parameters
+from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.learned.catalogue import PCGCV2
+from puckbench.learned.pcgcv2.stream import Coded, Tools, read_stream, write_coded, write_raw
+
+if TYPE_CHECKING:
+    from puckbench.learned.pcgcv2.coder import Coder
+    from puckbench.learned.pcgcv2.weights import Weights
+
+_MAX_RAW_POINTS = 64
+"""Clouds of at most this many points are stored uncompressed: a network cannot help there."""
+
+
+@CODECS.register("pcgcv2")
+class Pcgcv2(LearnedByLambda["Weights"]):
+    """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
+
+    The most likely voxels are kept wherever they are: those of sparse parts may vanish.
+    """
+
+    title = "PCGCv2"
+    use = "the thesis's claims, as its authors published it"
+    colour = "#F0A070"
+    marker = "2"
+    line: Line = "--"
+    rank = 120
+    pace = Pace(1.0, 34.0)
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 0.25},
+        "r2": {"lmbda": 0.5},
+        "r3": {"lmbda": 1},
+        "r4": {"lmbda": 2},
+        "r5": {"lmbda": 4},
+        "r6": {"lmbda": 6},
+        "r7": {"lmbda": 10},
+    }
+    magic = b"PCG2"
+    training = "puckbench.learned.pcgcv2.training_settings:Training"
+    thesis_role = "pcgcv2"
+    version = "PCGCv2, stream version 6"
+    network = PCGCV2
+    grid = 1.0
+
+    def _tools(self) -> Tools:
+        """Coding tools in use that the authors' program does not have."""
+        return Tools(0)
+
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+        from puckbench.learned.grid_level import voxelised
+
+        if len(points) <= _MAX_RAW_POINTS:
+            return write_raw(np.unique(points, axis=0))
+        if np.abs(points).max() >= 2**31 - 2**20:
+            raise InputError("coordinates exceed 32-bit integers")
+        level = self._level(points, parameters)
+        return write_coded(self._coder(parameters).encode(voxelised(points, level), level))
+
+    def _coder(self, parameters: Parameters) -> Coder:
+        from puckbench.learned.pcgcv2.coder import Coder
+
+        weights, rate = self._numbered(parameters)
+        rho = float(parameters.get("rho", 1))
+        return Coder(
+            weights,
+            rate,
+            rho,
+            threads=self.options.threads,
+            tools=self._tools(),
+            point_reconstruction=self.point_reconstruction,
+        )
+
+    def _points(self, stream: bytes) -> Floats:
+        from puckbench.learned.pcgcv2.coder import Coder
+
+        coded = read_stream(stream)
+        if not isinstance(coded, Coded):
+            return coded
+        weights = self._of_rate(coded.digest, coded.rate)
+        return Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
+
+    def _read(self, path: Path) -> Weights:
+        from puckbench.learned.pcgcv2.weights import load_weights
+
+        return load_weights(path, self.options.device)
+
+
+class Pcgcv2PlusOptions(ImprovedOptions):
+    """Options of PCGCv2+."""
+
+    weights: str = Field("pcgcv2_objects", description="a shipped set's name, a file, or a folder")
+
+
+@CODECS.register("pcgcv2_plus")
+class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
+    """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
+
+    Each voxel keeps its most likely child, so that no part of a cloud vanishes.
+    """
+
+    title = "PCGCv2+"
+    use = "objects; few bits without fitting surfaces"
+    colour = "#D55E00"
+    marker = "D"
+    line: Line = "-"
+    rank = 30
+    rates: Mapping[str, Parameters] = {
+        "r1": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1.5},
+        "r2": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1},
+        "r3": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 0.5},
+        "r4": {"lmbda": 1, "mean_occupied_children": 2.5},
+        "r5": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
+        "r6": {"lmbda": 4, "mean_occupied_children": 2.5, "grid_level_offset": -0.5},
+        "r7": {"lmbda": 10, "mean_occupied_children": 2.5, "grid_level_offset": -1},
+    }
+    Options: type[Pcgcv2PlusOptions] = Pcgcv2PlusOptions
+    options: Pcgcv2PlusOptions
+    based_on = "pcgcv2"
+    version = "PCGCv2+, stream version 6"
+
+    def _tools(self) -> Tools:
+        return Tools.CHILD_PER_PARENT | (Tools.CONTEXT_MIXING if self.context_mixing else Tools(0))
+
+
+class Pcgcv2PlusRoomsOptions(Pcgcv2PlusOptions):
+    """Options of PCGCv2+ for scans of rooms."""
+
+    weights: str = Field("pcgcv2_rooms", description="a shipped set's name, a file, or a folder")
+
+
+@CODECS.register("pcgcv2_plus_rooms")
+class Pcgcv2PlusRooms(Pcgcv2Plus):
+    """PCGCv2+ with weights that were trained on noisy scans of rooms."""
+
+    title = "PCGCv2+ (rooms)"
+    use = "noisy scans of rooms, in few bits"
+    colour = "#882255"
+    marker = "d"
+    line: Line = "--"
+    rank = 130
+    Options = Pcgcv2PlusRoomsOptions
+    options: Pcgcv2PlusRoomsOptions

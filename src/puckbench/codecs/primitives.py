@@ -1,0 +1,116 @@
+"""The codec `primitives`: planes and surfaces of revolution, voxels, or both together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.base import Codec, Pace, Parameters
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import naming
+from puckbench.core.models import Model
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.mesh import Mesh
+from puckbench.primitives.settings import Settings, rate_settings
+
+if TYPE_CHECKING:
+    from puckbench.primitives.mode_decision import SharedSurface
+
+_SURFACE_PARAMETERS = (
+    *("min_leaf_size", "column_size", "max_leaf_size"),
+    *("lmbda", "plane_step", "max_bpp"),
+)
+_RATES = {
+    "r1": (64, 32, 256, 3000, 12, 0.1),
+    "r2": (32, 16, 256, 600, 8, 0.2),
+    "r3": (16, 8, 256, 70, 4.5, 0.4),
+    "r4": (8, 4, 128, 8, 3, 0.7),
+    "r5": (4, 2, 64, 0.7, 1, 1.2),
+}
+_SURFACES: dict[str, dict[str, float]] = {
+    name: dict(zip(_SURFACE_PARAMETERS, row, strict=True)) for name, row in _RATES.items()
+}
+
+
+class PrimitivesOptions(Model):
+    """Whether clouds in metres are coded."""
+
+    unit: float | None = Field(
+        None,
+        gt=0,
+        description="any length says that clouds in metres are to be coded too, by the same rates, "
+        "which are shares of a cloud's extent",
+    )
+
+
+@CODECS.register("primitives")
+class Primitives(Codec):
+    """Codec of geometric primitives that are fitted to the surface under the noise.
+
+    A rate is the values of `Settings` that differ from its defaults; lengths are thousandths
+    (1/1023) of the cloud's longest side, the units of the cube [0, 1023].
+    """
+
+    title = "Primitives"
+    use = "noisy scans; meshes; the fewest bits"
+    colour = "#CC79A7"
+    marker = "P"
+    rank = 40
+    pace = Pace(0.7, 10.0, encoding=0.9)
+    rates: Mapping[str, Parameters] = {
+        **_SURFACES,
+        **{
+            f"r{5 + k}": {**_SURFACES["r5"], "refinement": k / 3, "max_voxel_size": 4}
+            for k in (1, 2, 3)
+        },
+    }
+    Options: type[PrimitivesOptions] = PrimitivesOptions
+    options: PrimitivesOptions
+    magic = b"PBPR"
+    surfaces = True
+    version = "8"
+
+    def load(self) -> None:
+        """Compile all that coding needs: code a floor and a column on it, as both kinds."""
+        from puckbench.primitives.mode_decision import encode
+
+        rng = np.random.default_rng(0)
+        turn = 2 * np.pi * rng.random(1000)
+        column = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0.6 * rng.random(1000)])
+        floor = np.column_stack([rng.random((1000, 2)) - 0.5, np.zeros(1000)])
+        points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
+        self._decode(encode(points, Settings(**self._MOST)))
+
+    _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
+
+    def shared_work(self) -> SharedSurface | None:
+        """The surface, which some rates share; None where a derived class has its `_encode`."""
+        from puckbench.primitives.mode_decision import SharedSurface
+
+        return SharedSurface() if type(self)._encode is Primitives._encode else None
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        return self._encode_sharing(points, parameters, None)
+
+    def _encode_sharing(
+        self, points: Floats, parameters: Parameters, shared: SharedSurface | None
+    ) -> bytes:
+        from puckbench.primitives.mode_decision import encode
+
+        return encode(points, rate_settings(parameters), shared)
+
+    def _decode_mesh(self, stream: bytes) -> Mesh:
+        from puckbench.primitives.decoder import surface_part
+        from puckbench.primitives.mesh_reconstruction import decode_mesh
+
+        with naming(f"codec {self.name}"):
+            return decode_mesh(*surface_part(stream))
+
+    def _decode(self, stream: bytes) -> Floats:
+        from puckbench.primitives.decoder import decode_stream
+
+        with naming(f"codec {self.name}"):
+            return decode_stream(stream)

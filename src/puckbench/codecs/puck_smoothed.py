@@ -1,0 +1,64 @@
+"""`puck_smoothed`: streams of `puck`, decoded to the surface that they most likely came from."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydantic import Field
+
+from puckbench.codecs.base import Pace, lengths
+from puckbench.codecs.puck import Puck, PuckOptions
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import InputError, naming
+from puckbench.geometry.cloud import PointCloud
+from puckbench.lidar.returns import Returns
+
+_MAGIC = b"SMOOTH"
+
+
+class PuckSmoothedOptions(PuckOptions):
+    """As of `puck`; ranges far off their interval would mislead the smoothing."""
+
+    lmbda: float = Field(0.002, ge=0, description=PuckOptions.model_fields["lmbda"].description)
+
+
+@CODECS.register("puck_smoothed")
+class PuckSmoothed(Puck):
+    """As `puck`; decoded points lie on planes that fit the returns, and lasers' biases are gone.
+
+    The decoded returns are `puck`'s, in the sensor's own numbers, without loss at the finest rate;
+    the points are estimates at every rate (`puckbench.puck.smoothing`).
+    """
+
+    title = "Puck, smoothed"
+    use = "scans of spinning sensors, nearer to the surface than they were"
+    colour = "#DD3497"
+    marker = "P"
+    line = "--"
+    rank = 6
+    metric_rates = lengths(200, 100, 50, 20, 10, 4, 2)
+    Options = PuckSmoothedOptions
+    options: PuckSmoothedOptions
+    magic = _MAGIC
+    estimates: ClassVar[bool] = True
+    pace = Pace(0.05, 3.0)
+
+    def _stream(self, returns: Returns, step: int) -> bytes:
+        return _MAGIC + super()._stream(returns, step)
+
+    def _decode_with_steps(self, stream: bytes) -> tuple[Returns, list[float]]:
+        if not stream.startswith(_MAGIC):
+            raise InputError("not a stream of puck_smoothed")
+        return super()._decode_with_steps(stream[len(_MAGIC) :])
+
+    def decode_cloud(self, stream: bytes) -> PointCloud:
+        """The smoothed points of a stream, and its returns as they were coded."""
+        from puckbench.puck.smoothing import smoothed_distances
+
+        with naming(f"codec {self.name}"):
+            returns, steps = self._decode_with_steps(stream)
+        smoothed = [
+            smoothed_distances(returns, turn, step)
+            for turn, step in zip(returns.turns, steps, strict=True)
+        ]
+        return PointCloud(returns.points(smoothed), returns=returns)

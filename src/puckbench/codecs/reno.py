@@ -1,0 +1,141 @@
+"""The codec RENO: points of clouds in metres on grids of powers of two, as its authors code them.
+
+Coordinates are millimetres from a corner 131,072 mm below the origin, divided by posQ and rounded:
+so the decoded points are those of `gpcc` with merged duplicates at the same step, but for halves of
+a step, which are rounded to even.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
+from puckbench.codecs.learned import Learned, LearnedOptions
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import NARROWER, InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.learned.catalogue import RENO
+
+if TYPE_CHECKING:
+    from puckbench.learned.reno.weights import Weights
+
+PUBLISHED_WEIGHTS = "data/reno_weights"
+"""Where `puckbench data reno_weights` puts the weights of RENO's authors."""
+_MM = 0.001
+_OFFSET = 131072
+"""mm from the corner of the authors' grid to the origin."""
+
+
+class RenoOptions(LearnedOptions):
+    """Options of RENO."""
+
+    weights: str = Field(
+        PUBLISHED_WEIGHTS, description="a folder with the authors' weights, or one of their files"
+    )
+    device: Literal["cpu"] = Field(
+        "cpu", description="where the network runs; its sums have the order of a CPU's loops"
+    )
+    trained_on: Literal["KITTIDetection", "SemanticKITTI", "Ford"] = Field(
+        "KITTIDetection", description="which of the folder's files codes"
+    )
+
+
+@CODECS.register("reno")
+class Reno(Learned["Weights"]):
+    """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
+
+    A rate is its posQ, in mm: those of the paper, and 4, for which its authors give results too.
+    """
+
+    title = "RENO"
+    use = "turns of spinning sensors, as its authors published it"
+    colour = "#1F78B4"
+    marker = "1"
+    line: Line = "--"
+    rank = 125
+    metric_rates = lengths(512, 256, 128, 64, 32, 16, 8, 4)
+    Options: type[RenoOptions] = RenoOptions
+    options: RenoOptions
+    magic = b"RENO"
+    most_steps = float(2**20 - 2)
+    memory = Memory(1000, 1500)
+    pace = Pace(0.3, 12.0)
+    version = "RENO, stream version 1"
+    network = RENO
+
+    def load(self) -> None:
+        """Load the weights, and compile what is compiled on first use."""
+        corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
+        self._decode(self._encode(corner, {"step_m": 1.024}))
+
+    def most_extent(self, rate: str) -> float:
+        """As of any codec, without the offset of the authors' grid."""
+        return super().most_extent(rate) - 2 * _OFFSET * _MM
+
+    def _where(self) -> str:
+        where = self.options.weights
+        if where == PUBLISHED_WEIGHTS and not Path(where).is_dir():
+            raise InputError(f"no weights in {where}: fetch them (puckbench data reno_weights)")
+        return where
+
+    def _path(self, parameters: Parameters) -> Path | None:
+        files, name = self.weights_files(), self.options.trained_on
+        one = Path(self.options.weights).is_file()
+        return next((path for path in files if one or path.stem == name), None)
+
+    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+        from puckbench.learned.reno.coder import Coder
+        from puckbench.learned.reno.stream import Coded, write_stream
+        from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
+
+        posq = _posq(float(parameters["step_m"]))
+        millimetres = points / _MM
+        offsets = _offsets(millimetres)
+        voxels = np.rint((millimetres + offsets * float(_OFFSET)) / posq).astype(np.int64)
+        if voxels.max() >= 2**AXIS_BITS:
+            raise InputError(
+                f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}"
+            )
+        weights = self._weights(parameters)
+        tree = Coder(weights, self.options.threads).encode(unique_keys(morton_keys(voxels)))
+        x, y, z = offsets.tolist()
+        return write_stream(Coded(weights.digest, posq, (x, y, z), tree))
+
+    def _points(self, stream: bytes) -> Floats:
+        from puckbench.learned.reno.coder import Coder
+        from puckbench.learned.reno.stream import read_stream
+        from puckbench.learned.sparse.voxels import morton_voxels
+
+        coded = read_stream(stream)
+        keys = Coder(self._made_with(coded.digest), self.options.threads).decode(coded.tree)
+        corner = np.array(coded.offsets) * float(_OFFSET)
+        points: Floats = (morton_voxels(keys) * coded.posq - corner) * _MM
+        return points
+
+    def _read(self, path: Path) -> Weights:
+        from puckbench.learned.reno.weights import load_weights
+
+        return load_weights(path)
+
+
+def _posq(step: float) -> float:
+    """posQ of a step in m; InputError where half precision, in which streams have it, has not."""
+    wanted = round(step / _MM, 6)
+    posq = float(np.float16(wanted))
+    if posq != wanted or posq <= 0:
+        raise InputError(f"posQ {wanted:g} is not a number in half precision")
+    return posq
+
+
+def _offsets(millimetres: Floats) -> Floats:
+    """What is added to each axis, in 131,072 mm: 1 as the authors do, where that is enough.
+
+    Clouds that reach below the corner of the authors' grid, or far beyond it, get another corner.
+    """
+    least, most = millimetres.min(axis=0), millimetres.max(axis=0)
+    is_near = (least >= -_OFFSET) & (most < _OFFSET)
+    return np.where(is_near, 1, -np.floor(least / _OFFSET)).astype(np.int64)

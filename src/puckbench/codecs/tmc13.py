@@ -1,0 +1,106 @@
+"""TMC13, the reference software of G-PCC, for those who have built it (release-v14.0)."""
+
+from __future__ import annotations
+
+import subprocess
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from puckbench.codecs.base import Parameters
+from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
+from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
+from puckbench.codecs.registry import CODECS
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.grid import Frame, quantised
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Returns
+
+PROFILES: dict[str, tuple[str, ...]] = {
+    "minimal": (
+        "--planarEnabled=0",
+        "--qtbtEnabled=0",
+        "--inferredDirectCodingMode=0",
+        "--intra_pred_max_node_size_log2=0",
+        "--neighbourAvailBoundaryLog2=8",
+        "--partitionMethod=0",
+        "--enforceLevelLimits=0",
+    ),
+    "ctc": (
+        "--planarEnabled=1",
+        "--maxNumQtBtBeforeOt=4",
+        "--minQtbtSizeLog2=0",
+        "--planarModeIdcmUse=0",
+        "--intra_pred_max_node_size_log2=6",
+        "--neighbourAvailBoundaryLog2=8",
+    ),
+    "defaults": (),
+}
+"""Options of the program for each set of coding tools; what is not named is its default."""
+
+
+class Tmc13Options(GridOptions):
+    """G-PCC's options, and the name or path of TMC13's program."""
+
+    program: str = "tmc3"
+
+
+@CODECS.register("tmc13")
+class Tmc13(ExternalCodec, GridCodec):
+    """MPEG's program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
+
+    title = "TMC13 (reference tool)"
+    use = "checking G-PCC against MPEG's program"
+    colour = "#000000"
+    marker = "x"
+    line = ":"
+    rank = 100
+    Options = Tmc13Options
+    options: Tmc13Options
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """The one program."""
+        return (self.options.program,)
+
+    @cached_property
+    def version(self) -> str:
+        """The program's own first line."""
+        if not self.available().ok:
+            return ""
+        said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout
+        return said.decode(errors="replace").partition("\n")[0]
+
+    def _code(
+        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+    ) -> bytes:
+        scale = scale_of(parameters)
+        with folder() as at:
+            if self.options.rounding == "truncate":  # the program does that by itself
+                write_points(at / "in.ply", (points - frame.offset) / frame.unit, "float64")
+                scaling = [f"--positionQuantizationScale={scale!r}"]
+            else:
+                positions, origin = quantised(points, frame, scale, self.options.rounding)
+                write_points(at / "in.ply", positions + origin, "float64")
+                scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
+            merge = f"--mergeDuplicatedPoints={int(self._merges(parameters))}"
+            command = (
+                *(*self.programs, "--mode=0", "--disableAttributeCoding=1", merge),
+                *(*PROFILES[self.options.profile], *scaling),
+                f"--uncompressedDataPath={at / 'in.ply'}",
+                f"--compressedStreamPath={at / 'out.bin'}",
+            )
+            self.run(command, at / "in.ply")
+            return read_bytes(at / "out.bin")
+
+    def _units(self, stream: bytes) -> Floats:
+        with folder() as at:
+            (at / "in.bin").write_bytes(stream)
+            command = (
+                *(*self.programs, "--mode=1", "--outputBinaryPly=1"),
+                f"--compressedStreamPath={at / 'in.bin'}",
+                f"--reconstructedDataPath={at / 'out.ply'}",
+            )
+            self.run(command, at / "in.bin")
+            return read_points(at / "out.ply", self.programs[0])

@@ -1,0 +1,226 @@
+"""Angular mode: contexts from the directions that a spinning sensor measures in.
+
+A laser of the sensor has one elevation, and fires at regular azimuths. So the node's laser tells
+in which half of the node along z its points are likely to be, and the azimuth of the same laser's
+last return tells it along x or y (`determineContextAngleForPlanar`, `findLaser`
+and `AzimuthalPhiZi` of TMC13).
+
+Elevations are tangents in 2^-18, heights are in eighths of the coding unit, azimuths in 2^-20
+radians; numbers that the reference cuts to 32 bits are cut here, too.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import gathered
+from puckbench.gpcc.compiled import integer, kernel
+from puckbench.gpcc.fixed_point import TURN, arc_tangent, int32, inverse_square_root
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+NO_LASER = 255
+"""The laser of a node that is too large for one."""
+FARTHEST = 1 << 22
+"""Coordinates of the sensor from a slice's origin, at most: beyond, the reference overflows."""
+
+_NO_AZIMUTH = -(1 << 31)
+_LARGEST_GAP = 128 << 18
+
+
+class Angular(NamedTuple):
+    """The sensor as a slice sees it, and where its lasers were last.
+
+    origin: (3,) the sensor from the slice's origin, along the coded axes. elevation, height: (n,)
+    of the lasers. least_gap: between successive elevations. step, steps: (n,) azimuth from one
+    shot of a laser to the next, and its inverse in 2^-30. azimuth: (n,) of each laser's last
+    return. fault: (1,) not 0 once a stream named a laser that does not exist.
+    """
+
+    origin: Ints
+    elevation: Ints
+    height: Ints
+    least_gap: int
+    step: Ints
+    steps: Ints
+    azimuth: Ints
+    fault: Ints
+
+
+class PlaneAngles(NamedTuple):
+    """Contexts of a node's planes along x, y, z by the sensor's angles; -1 where they say nothing.
+
+    laser: of the node, for its children.
+    """
+
+    x: int
+    y: int
+    z: int
+    laser: int
+
+
+def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> Angular:
+    """The state at the start of a slice.
+
+    Parameters
+    ----------
+    elevation, height, turns
+        (n,) of each laser: tangent, height, and how often it fires in a turn.
+    origin
+        (3,) the sensor from the slice's origin, along the coded axes.
+
+    Raises
+    ------
+    InputError
+        For a sensor that is too far away, or a laser that does not fire.
+    """
+    if np.abs(origin).max() > FARTHEST:
+        raise InputError(f"G-PCC: the sensor is more than {FARTHEST} units away from a slice")
+    if turns.min() < 1:
+        raise InputError("G-PCC: a laser of the sensor does not fire in a turn")
+    gaps = np.abs(np.diff(elevation))
+    return Angular(
+        origin=origin,
+        elevation=elevation,
+        height=height,
+        least_gap=int(gaps.min(initial=_LARGEST_GAP)),
+        step=TURN // turns,
+        steps=(turns << 30) // TURN,
+        azimuth=np.full(len(turns), _NO_AZIMUTH, dtype=np.int64),
+        fault=np.zeros(1, dtype=np.int64),
+    )
+
+
+@inlined
+def tangent_of(height: int, root: int) -> int:
+    """Tangent of the elevation of a height in half units, at the distance of an inverse root."""
+    product = height * root
+    return int32(product >> 15 if product >= 0 else -(-product >> 15))
+
+
+@inlined
+def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
+    """Tangent of a laser's elevation as the origin of the sensor sees it at a distance."""
+    product = angular.height[laser] * root
+    shift = -(product >> 17) if product >= 0 else -product >> 17
+    return int32(angular.elevation[laser] + shift)
+
+
+@inlined
+def _nearest_laser(elevation: Ints, tangent: int) -> int:
+    """The laser next to a tangent, by bisection as in the reference: at least two lasers."""
+    first, count = 1, len(elevation) - 2
+    while count > 0:
+        half = count >> 1
+        if tangent < elevation[first + half]:
+            count = half
+        else:
+            first += half + 1
+            count -= half + 1
+    below, above = elevation[first - 1], elevation[first]
+    return first - 1 if int32(tangent - below) <= int32(above - tangent) else first
+
+
+@kernel
+def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
+    """The laser that sees a point at (x, y, z) from the sensor."""
+    if len(elevation) == 1:
+        return 0
+    x, y = x << 8, y << 8
+    return _nearest_laser(elevation, int32(z * inverse_square_root(x * x + y * y) >> 14))
+
+
+@inlined
+def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
+    """The azimuth next to the given one at which a laser fires, counted from its last return."""
+    last = angular.azimuth[laser]
+    if last == _NO_AZIMUTH:
+        return azimuth
+    shots = int32((last - azimuth) * angular.steps[laser] + (1 << 29) >> 30)
+    return int32(last - angular.step[laser] * shots)
+
+
+@inlined
+def azimuth_ctx(left: int, right: int, contrast: int) -> int:
+    """Context of two candidate azimuths by their differences from the predicted one.
+
+    contrast: log2 of how many times one has to be as far away as the other to be unlikely.
+    """
+    context = 2 if (left >= 0) == (right >= 0) else 0
+    left, right = abs(left), abs(right)
+    if left > right:
+        context += 1
+        left, right = right, left
+    return context + 4 if right > left << contrast else context
+
+
+@inlined
+def elevation_ctx(difference: int, half_height: int) -> int:
+    """Context of a node's half by how far a laser is above its middle, and the half's height."""
+    context = 0 if difference >= 0 else 1
+    if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
+        context += 2
+    return context
+
+
+@inlined
+def node_corner(
+    angular: Angular, morton: int, node_size_log2: tuple[int, int, int]
+) -> tuple[int, int, int]:
+    """The least corner of a node, from the sensor."""
+    return (
+        (gathered(morton >> 2) << node_size_log2[0]) - angular.origin[0],
+        (gathered(morton >> 1) << node_size_log2[1]) - angular.origin[1],
+        (gathered(morton) << node_size_log2[2]) - angular.origin[2],
+    )
+
+
+@inlined
+def plane_angles(
+    angular: Angular, morton: int, node_size_log2: tuple[int, int, int], laser: int
+) -> PlaneAngles:
+    """Contexts of the planes of the node of code `morton`; laser: of its parent."""
+    size_x, size_y, size_z = node_size_log2
+    x, y, z = node_corner(angular, morton, node_size_log2)
+    middle_x, middle_y = x + (1 << size_x >> 1), y + (1 << size_y >> 1)
+    half_z = 1 << size_z >> 1
+    lasers = len(angular.elevation)
+
+    far_x, far_y = abs((middle_x << 8) - 128), abs((middle_y << 8) - 128)
+    gap = angular.least_gap * (far_x + far_y >> 1)
+    if lasers > 1 and gap <= half_z << 26:
+        return PlaneAngles(-1, -1, -1, laser)
+    root = inverse_square_root(far_x * far_x + far_y * far_y)
+    tangent = tangent_of((z + half_z << 1) - 1, root)
+    nearest = 0
+    if lasers > 1:
+        nearest = laser
+        if laser == NO_LASER or gap <= half_z << 28:
+            nearest = _nearest_laser(angular.elevation, tangent)
+            laser = nearest & 0xFF
+
+    middle = arc_tangent(middle_y, middle_x)
+    predicted = predicted_azimuth(angular, nearest, middle)
+    across = azimuth_ctx(arc_tangent(y, x) - predicted, middle - predicted, 2)
+    difference = int32(corrected_elevation(angular, nearest, root) - tangent)
+    up = elevation_ctx(difference, root << size_z >> 20)
+    if abs(x) <= abs(y):
+        return PlaneAngles(across, -1, up, laser)
+    return PlaneAngles(-1, across, up, laser)
+
+
+@inlined
+def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
+    """The axes (1 x, 2 y, 4 z) whose planes are coded, of those split (4 x, 2 y, 1 z).
+
+    eligible_axes: those that would be coded without a sensor.
+    """
+    found = eligible_axes & 4
+    found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
+    return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

@@ -1,0 +1,295 @@
+"""Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
+
+A kernel written with `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes
+with a `Decoder`: each function takes the bit to code (a decoder ignores it) and returns the bit
+coded or read. Probabilities are those of a zero, in 16 bits, as in the Schroedinger coder
+(`schroarith`) that TMC13 uses.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import INLINED, inlined
+from puckbench.gpcc.compiled import entry, integer, kernel
+from puckbench.gpcc.tables import ADAPTATION
+
+Bytes = NDArray[np.uint8]
+State = tuple[int, int, int, int]
+
+HALF = 0x8000
+PADDING = 8
+"""Bytes that the decoder may have read beyond what it needed."""
+
+_FALLS = ADAPTATION.astype(np.int64)
+_RISES = ADAPTATION[::-1].astype(np.int64)
+# Doublings that bring a range back above 0x4000; a range is never below 63.
+_DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], dtype=np.int64)
+
+
+class Encoder(NamedTuple):
+    """Arithmetic encoder: state (low, range, bits in low above 16, bytes written) and output."""
+
+    state: NDArray[np.int64]
+    data: Bytes
+
+
+class Decoder(NamedTuple):
+    """Arithmetic decoder: state (code, range, bits in code beyond 16, bytes read) and input.
+
+    state[4:]: number of bytes of the stream; whether bypass bits have a stream of their own, the
+    next one's index. bypass: those bits, one a byte.
+    """
+
+    state: NDArray[np.int64]
+    data: Bytes
+    bypass: Bytes
+
+
+def encoder(capacity: int) -> Encoder:
+    """A new encoder with room for `capacity` bytes."""
+    state = np.array([0, 0xFFFF, 0, 0], dtype=np.int64)
+    return Encoder(state, np.empty(capacity, dtype=np.uint8))
+
+
+def enlarged(coder: Encoder, more: int) -> Encoder:
+    """The encoder with room for at least `more` further bytes."""
+    used = int(coder.state[3])
+    if len(coder.data) - used >= more:
+        return coder
+    data = np.empty(used + more, dtype=np.uint8)
+    data[:used] = coder.data[:used]
+    return Encoder(coder.state, data)
+
+
+def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
+    """A decoder at the start of `data`; `bypass`: the bits of a bypass stream, one a byte."""
+    padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
+    first = int(padded[0]) << 8 | int(padded[1])
+    separate = bypass is not None
+    bits = bypass if bypass is not None else np.empty(0, dtype=np.uint8)
+    state = np.array([first, 0xFFFF, 0, 2, len(data), separate, 0], dtype=np.int64)
+    return Decoder(state, padded, bits)
+
+
+def consumed(coder: Decoder) -> int:
+    """Bytes that the symbols decoded so far took."""
+    return int(coder.state[3] - coder.state[2] // 8)
+
+
+def finish(coder: Encoder) -> bytes:
+    """Flush the encoder; all bytes."""
+    _flush(coder)
+    return coder.data[: coder.state[3]].tobytes()
+
+
+def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
+    """Code one bit: the bit, the new state and the new probability."""
+    raise NotImplementedError("compiled only")
+
+
+def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
+    """Code one bit without a context."""
+    raise NotImplementedError("compiled only")
+
+
+def exhausted(coder: Any) -> bool:
+    """Whether a decoder has read further than its stream can have symbols."""
+    raise NotImplementedError("compiled only")
+
+
+@overload(exhausted, jit_options=INLINED)
+def _exhausted(coder: Any) -> Any:
+    return _no if coder.instance_class is Encoder else _overrun
+
+
+@overload(step, jit_options=INLINED)
+def _step(coder: Any, state: Any, probability: Any, bit: Any) -> Any:
+    if coder.instance_class is Encoder:
+        return _encode
+    return _decode
+
+
+@overload(bypass_step, jit_options=INLINED)
+def _bypass_step(coder: Any, state: Any, bit: Any) -> Any:
+    if coder.instance_class is Encoder:
+        return _encode_bypass
+    return _decode_bypass
+
+
+def _no(coder: Any) -> bool:
+    return False
+
+
+def _overrun(coder: Any) -> bool:
+    overrun: bool = coder.state[3] > coder.state[4] + PADDING
+    return overrun or coder.state[6] > len(coder.bypass)
+
+
+def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
+    low, span, count, place = state
+    split = (span * probability) >> 16
+    if bit:
+        low += split
+        span -= split
+        probability -= _FALLS[probability >> 8]
+    else:
+        span = split
+        probability += _RISES[probability >> 8]
+    if span <= 0x4000:
+        doublings = _DOUBLINGS[(span - 1) >> 5]
+        low, span, count = low << doublings, span << doublings, count + doublings
+        if count >= 32:
+            return bit, _emit(coder.data, (low, span, count, place)), probability
+    return bit, (low, span, count, place), probability
+
+
+def _decode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
+    code, span, ahead, place = state
+    split = (span * probability) >> 16
+    if code >= split << ahead:
+        bit = 1
+        code -= split << ahead
+        span -= split
+        probability -= _FALLS[probability >> 8]
+    else:
+        bit = 0
+        span = split
+        probability += _RISES[probability >> 8]
+    if span <= 0x4000:
+        doublings = _DOUBLINGS[(span - 1) >> 5]
+        if ahead < doublings:
+            code = code << 32 | _next_word(coder.data, place)
+            ahead += 32
+            place += 4
+        span <<= doublings
+        ahead -= doublings
+    return bit, (code, span, ahead, place), probability
+
+
+def _encode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
+    coded, state, _ = step(coder, state, HALF, bit)
+    return coded, state
+
+
+def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
+    if coder.state[5]:
+        index = coder.state[6]
+        coder.state[6] += 1
+        return (integer(coder.bypass[index]) if index < len(coder.bypass) else 0), state
+    decoded, state, _ = step(coder, state, HALF, bit)
+    return decoded, state
+
+
+@kernel
+def _emit(data: Bytes, state: State) -> State:
+    """Move 32 finished bits from low to the output, with the carry into what is there."""
+    low, span, count, place = state
+    count -= 32
+    word = low >> (16 + count)
+    if word >> 32:
+        _carry(data, place)
+    for k in range(4):
+        data[place + k] = (word >> (24 - 8 * k)) & 0xFF
+    return low & ((1 << (16 + count)) - 1), span, count, place + 4
+
+
+@kernel
+def _carry(data: Bytes, place: int) -> None:
+    place -= 1
+    while place >= 0 and data[place] == 0xFF:
+        data[place] = 0
+        place -= 1
+    if place >= 0:
+        data[place] += 1
+
+
+@kernel
+def _next_word(data: Bytes, place: int) -> int:
+    """Four bytes, big endian; past the end they are 0xFF."""
+    word = 0
+    for k in range(4):
+        byte = integer(data[place + k]) if place + k < len(data) else 0xFF
+        word = word << 8 | byte
+    return word
+
+
+@entry
+def _flush(coder: Encoder) -> None:
+    """Write what is left in low: the reference's own rule, which fixes the last bytes."""
+    low, span, count, place = load(coder)
+    while count >= 8:
+        count -= 8
+        byte = low >> (16 + count)
+        if byte >> 8:
+            _carry(coder.data, place)
+        coder.data[place] = byte & 0xFF
+        place += 1
+        low &= (1 << (16 + count)) - 1
+    ending = 3 if count > 0 else 2
+    free = 0
+    while free < 16 and low | ((1 << (free + 1)) - 1) <= span - 1:
+        free += 1
+    low |= (1 << free) - 1
+    low = (low + 1 << 8 - count) - 1
+    if low >> 24:
+        _carry(coder.data, place)
+    for k in range(ending):
+        coder.data[place + k] = (low >> (16 - 8 * k)) & 0xFF
+    save(coder, (low, span, 0, place + ending))
+
+
+@inlined
+def load(coder: Any) -> State:
+    """The coder's state, to be held in registers over several steps."""
+    state = coder.state
+    return state[0], state[1], state[2], state[3]
+
+
+@inlined
+def save(coder: Any, state: State) -> None:
+    """Put back a state that `load` gave and steps changed."""
+    coder.state[0], coder.state[1], coder.state[2], coder.state[3] = state
+
+
+@kernel
+def code_bit(coder: Any, probabilities: NDArray[np.uint16], context: int, bit: int) -> int:
+    """Code one bit with an adaptive context."""
+    coded, state, probability = step(coder, load(coder), integer(probabilities[context]), bit)
+    probabilities[context] = probability
+    save(coder, state)
+    return coded
+
+
+@kernel
+def code_bypass(coder: Any, bit: int) -> int:
+    """Code one bit without a context."""
+    coded, state = bypass_step(coder, load(coder), bit)
+    save(coder, state)
+    return coded
+
+
+@kernel
+def code_exp_golomb(
+    coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
+) -> int:
+    """Code a number by Exp-Golomb of an order; at most 24 prefix bits are read."""
+    base = 0
+    while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
+        base += 1 << order
+        order += 1
+    rest = 0
+    for k in range(order - 1, -1, -1):
+        rest |= code_bypass(coder, ((value - base) >> k) & 1) << k
+    return base + rest
+
+
+def restart(coder: Decoder) -> None:
+    """Begin the next entropy stream, which follows the present one's last byte."""
+    place = min(consumed(coder), int(coder.state[4]))
+    first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
+    coder.state[:4] = first, 0xFFFF, 0, place + 2

@@ -1,0 +1,124 @@
+"""Points sorted by azimuth, radius and slope; those equal in all three in the reference's order.
+
+The reference software sorts with ``std::sort``, which is not stable. So that trees are the same as
+its trees, this is the introsort of the GNU C++ library: quicksort by the median of three, then
+insertion sort.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.compiled import entry, integer
+
+Keys = NDArray[np.float64]
+_SMALL = 16
+_DEEPEST = 128
+
+
+def azimuth_order(around: Ints, precision: float) -> Ints:
+    """Rows (n,) of points (n, 3) given from the axis, by azimuth.
+
+    precision: steps of the azimuth in a radian; within one, radius and slope order. 0: no steps.
+    """
+    keys = np.empty((len(around), 3))
+    _fill_keys(around, precision, keys)
+    rows = np.arange(len(around))
+    if not _sort(rows, keys, np.empty((_DEEPEST, 3), dtype=np.int64)):
+        rows = np.lexsort(keys.T[::-1])
+    return rows
+
+
+@entry
+def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
+    for i in range(len(around)):
+        x, y, z = around[i, 0], around[i, 1], around[i, 2]
+        angle = math.atan2(y, x)
+        if precision:
+            steps = math.floor(abs(angle * precision) + 0.5)
+            angle = -steps if angle < 0 else steps
+        radius = math.hypot(x, y)
+        keys[i, 0] = angle
+        keys[i, 1] = radius
+        keys[i, 2] = z / radius
+
+
+@entry
+def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
+    """Sort rows by their keys; False where quicksort is not fast, which leaves them in any order.
+
+    stack: (d, 3) parts to sort, with how often each may still be parted.
+    """
+    depth, limit = 1, 0
+    while len(rows) >> limit > 1:
+        limit += 1
+    stack[0, 0], stack[0, 1], stack[0, 2] = 0, len(rows), 2 * limit
+    while depth:
+        depth -= 1
+        first, end, left = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        while end - first > _SMALL:
+            if left == 0 or depth == len(stack):
+                return False
+            left -= 1
+            cut = _parted(rows, keys, first, end)
+            stack[depth, 0], stack[depth, 1], stack[depth, 2] = cut, end, left
+            depth += 1
+            end = cut
+    for i in range(1, len(rows)):
+        _insert(rows, keys, i)
+    return True
+
+
+@inlined
+def _is_before(keys: Keys, a: int, b: int) -> bool:
+    column = 0
+    while column < 2 and keys[a, column] == keys[b, column]:
+        column += 1
+    before: bool = keys[a, column] < keys[b, column]
+    return before
+
+
+@inlined
+def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
+    """Put rows before those that are after the median of three; the first of the latter."""
+    chosen = _median(rows, keys, first + 1, first + (end - first) // 2, end - 1)
+    rows[first], rows[chosen] = rows[chosen], rows[first]
+    pivot = integer(rows[first])
+    low, high = first + 1, end
+    while True:
+        while low < end - 1 and _is_before(keys, rows[low], pivot):
+            low += 1
+        high -= 1
+        while high > first and _is_before(keys, pivot, rows[high]):
+            high -= 1
+        if low >= high:
+            return low
+        rows[low], rows[high] = rows[high], rows[low]
+        low += 1
+
+
+@inlined
+def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
+    """Which of three places holds the middle row."""
+    if _is_before(keys, rows[a], rows[b]):
+        if _is_before(keys, rows[b], rows[c]):
+            return b
+        return c if _is_before(keys, rows[a], rows[c]) else a
+    if _is_before(keys, rows[a], rows[c]):
+        return a
+    return c if _is_before(keys, rows[b], rows[c]) else b
+
+
+@inlined
+def _insert(rows: Ints, keys: Keys, place: int) -> None:
+    """Move a row to its place among those before it."""
+    row = integer(rows[place])
+    while place > 0 and _is_before(keys, row, rows[place - 1]):
+        rows[place] = rows[place - 1]
+        place -= 1
+    rows[place] = row

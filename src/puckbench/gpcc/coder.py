@@ -1,0 +1,412 @@
+"""G-PCC bitstreams: integer points with their scale and origin to a stream, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
+from puckbench.gpcc import syntax
+from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.contexts import Contexts, initial_contexts
+from puckbench.gpcc.options import PROFILES, GpccOptions
+from puckbench.gpcc.predictive import initial_probabilities
+from puckbench.gpcc.predictive_slices import decode_trees
+from puckbench.gpcc.sensor import SensorDescription
+from puckbench.gpcc.slices import (
+    CodedSlice,
+    decode_slice,
+    encode_slice,
+    read_slice,
+    sensor_state,
+)
+from puckbench.gpcc.tree import Tree, bounds, build_tree, coded_axes
+
+__all__ = [
+    "PROFILES",
+    "DecodedGeometry",
+    "GpccOptions",
+    "decode_geometry",
+    "encode_geometry",
+]
+
+MAX_POINTS = 1 << 24
+"""Points of a stream, at most: as many as one slice can signal, so that memory is bounded."""
+MAX_LEVELS = 1 << 14
+"""Octree levels of all slices of a stream, at most: each begins anew, however few points it has."""
+_LEVELS_OF_TREES = 2
+"""What a slice of prediction trees counts for among them."""
+MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
+MAX_PARAMETER_BYTES = 1 << 16
+"""Bytes of a stream's parameter sets and tile inventories, at most: they are read bit by bit."""
+
+_MAX_ORIGIN = 1 << 31
+_MAX_DENOMINATOR = 1 << 16
+
+_PARAMETERS = {
+    syntax.SEQUENCE_PARAMETER_SET,
+    syntax.GEOMETRY_PARAMETER_SET,
+    syntax.TILE_INVENTORY,
+}
+
+# Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
+_AXIS_ORDERS = (
+    *((2, 1, 0), (0, 1, 2), (0, 2, 1), (2, 0, 1)),
+    *((2, 1, 0), (1, 2, 0), (1, 0, 2), (0, 1, 2)),
+)
+
+
+@dataclass(frozen=True)
+class DecodedGeometry:
+    """What a stream holds.
+
+    points: (m, 3) int64, as coded; their positions are (points * global_scale + origin) / scale.
+    metres: seq_unit_is_metres_flag; else the unit is the application's.
+    """
+
+    points: Ints
+    scale: Fraction
+    origin: tuple[int, int, int]
+    global_scale: Fraction = Fraction(1)
+    metres: bool = False
+
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (m, 3) in the cloud's coordinates, bit for bit those of TMC13."""
+        step = self.scale.denominator / self.scale.numerator
+        corner = np.array(self.origin, dtype=np.float64) * step
+        positions = self.points.astype(np.float64)
+        positions *= float(self.global_scale.numerator)
+        positions *= step / self.global_scale.denominator
+        positions += corner
+        return positions
+
+
+def encode_geometry(
+    points: NDArray[Any],
+    options: GpccOptions,
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | Ints = (0, 0, 0),
+    sensor: SensorDescription | None = None,
+) -> bytes:
+    """Code points as a stream that TMC13 decodes.
+
+    Parameters
+    ----------
+    points
+        (n, 3) integers, n > 0.
+    options
+        Coding tools.
+    scale, origin
+        (points + origin) / scale are the positions that a decoder gives.
+    sensor
+        That measured the points, in the coordinates of points + origin; with it, the octree is
+        coded in angular mode.
+
+    Raises
+    ------
+    InputError
+        For an empty cloud, for points more than 21 bits apart, or for a sensor far away.
+    """
+    points, low = checked_points(points)
+    corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
+    sps = sequence_parameter_set(corner, scale)
+    gps = _geometry_parameter_set(options)
+    if sensor is not None:
+        gps = replace(gps, **sensor.syntax_elements(corner))
+        gps.planar_buffer_disabled_flag = int(options.planar and not options.planar_buffer)
+    slices = list(_partition(points, low, options, sensor is not None))
+    if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
+        raise InputError(f"G-PCC: more than {MAX_POINTS} points")
+    if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
+        raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
+    units = (_data_unit(part, number, sps, gps) for number, part in enumerate(slices))
+    return stream_of(sps, gps, units)
+
+
+def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
+    """Points (n, 3) as int64, and their least coordinates; InputError where they can't be coded."""
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
+    if not len(points):
+        raise InputError("G-PCC: no points to code")
+    whole = np.ascontiguousarray(points, dtype=np.int64)
+    if points.dtype.kind not in "iu" and not (whole == points).all():
+        raise InputError("G-PCC: coordinates are no whole numbers: scale and round them first")
+    points = whole
+    low, high = bounds(points)
+    if (high - low >= 1 << MOST_BITS).any():
+        raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
+    return points, low
+
+
+def stream_of(
+    sps: syntax.SequenceParameterSet, gps: syntax.GeometryParameterSet, units: Iterable[bytes]
+) -> bytes:
+    """A stream: its parameter sets, then geometry data units."""
+    payloads = [
+        (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),
+        (syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)),
+        *((syntax.GEOMETRY_DATA_UNIT, unit) for unit in units),
+    ]
+    return b"".join(syntax.encapsulate(kind, payload) for kind, payload in payloads)
+
+
+def sequence_parameter_set(
+    origin: tuple[int, ...], scale: Fraction | float
+) -> syntax.SequenceParameterSet:
+    """Origin and scale of a stream; InputError where it cannot hold them."""
+    scale = Fraction(scale).limit_denominator(_MAX_DENOMINATOR)
+    if max(map(abs, origin)) >= _MAX_ORIGIN or not 0 < scale.numerator < _MAX_ORIGIN:
+        raise InputError("G-PCC: the origin or the scale is too large for a stream")
+    x, y, z = origin
+    return syntax.SequenceParameterSet(
+        seq_origin_bits=bits_of(max(map(abs, origin))),
+        seq_origin_xyz=(x, y, z),
+        seq_unit_numerator_minus1=scale.numerator - 1,
+        seq_unit_denominator_minus1=scale.denominator - 1,
+    )
+
+
+def bits_of(value: int) -> int:
+    """Bits of a number; one for 0."""
+    return max(value.bit_length(), 1)
+
+
+def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet:
+    boundary = max(options.neighbour_avail_boundary_log2 - 1, 0)
+    first, second, third = options.planar_thresholds
+    mode = options.inferred_direct_coding_mode
+    if mode == 1 and options.planar_mode_idcm_use == 0:
+        mode = 0
+    return syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(options.merge_duplicates),
+        inferred_direct_coding_mode=mode,
+        joint_2pt_idcm_enabled_flag=int(options.joint_two_point_idcm),
+        qtbt_enabled_flag=int(options.qtbt),
+        neighbour_avail_boundary_log2_minus1=boundary,
+        adjacent_child_contextualization_enabled_flag=int(
+            boundary > 0 and options.adjacent_child_contextualization
+        ),
+        intra_pred_max_node_size_log2=options.intra_pred_max_node_size_log2 if boundary else 0,
+        geom_planar_mode_enabled_flag=int(options.planar),
+        geom_planar_threshold0=first,
+        geom_planar_threshold1=second,
+        geom_planar_threshold2=third,
+        geom_idcm_rate_minus1=options.planar_mode_idcm_use - 1 if mode == 1 else 31,
+        gps_extension_flag=1,  # the reference does so while a stream names no profile
+    )
+
+
+def _partition(
+    points: Ints, start: Ints, options: GpccOptions, angular: bool
+) -> Iterator[_SlicePoints]:
+    """Parts of the cloud of at most slice_max_points, halved along their longest side.
+
+    start: (3,) origin of the sequence.
+    """
+    fits = len(points) <= options.slice_max_points
+    if fits or options.merge_duplicates:
+        slice_points = _slice_points(points, start, options, angular)
+        if fits or slice_points.coded_points(options) <= options.slice_max_points:
+            yield slice_points
+            return
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = np.argsort(points[:, axis], kind="stable")
+    middle = split_position(points[order, axis])
+    yield from _partition(points[order[:middle]], start, options, angular)
+    yield from _partition(points[order[middle:]], start, options, angular)
+
+
+def split_position(sorted_values: NDArray[Any]) -> int:
+    """About the middle of sorted values, not between equal ones, so that these stay together."""
+    middle = len(sorted_values) // 2
+    starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
+    ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")
+    if starts == 0 and ends == len(sorted_values):
+        return middle
+    return int(starts if starts > 0 else ends)
+
+
+@dataclass(frozen=True)
+class _SlicePoints:
+    """Points of a slice: their least coordinates, the axes that each level splits, the octree."""
+
+    corner: tuple[int, int, int]
+    axes: list[int]
+    tree: Tree
+
+    def coded_points(self, options: GpccOptions) -> int:
+        """How many points the slice will hold."""
+        return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
+
+
+def _slice_points(points: Ints, start: Ints, options: GpccOptions, angular: bool) -> _SlicePoints:
+    low, high = bounds(points)
+    x, y, z = (max(int(size).bit_length(), 1) for size in high - low)
+    late_z = (
+        options.angular_max_node_min_dim_log2_to_split_z,
+        options.angular_max_diff_to_split_z,
+    )
+    axes = coded_axes(
+        (x, y, z),
+        options.qtbt,
+        options.max_num_qtbt_before_ot,
+        options.min_qtbt_size_log2,
+        late_z if angular else None,
+    )
+    a, b, c = (low - start).tolist()
+    ordered = angular and options.inferred_direct_coding_mode > 0
+    tree = build_tree(points, low, axes, ordered, options.merge_duplicates)
+    return _SlicePoints((a, b, c), axes, tree)
+
+
+def _data_unit(
+    slice_points: _SlicePoints,
+    number: int,
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+) -> bytes:
+    header = syntax.GeometryHeader(
+        slice_id=number,
+        slice_geom_origin_bits_minus1=bits_of(max(slice_points.corner)) - 1,
+        slice_geom_origin_xyz=slice_points.corner,
+        tree_depth_minus1=len(slice_points.axes) - 1,
+        tree_lvl_coded_axis_list=slice_points.axes,
+    )
+    sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], slice_points.corner)
+    return encode_slice(slice_points.tree, header, sps, gps, sensor)
+
+
+def decode_geometry(stream: bytes) -> DecodedGeometry:
+    """Decode a stream of one frame; attributes are skipped.
+
+    Returns
+    -------
+    DecodedGeometry
+        Points in decoding order, with scale and origin.
+
+    Raises
+    ------
+    InputError
+        If the stream is not G-PCC, is damaged, or uses tools that are not supported.
+    """
+    contents = _StreamReader()
+    for payload_type, payload in syntax.payloads(stream):
+        contents.take(payload_type, payload)
+    return contents.geometry()
+
+
+class _StreamReader:
+    """What was read of a stream so far: parameter sets by id, and points by slice."""
+
+    def __init__(self) -> None:
+        self._sps: dict[int, syntax.SequenceParameterSet] = {}
+        self._gps: dict[int, syntax.GeometryParameterSet] = {}
+        self._active: syntax.SequenceParameterSet | None = None
+        self._frame: int | None = None
+        self._contexts: Contexts = initial_contexts()
+        self._probabilities = initial_probabilities()
+        self._slices: list[Ints] = []
+        self._points = self._levels = self._parameter_bytes = 0
+
+    def take(self, payload_type: int, payload: bytes) -> None:
+        """Read one payload."""
+        if payload_type in _PARAMETERS:
+            self._parameter_bytes += len(payload)
+            if self._parameter_bytes > MAX_PARAMETER_BYTES:
+                raise InputError(f"G-PCC stream: more than {MAX_PARAMETER_BYTES} parameter bytes")
+        if payload_type == syntax.SEQUENCE_PARAMETER_SET:
+            sps = syntax.SequenceParameterSet()
+            syntax.sequence_parameter_set(Reader(payload), sps)
+            self._sps.setdefault(sps.sps_seq_parameter_set_id, sps)
+        elif payload_type == syntax.GEOMETRY_PARAMETER_SET:
+            gps = syntax.GeometryParameterSet()
+            syntax.geometry_parameter_set(Reader(payload), gps)
+            syntax.check_tools(gps)
+            self._gps.setdefault(gps.gps_geom_parameter_set_id, gps)
+        elif payload_type == syntax.TILE_INVENTORY:
+            syntax.tile_inventory(Reader(payload), syntax.TileInventory())
+        elif payload_type == syntax.GEOMETRY_DATA_UNIT:
+            self._slices.append(self._decoded(payload))
+
+    def _decoded(self, payload: bytes) -> Ints:
+        if not payload:
+            raise InputError("G-PCC stream: an empty geometry data unit")
+        gps = self._gps.get(payload[0] >> 4)
+        sps = self._sps.get(gps.gps_seq_parameter_set_id) if gps else None
+        if gps is None or sps is None:
+            raise InputError("G-PCC stream: a slice without its parameter sets")
+        if self._active is not None and sps is not self._active:
+            raise InputError("G-PCC stream: slices of different sequences")
+        self._active = sps
+        coded = read_slice(payload, sps, gps)
+        self._points += coded.points
+        self._levels += len(coded.header.tree_lvl_coded_axis_list) or _LEVELS_OF_TREES
+        if self._points > MAX_POINTS:
+            raise InputError(f"G-PCC stream: more than {MAX_POINTS} points")
+        if self._levels > MAX_LEVELS:
+            raise InputError(f"G-PCC stream: more than {MAX_LEVELS} octree levels in its slices")
+        self._check_single_frame(coded)
+        if not coded.header.entropy_continuation_flag:
+            self._contexts, self._probabilities = initial_contexts(), initial_probabilities()
+        axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
+        if gps.geom_tree_type == syntax.PREDICTIVE:
+            return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
+        sensor = sensor_state(coded.header, gps, axes, origin)
+        codes = decode_slice(coded, sps, gps, self._contexts, sensor)
+        points: Ints = coordinates(codes, np.array(axes), np.array(origin, dtype=np.int64))
+        return points
+
+    def _check_single_frame(self, coded: CodedSlice) -> None:
+        frame = coded.header.frame_ctr_lsb
+        if self._frame is not None and frame != self._frame:
+            raise InputError("G-PCC stream: more than one frame")
+        self._frame = frame
+
+    def geometry(self) -> DecodedGeometry:
+        """All that was read; InputError when there is no slice."""
+        sps = self._active
+        if sps is None:
+            raise InputError("G-PCC stream: no geometry")
+        points = self._slices[0] if len(self._slices) == 1 else np.concatenate(self._slices)
+        return DecodedGeometry(
+            points=points,
+            scale=Fraction(sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1),
+            origin=_origin(sps),
+            global_scale=_global_scale(sps),
+            metres=bool(sps.seq_unit_is_metres_flag),
+        )
+
+
+def _slice_origin(
+    header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet
+) -> tuple[int, int, int]:
+    present = gps.slice_geom_origin_scale_present
+    scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
+    x, y, z = (v << min(scale, 64) for v in header.slice_geom_origin_xyz)
+    if max(x, y, z) >= _MAX_ORIGIN:
+        raise InputError("G-PCC stream: the origin of a slice is too large")
+    return x, y, z
+
+
+def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
+    x, y, z = (v << min(sps.seq_origin_log2_scale, 64) for v in sps.seq_origin_xyz)
+    if max(abs(x), abs(y), abs(z)) >= _MAX_ORIGIN:
+        raise InputError("G-PCC stream: the origin is too large")
+    return x, y, z
+
+
+def _global_scale(sps: syntax.SequenceParameterSet) -> Fraction:
+    """(2^bits + refinement) / 2^bits * 2^log2."""
+    bits = sps.seq_global_scale_refinement_num_bits
+    if max(bits, sps.seq_global_scale_factor_log2) > 30:
+        raise InputError("G-PCC stream: the scale is too large")
+    refined = Fraction((1 << bits) + sps.seq_global_scale_refinement_factor, 1 << bits)
+    return refined * (1 << sps.seq_global_scale_factor_log2)

@@ -1,0 +1,273 @@
+"""Neighbourhood of a node: occupied face neighbours and their children, from an atlas.
+
+The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes a side around the node being
+coded; neighbours outside it do not count. Without an atlas only siblings do (TMC13's
+`makeGeometryNeighPattern`, `MortonMap3D`, `predictGeometryOccupancyIntra`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.bit_count import bit_count
+from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
+from puckbench.gpcc.compiled import integer, kernel
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+# The upper half of the children along x, y, z, and how far it is from the lower one.
+UPPER = np.array([0xF0, 0xCC, 0xAA], dtype=np.int64)
+_STEP = np.array([4, 2, 1], dtype=np.int64)
+_AXIS = np.array([X_BITS, Y_BITS, Z_BITS], dtype=np.int64)
+_PATTERN_BIT = np.array([2, 4, 16], dtype=np.int64)
+# Places in a neighbour pattern of the neighbours before and after along x, y, z.
+BEFORE = np.array([1, 2, 4], dtype=np.int64)
+AFTER = np.array([0, 3, 5], dtype=np.int64)
+
+
+def _grid_cell(x: int, y: int, z: int) -> int:
+    return 16 * x + 4 * y + z
+
+
+def _signed(bits: int) -> int:
+    return bits - (1 << 64) if bits >> 63 else bits
+
+
+# A node and its 26 neighbours lie in a 4 x 4 x 4 grid of bits around the node's parent.
+_GRID_OF_OCCUPANCY = np.array(
+    [
+        sum((o >> k & 1) << _grid_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8))
+        for o in range(256)
+    ],
+    dtype=np.int64,
+)
+_CHILD_CELL = np.array([_grid_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)], dtype=np.int64)
+_AROUND = sum(
+    1 << _grid_cell(x, y, z)
+    for x in range(3)
+    for y in range(3)
+    for z in range(3)
+    if (x, y, z) != (1, 1, 1)
+)
+# The seven neighbours of a node that touch its child k.
+_TOUCHING = np.array(
+    [
+        sum(
+            1 << _grid_cell(x, y, z)
+            for x in (1, 2 * (k >> 2))
+            for y in (1, 2 * (k >> 1 & 1))
+            for z in (1, 2 * (k & 1))
+            if (x, y, z) != (1, 1, 1)
+        )
+        for k in range(8)
+    ],
+    dtype=np.int64,
+)
+
+
+_LOWER_CELLS = (0x00000033, 0x00030003, 0x00110011)
+_ALL_CELLS = 0x00330033
+
+
+def _grid_placement(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
+    """Cells of the parent `offsets` parents away that are in the grid; how far to move them."""
+    cut, shift = _ALL_CELLS, 0
+    for axis, offset in enumerate(offsets):
+        split = axes >> (2 - axis) & 1
+        shift += (16, 4, 1)[axis] * (1 + (1 + split) * offset)
+        if split and offset:
+            cut &= _LOWER_CELLS[axis] if offset > 0 else ~_LOWER_CELLS[axis]
+    return cut, shift
+
+
+_GRID_PLACING = np.array(
+    [
+        [
+            [[_grid_placement(a, (x, y, z)) for z in (-1, 0, 1)] for y in (-1, 0, 1)]
+            for x in (-1, 0, 1)
+        ]
+        for a in range(8)
+    ],
+    dtype=np.int64,
+)
+_GRID_CUT = np.ascontiguousarray(_GRID_PLACING[..., 0])
+_GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
+
+
+class OccupancyAtlas(NamedTuple):
+    """Occupancy of the parents in the present cube, and of the nodes coded in it, by Morton code.
+
+    side: log2 of the cube's side in nodes; 0 without an atlas.
+    """
+
+    parents: Bytes
+    nodes: Bytes
+    side: int
+
+
+def empty_atlas(boundary: int) -> OccupancyAtlas:
+    """An empty atlas for cubes of 2**boundary nodes a side."""
+    size = 1 << 3 * boundary if boundary else 1
+    return OccupancyAtlas(np.zeros(size, dtype=np.uint8), np.zeros(size, dtype=np.uint8), boundary)
+
+
+@kernel
+def update_atlas(
+    atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
+) -> int:
+    """Replace the atlas's cube by that of parent `first`; the index where the next cube begins.
+
+    The cube that is left holds the parents from `previous` to `first`. axes: those that the parents
+    split.
+    """
+    inside = (1 << 3 * atlas.side) - 1
+    for i in range(previous, first):
+        atlas.parents[above(below(morton[i], axes) & inside, axes)] = 0
+    if first == len(morton):
+        return first
+    cube = below(morton[first], axes) >> 3 * atlas.side
+    end = first
+    while end < len(morton):
+        base = below(morton[end], axes)
+        if base >> 3 * atlas.side != cube:
+            break
+        atlas.parents[above(base & inside, axes)] = occupancy[end]
+        end += 1
+    return end
+
+
+@inlined
+def _adjacent_occupancy(
+    atlas: OccupancyAtlas, axes: int, address: int, axis: int, towards: int
+) -> int:
+    """Occupancy of the parent next to `address` along an axis; 0 outside the cube."""
+    bits = _AXIS[axis]
+    levels = atlas.side - ((axes >> (2 - axis)) & 1)
+    own = address & bits
+    if towards > 0:
+        if own == bits & ((1 << 3 * levels) - 1):
+            return 0
+        moved = ((address | ~bits) + 1) & bits
+    else:
+        if own == 0:
+            return 0
+        moved = (own - 1) & bits
+    return integer(atlas.parents[moved | address & ~bits])
+
+
+@kernel
+def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
+    """Which children of a parent have an occupied face neighbour: a byte for each bit of a pattern.
+
+    base: code of the parent's first child. axes: those that the parent splits.
+    """
+    address = above(base & ((1 << 3 * atlas.side) - 1), axes)
+    faces = 0
+    for axis in range(3):
+        upper, step = UPPER[axis], _STEP[axis]
+        after, before = (occupancy & upper) >> step, (occupancy & ~upper) << step
+        if atlas.side:
+            following = _adjacent_occupancy(atlas, axes, address, axis, 1)
+            preceding = _adjacent_occupancy(atlas, axes, address, axis, -1)
+            if axes & step:
+                after |= (following & ~upper) << step
+                before |= (preceding & upper) >> step
+            else:
+                after, before = following, preceding
+        faces |= after << 8 * AFTER[axis] | (before & 0xFF) << 8 * BEFORE[axis]
+    return faces
+
+
+@inlined
+def neigh_pattern_of(faces: int, child: int) -> int:
+    """Neighbour pattern of one child."""
+    neigh_pattern = 0
+    for k in range(6):
+        neigh_pattern |= (faces >> (8 * k + child) & 1) << k
+    return neigh_pattern
+
+
+@kernel
+def refine_by_adjacent_children(
+    atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
+) -> tuple[int, int, int, int, int]:
+    """Refine a neighbour pattern by the children of the three neighbours coded before.
+
+    axes: those that the node splits. Returns the pattern; the node's children with more than 0, and
+    with more than 1, occupied neighbours outside it (adjacencyGt0, adjacencyGt1); those with an
+    unoccupied one (adjacencyUnocc); the occupancies of the neighbours x-1, y-1, z-1, a byte each.
+    """
+    inside = (1 << 3 * atlas.side) - 1
+    address = node & inside
+    gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
+    for axis in range(3):
+        if neigh_pattern & _PATTERN_BIT[axis] == 0:
+            continue
+        bits = _AXIS[axis]
+        beside = ((address & bits) - 1) & bits | address & ~bits
+        occupancy = integer(atlas.nodes[beside])
+        adjacent_occupancies |= occupancy << 8 * axis
+        facing, step = UPPER[axis], _STEP[axis]
+        if axes & step == 0:
+            facing, step = facing ^ 0xFF, 0
+        facing_children = (occupancy & facing) >> step
+        if facing_children == 0:
+            neigh_pattern ^= _PATTERN_BIT[axis]
+        gt1 |= gt0 & facing_children
+        gt0 |= facing_children
+        unocc |= (~occupancy & facing) >> step
+    return neigh_pattern, gt0, gt1, unocc, adjacent_occupancies
+
+
+@kernel
+def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
+    """Occupancy of the 4 x 4 x 4 nodes around a parent's children, as bits of a word.
+
+    The cell of (x, y, z), each 0..3, is bit 16 x + 4 y + z; the children are at 1 and 2.
+    """
+    inside = (1 << 3 * atlas.side) - 1
+    address = above(base & inside, axes)
+    within = above(inside & ~(AXES_BITS[axes] & 7), axes)
+    grid = 0
+    for x in range(3):
+        along_x = _moved(address, within, X_BITS, x)
+        for y in range(3):
+            along_y = _moved(address, within, Y_BITS, y)
+            for z in range(3):
+                along_z = _moved(address, within, Z_BITS, z)
+                if along_x < 0 or along_y < 0 or along_z < 0:
+                    continue
+                cells = _GRID_OF_OCCUPANCY[atlas.parents[along_x | along_y | along_z]]
+                cells &= _GRID_CUT[axes, x, y, z]
+                shift = _GRID_SHIFT[axes, x, y, z]
+                grid |= cells << shift if shift >= 0 else cells >> -shift
+    return grid
+
+
+@inlined
+def _moved(address: int, within: int, bits: int, place: int) -> int:
+    """The bits of one axis moved by place - 1; -1 when that leaves the cube."""
+    own = address & bits
+    if place == 1:
+        return own
+    if place == 0:
+        return -1 if own == 0 else (own - 1) & bits
+    return -1 if own == within & bits else ((address | ~bits) + 1) & bits
+
+
+@kernel
+def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
+    """Intra prediction: children whose occupancy is predicted, and those predicted occupied."""
+    neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
+    threshold = 4 if bit_count(neighbourhood) < 14 else 5
+    is_predicted, prediction = 0, 0
+    for k in range(8):
+        touching = bit_count(neighbourhood & _TOUCHING[k])
+        is_predicted |= integer(touching <= 2 or touching >= threshold) << k
+        prediction |= integer(touching >= threshold) << k
+    return is_predicted, prediction

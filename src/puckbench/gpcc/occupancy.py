@@ -1,0 +1,235 @@
+"""Occupancy of a node: eight bits, each with the context that its neighbourhood selects.
+
+Bitwise occupancy coding (`encodeOccupancyBitwise` of TMC13): the bits go through 18 maps of
+context indices that adapt to what was coded (`CtxMapOctreeOccupancy`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from puckbench.core.compiling import inlined
+from puckbench.gpcc.arithmetic import code_bit, code_bypass, load, save, step
+from puckbench.gpcc.compiled import integer, kernel
+from puckbench.gpcc.contexts import CTX_OCCUPANCY, CTX_SINGLE_CHILD, Contexts
+from puckbench.gpcc.tables import (
+    ADJACENCY_REDUCED,
+    CODED_CHILD,
+    CTX_MAP_BASE,
+    CTX_MAP_DELTA,
+    CTX_MAP_SIZE,
+    POPCOUNT,
+)
+
+
+class OccupancyNeighbourhood(NamedTuple):
+    """What the contexts of a node's occupancy depend on.
+
+    neighbours_known: 1 if neighbours outside the parent are known, else 0. neigh_pattern: occupied
+    face neighbours. adjacency_gt0, adjacency_gt1, adjacency_unocc: children with more than 0, more
+    than 1 occupied, and with an unoccupied neighbour outside the node. is_predicted, prediction:
+    children whose occupancy is predicted, and those predicted occupied.
+    """
+
+    neighbours_known: int
+    neigh_pattern: int
+    adjacency_gt0: int
+    adjacency_gt1: int
+    adjacency_unocc: int
+    is_predicted: int
+    prediction: int
+
+
+class PlanarMasks(NamedTuple):
+    """What planar modes say about a node.
+
+    mask_planar_x, mask_planar_y, mask_planar_z: children known to be empty because the others'
+    plane is known. planar_possible: axes (1 x, 2 y, 4 z) not known to have both planes occupied.
+    """
+
+    mask_planar_x: int
+    mask_planar_y: int
+    mask_planar_z: int
+    planar_possible: int
+
+
+@inlined
+def no_child_masked(masks: PlanarMasks) -> bool:
+    """Whether no child is known to be empty because of planar modes."""
+    return masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z == 0
+
+
+@kernel
+def code_occupancy(
+    coder: Any,
+    contexts: Contexts,
+    neighbourhood: OccupancyNeighbourhood,
+    masks: PlanarMasks,
+    occupancy: int,
+) -> int:
+    """Code the occupancy of a node: a bit for each child."""
+    if masks.mask_planar_x and masks.mask_planar_y and masks.mask_planar_z:
+        return 1 << _known_child(masks)
+    if neighbourhood.neigh_pattern == 0:
+        single = integer(POPCOUNT[occupancy] == 1)
+        if masks.planar_possible == 7 and code_bit(
+            coder, contexts.probabilities, CTX_SINGLE_CHILD, single
+        ):
+            return _code_single_child(coder, masks, occupancy)
+        pair = _pair_of_children(masks)
+        if pair:
+            return pair
+    if no_child_masked(masks) and masks.planar_possible == 7:
+        return _code_bits(coder, contexts, neighbourhood, occupancy)
+    return _code_masked_bits(coder, contexts, neighbourhood, masks, occupancy)
+
+
+@kernel
+def _pair_of_children(masks: PlanarMasks) -> int:
+    """The two children left by two known planes if both are occupied; 0 without two planes."""
+    child = _known_child(masks)
+    if masks.mask_planar_x and masks.mask_planar_y:
+        return 3 << child
+    if masks.mask_planar_y and masks.mask_planar_z:
+        return 0x11 << child
+    if masks.mask_planar_x and masks.mask_planar_z:
+        return 5 << child
+    return 0
+
+
+@kernel
+def _known_child(masks: PlanarMasks) -> int:
+    """The lowest child that is in every known plane."""
+    return (
+        (masks.mask_planar_x & 1) << 2 | (masks.mask_planar_y & 1) << 1 | (masks.mask_planar_z & 1)
+    )
+
+
+@kernel
+def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
+    """Code the index of the only child, without the axes whose plane is known."""
+    child = _known_child(masks)
+    if masks.mask_planar_z == 0:
+        child |= code_bypass(coder, integer(occupancy & 0xAA != 0))
+    if masks.mask_planar_y == 0:
+        child |= code_bypass(coder, integer(occupancy & 0xCC != 0)) << 1
+    if masks.mask_planar_x == 0:
+        child |= code_bypass(coder, integer(occupancy & 0xF0 != 0)) << 2
+    return 1 << child
+
+
+@inlined
+def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predict: bool) -> int:
+    """Index of the context map of the i-th coded bit, that of `child`."""
+    adjacent = (neighbourhood.adjacency_unocc >> child & 1) + 2 * (
+        (neighbourhood.adjacency_gt0 >> child & 1) + (neighbourhood.adjacency_gt1 >> child & 1)
+    )
+    if i > 4:
+        adjacent = ADJACENCY_REDUCED[adjacent]
+    if not predict:
+        return 3 * adjacent
+    return (
+        3 * adjacent
+        + (neighbourhood.is_predicted >> child & 1)
+        + (neighbourhood.prediction >> child & 1)
+    )
+
+
+@inlined
+def _code_with_ctx_map(
+    coder: Any, contexts: Contexts, state: Any, entry_index: int, bit: int
+) -> tuple[int, Any]:
+    """Code one bit with the context that a map entry gives, and adapt the entry."""
+    entry = integer(contexts.ctx_idx_maps[entry_index])
+    context = CTX_OCCUPANCY + (entry >> 3)
+    bit, state, probability = step(coder, state, integer(contexts.probabilities[context]), bit)
+    contexts.probabilities[context] = probability
+    if bit:
+        entry += CTX_MAP_DELTA[(255 - entry) >> 4]
+    else:
+        entry -= CTX_MAP_DELTA[entry >> 4]
+    contexts.ctx_idx_maps[entry_index] = entry
+    return bit, state
+
+
+@kernel
+def _code_bits(
+    coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
+) -> int:
+    """Code eight bits, except those that must be ones.
+
+    Some child is occupied; two are where there is no neighbour (a single child is coded otherwise).
+    """
+    no_neighbour = neighbourhood.neigh_pattern == 0
+    most_zeros = 6 if no_neighbour else 7
+    state = load(coder)
+    coded, coded_before, zeros = 0, 0, 0
+    for i in range(8):
+        child = CODED_CHILD[neighbourhood.neigh_pattern, i]
+        bit = 1
+        if zeros < most_zeros:
+            entry_index = _ctx_map_of(neighbourhood, i, child, True) * CTX_MAP_SIZE
+            entry_index += (
+                CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
+                + coded_before
+            )
+            bit, state = _code_with_ctx_map(
+                coder, contexts, state, entry_index, occupancy >> child & 1
+            )
+        zeros += 1 - bit
+        coded_before += bit if no_neighbour else bit << i
+        coded |= bit << child
+    save(coder, state)
+    return coded
+
+
+@kernel
+def _code_masked_bits(
+    coder: Any,
+    contexts: Contexts,
+    neighbourhood: OccupancyNeighbourhood,
+    masks: PlanarMasks,
+    occupancy: int,
+) -> int:
+    """Code the bits of the children that planar modes leave open."""
+    no_neighbour = neighbourhood.neigh_pattern == 0
+    masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
+    zeros = masked
+    state = load(coder)
+    coded, coded_before = 0, 0
+    for i in range(8):
+        child = CODED_CHILD[neighbourhood.neigh_pattern, i]
+        if masked >> child & 1:
+            continue
+        bit = 1
+        if not _must_be_one(masks, zeros, child, no_neighbour):
+            entry_index = _ctx_map_of(neighbourhood, i, child, masked == 0) * CTX_MAP_SIZE
+            entry_index += (
+                CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
+                + coded_before
+            )
+            bit, state = _code_with_ctx_map(
+                coder, contexts, state, entry_index, occupancy >> child & 1
+            )
+            zeros |= (1 - bit) << child
+        coded_before += bit if no_neighbour else bit << i
+        coded |= bit << child
+    save(coder, state)
+    return coded
+
+
+@kernel
+def _must_be_one(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
+    """Whether the children known to be empty imply that this one is occupied."""
+    if POPCOUNT[zeros] >= (6 if no_neighbour else 7):
+        return True
+    for axis in range(3):
+        mask = (masks.mask_planar_x, masks.mask_planar_y, masks.mask_planar_z)[axis]
+        if mask == 0 and masks.planar_possible >> axis & 1:
+            continue
+        upper = (0xF0, 0xCC, 0xAA)[axis]
+        half = upper if child >> (2 - axis) & 1 else upper ^ 0xFF
+        most = 3 - integer(no_neighbour and mask != 0)
+        if POPCOUNT[zeros & half] >= most:
+            return True
+    return False

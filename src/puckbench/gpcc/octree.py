@@ -1,0 +1,464 @@
+"""One level of the geometry octree: planar modes, direct positions or occupancy of every node.
+
+Nodes are coded in breadth-first order, as TMC13's `GeometryOctreeEncoder` and
+`GeometryOctreeDecoder` do. The same kernel encodes, given an `Encoder` and a `Source`, and decodes,
+given a `Decoder` and None.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import below
+from puckbench.gpcc.angular import (
+    NO_LASER,
+    Angular,
+    PlaneAngles,
+    angular_eligible_axes,
+    plane_angles,
+)
+from puckbench.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
+from puckbench.gpcc.compiled import entry, integer, kernel, part
+from puckbench.gpcc.contexts import (
+    CTX_BLOCK_SKIP_TH,
+    CTX_DUP_POINT_CNT_EGL,
+    CTX_DUP_POINT_CNT_GT0,
+    Contexts,
+)
+from puckbench.gpcc.idcm import (
+    IdcmNode,
+    can_be_direct,
+    code_direct_positions,
+    is_idcm_eligible,
+    leaf_code,
+    local_points,
+    order_by_angles,
+)
+from puckbench.gpcc.neighbours import (
+    OccupancyAtlas,
+    face_neighbours,
+    neigh_pattern_of,
+    neighbour_grid,
+    predict_occupancy,
+    refine_by_adjacent_children,
+    update_atlas,
+)
+from puckbench.gpcc.occupancy import (
+    OccupancyNeighbourhood,
+    PlanarMasks,
+    code_occupancy,
+    no_child_masked,
+)
+from puckbench.gpcc.planar import (
+    PlanarNode,
+    PlanarState,
+    code_planar_modes,
+    planar_eligible_axes,
+    planar_mask,
+    update_planar_rates,
+)
+from puckbench.gpcc.tables import POPCOUNT
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+
+EXHAUSTED = -1
+TOO_MANY_POINTS = -2
+
+
+class Level(NamedTuple):
+    """What is the same for all nodes of a level.
+
+    coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
+    node_size_log2: along x, y, z. root: whether this is the root's level. last: whether the
+    children are leaves. adjacent_child_ctx: adjacent_child_contextualization_enabled_flag.
+    intra_pred: whether nodes are smaller than intra_pred_max_node_size. unique_points:
+    geom_unique_points_flag. idcm_mode: inferred_direct_coding_mode. joint_2pt_idcm:
+    joint_2pt_idcm_enabled_flag. idcm_enable_mask: nodes that may use direct coding, from the lowest
+    bit.
+    """
+
+    coded_axes: int
+    coded_axes_prev_level: int
+    node_size_log2: tuple[int, int, int]
+    root: bool
+    last: bool
+    adjacent_child_ctx: bool
+    intra_pred: bool
+    unique_points: bool
+    idcm_mode: int
+    joint_2pt_idcm: bool
+    idcm_enable_mask: int
+
+
+class Nodes(NamedTuple):
+    """Nodes (n,) that have children.
+
+    morton: codes. occupancy: a bit for each child. idcm_eligible: children that may be coded
+    directly, a bit each. first_child: in an encoder, index of the first child among all nodes of
+    its level. laser: in angular mode, the one that sees the node.
+    """
+
+    morton: Ints
+    occupancy: Bytes
+    idcm_eligible: Bytes
+    first_child: NDArray[np.int32]
+    laser: Bytes
+
+
+class Source(NamedTuple):
+    """A level of the octree that an encoder codes.
+
+    occupancy, first_child: of all nodes of the level. first_leaf: index of each node's first leaf,
+    and the number of leaves. leaves: codes of all leaves, where points are coded directly. counts:
+    points at each leaf, unless merged. second_first: in angular mode, a flag for each leaf that is
+    the first of two alone in a node: whether its point comes after the other's.
+    """
+
+    occupancy: Bytes
+    first_child: NDArray[np.int32]
+    first_leaf: NDArray[np.int32]
+    leaves: Ints
+    counts: NDArray[np.int32]
+    second_first: Bytes
+
+
+class SliceState(NamedTuple):
+    """State that lasts over the levels of a slice.
+
+    atlas, planar: state of the contexts. leaves: codes of decoded points. counters: points decoded
+    and allowed; nodes kept at this level, and their children; idcm_enable_mask. given, coded:
+    (2, 3), left: (3,), scratch of direct coding.
+    """
+
+    atlas: OccupancyAtlas
+    planar: PlanarState
+    leaves: Ints
+    counters: Ints
+    given: Ints
+    coded: Ints
+    left: Ints
+
+
+class ParentNode(NamedTuple):
+    """A parent as its children see it.
+
+    first_child_code: Morton code of its first child. sibling_occupancy: its occupancy. faces:
+    occupied face neighbours of its children. grid: occupied nodes around the children.
+    idcm_eligible: children that may be coded directly. first_child: in an encoder, index of its
+    first child among all nodes of the level. laser: in angular mode, the one that sees it.
+    """
+
+    first_child_code: int
+    sibling_occupancy: int
+    faces: int
+    grid: int
+    idcm_eligible: int
+    first_child: int
+    laser: int
+
+
+@entry
+def code_level(
+    coder: Any,
+    contexts: Contexts,
+    level: Level,
+    parents: Nodes,
+    nodes: Nodes,
+    source: Source | None,
+    state: SliceState,
+    angular: Angular | None,
+) -> int:
+    """Code the children of `parents`; those that have children themselves are written to `nodes`.
+
+    `source` is None in a decoder, `angular` without a sensor.
+
+    Returns
+    -------
+    int
+        Number of nodes written, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
+    """
+    atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
+    state.counters[2:4] = 0
+    state.counters[4] = level.idcm_enable_mask
+    cube_start, cube_end = 0, 0
+    for p in range(count):
+        if atlas.side and p == cube_end:
+            cube_end = update_atlas(atlas, parents.morton, parents.occupancy, axes, cube_start, p)
+            cube_start = p
+        sibling_occupancy = integer(parents.occupancy[p])
+        if state.planar.enabled and not level.root:
+            update_planar_rates(state.planar, sibling_occupancy)
+        base = below(parents.morton[p], axes)
+        faces = face_neighbours(atlas, axes, base, sibling_occupancy)
+        grid = neighbour_grid(atlas, axes, base) if level.intra_pred else 0
+        first = integer(parents.first_child[p]) if source is not None else 0
+        laser = integer(parents.laser[p]) if angular is not None else NO_LASER
+        parent = ParentNode(
+            base, sibling_occupancy, faces, grid, integer(parents.idcm_eligible[p]), first, laser
+        )
+        fault = _code_children(coder, contexts, level, parent, nodes, source, state, angular)
+        if fault:
+            return fault
+    if atlas.side:
+        update_atlas(atlas, parents.morton, parents.occupancy, axes, cube_start, count)
+    return integer(state.counters[2])
+
+
+@part
+def _code_children(
+    coder: Any,
+    contexts: Contexts,
+    level: Level,
+    parent: ParentNode,
+    nodes: Nodes,
+    source: Source | None,
+    state: SliceState,
+    angular: Angular | None,
+) -> int:
+    """Code the children of one parent; 0, or the negative fault of a damaged stream."""
+    index, counters = parent.first_child, state.counters
+    for child in range(8):
+        if parent.sibling_occupancy >> child & 1 == 0:
+            continue
+        occupancy, neigh_pattern, laser = _code_node(
+            coder, contexts, level, source, state, angular, parent, child, index
+        )
+        if occupancy and level.last:
+            _code_leaf_point_counts(
+                coder,
+                contexts,
+                level,
+                source,
+                state,
+                parent.first_child_code | child,
+                occupancy,
+                index,
+            )
+        elif occupancy:
+            kept = counters[2]
+            nodes.morton[kept] = parent.first_child_code | child
+            nodes.occupancy[kept] = occupancy
+            nodes.idcm_eligible[kept] = _idcm_eligible_children(
+                level, parent.sibling_occupancy, neigh_pattern, occupancy, counters
+            )
+            if source is not None:
+                nodes.first_child[kept] = source.first_child[index]
+            if angular is not None:
+                nodes.laser[kept] = laser
+            counters[2] += 1
+            counters[3] += POPCOUNT[occupancy]
+        index += 1
+        if _is_damaged(coder, angular):
+            return EXHAUSTED
+        if counters[0] + counters[3] > counters[1]:
+            return TOO_MANY_POINTS
+    return 0
+
+
+@inlined
+def _is_damaged(coder: Any, angular: Angular | None) -> bool:
+    """Whether a decoder has read too far, or of a laser that does not exist."""
+    if angular is not None:
+        return exhausted(coder) or angular.fault[0] != 0
+    return exhausted(coder)
+
+
+@part
+def _code_node(
+    coder: Any,
+    contexts: Contexts,
+    level: Level,
+    source: Source | None,
+    state: SliceState,
+    angular: Angular | None,
+    parent: ParentNode,
+    child: int,
+    index: int,
+) -> tuple[int, int, int]:
+    """Code one node: occupancy (0: points coded directly), refined neighbour pattern and laser."""
+    morton = parent.first_child_code | child
+    neigh_pattern = neigh_pattern_of(parent.faces, child)
+    gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
+    if level.adjacent_child_ctx:
+        neigh_pattern, gt0, gt1, unocc, adjacent_occupancies = refine_by_adjacent_children(
+            state.atlas, level.coded_axes, morton, neigh_pattern
+        )
+    occupancy = integer(source.occupancy[index]) if source is not None else 0
+    angles = PlaneAngles(-1, -1, -1, NO_LASER)
+    if angular is not None:
+        angles = plane_angles(angular, morton, level.node_size_log2, parent.laser)
+    planar_mode, plane_pos_bits, planar_possible = 0, 0, 7
+    if state.planar.enabled:
+        sibling_occupancy = 0 if level.root else parent.sibling_occupancy
+        node = PlanarNode(
+            morton,
+            child,
+            sibling_occupancy,
+            neigh_pattern,
+            adjacent_occupancies,
+            level.adjacent_child_ctx,
+            (angles.x, angles.y, angles.z),
+        )
+        eligible_axes = planar_eligible_axes(state.planar, level.coded_axes)
+        if angular is not None:
+            eligible_axes = angular_eligible_axes(angles, eligible_axes, level.coded_axes)
+        planar_mode, plane_pos_bits, planar_possible = code_planar_modes(
+            coder, contexts, state.planar, node, eligible_axes, occupancy
+        )
+    if parent.idcm_eligible >> child & 1 and _code_direct_positions(
+        coder, contexts, level, source, state, angular, morton, index, planar_mode, plane_pos_bits
+    ):
+        occupancy = 0
+    else:
+        masks = _planar_masks(level.coded_axes, planar_mode, plane_pos_bits, planar_possible)
+        is_predicted, prediction = 0, 0
+        if level.intra_pred and no_child_masked(masks):
+            is_predicted, prediction = predict_occupancy(parent.grid, child)
+        known = integer(state.atlas.side > 0)
+        neighbourhood = OccupancyNeighbourhood(
+            known, neigh_pattern, gt0, gt1, unocc, is_predicted, prediction
+        )
+        occupancy = code_occupancy(coder, contexts, neighbourhood, masks, occupancy)
+    if level.adjacent_child_ctx:
+        state.atlas.nodes[morton & ((1 << 3 * state.atlas.side) - 1)] = occupancy
+    return occupancy, neigh_pattern, angles.laser
+
+
+@inlined
+def _planar_masks(
+    axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
+) -> PlanarMasks:
+    """Children masked by planar modes; along an axis that is not split only the lower exist."""
+    planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
+    return PlanarMasks(
+        planar_mask(planar_mode, plane_pos_bits, 0),
+        planar_mask(planar_mode, plane_pos_bits, 1),
+        planar_mask(planar_mode, plane_pos_bits, 2),
+        planar_possible,
+    )
+
+
+@inlined
+def _idcm_eligible_children(
+    level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
+) -> int:
+    """Children of a node that may be coded directly; rotates the mask in `counters`."""
+    if level.idcm_mode == 0:
+        return 0
+    parent = 8 if level.root else POPCOUNT[sibling_occupancy]
+    size = max(level.node_size_log2[0], level.node_size_log2[1], level.node_size_log2[2])
+    if not is_idcm_eligible(level.idcm_mode, size, neigh_pattern, parent, POPCOUNT[occupancy]):
+        return 0
+    mask, enabled = 0, counters[4]
+    for child in range(8):
+        if occupancy >> child & 1:
+            mask |= (enabled & 1) << child
+            enabled = enabled >> 1 | (enabled & 1) << 31
+    counters[4] = enabled
+    return mask
+
+
+@inlined
+def _code_direct_positions(
+    coder: Any,
+    contexts: Contexts,
+    level: Level,
+    source: Source | None,
+    state: SliceState,
+    angular: Angular | None,
+    morton: int,
+    index: int,
+    planar_mode: int,
+    plane_pos_bits: int,
+) -> bool:
+    """Code whether a node's points are coded directly (IDCM) and, if so, code them."""
+    leaves, points, start, end = 0, 0, 0, 0
+    if source is not None:
+        start, end = integer(source.first_leaf[index]), integer(source.first_leaf[index + 1])
+        leaves = end - start
+        points = leaves if level.unique_points else _points(source, start, end)
+    is_direct = integer(can_be_direct(level.unique_points, leaves, points))
+    if not code_bit(coder, contexts.probabilities, CTX_BLOCK_SKIP_TH, is_direct):
+        return False
+    node = IdcmNode(
+        morton,
+        level.node_size_log2,
+        level.unique_points,
+        level.joint_2pt_idcm,
+        planar_mode,
+        plane_pos_bits,
+    )
+    if source is not None:
+        if angular is None:
+            local_points(
+                source.leaves[start:end], level.node_size_log2, state.given, level.joint_2pt_idcm
+            )
+        else:
+            local_points(source.leaves[start:end], level.node_size_log2, state.given, False)
+            if leaves == 2:
+                second_first = integer(source.second_first[start]) != 0
+                order_by_angles(node, angular, level.coded_axes, second_first, state.given)
+    leaves, points = code_direct_positions(
+        coder, contexts, node, angular, state.given, leaves, points, state.coded, state.left
+    )
+    if source is None:
+        for i in range(leaves):
+            point_count = points - leaves + 1 if i == 0 else 1
+            _append_points(
+                state, leaf_code(morton, level.node_size_log2, state.coded[i]), point_count
+            )
+    return True
+
+
+@kernel
+def _points(source: Source, start: int, end: int) -> int:
+    """Number of points at the leaves from `start` to `end`."""
+    points = 0
+    for leaf in range(start, end):
+        points += source.counts[leaf]
+    return points
+
+
+@kernel
+def _code_leaf_point_counts(
+    coder: Any,
+    contexts: Contexts,
+    level: Level,
+    source: Source | None,
+    state: SliceState,
+    morton: int,
+    occupancy: int,
+    index: int,
+) -> None:
+    """Code the number of points of each leaf of a node of the last level; decoders append them."""
+    base = below(morton, level.coded_axes)
+    leaf = integer(source.first_child[index]) if source is not None else 0
+    for child in range(8):
+        if occupancy >> child & 1 == 0:
+            continue
+        points = integer(1)
+        if not level.unique_points:
+            dup_point_cnt = integer(source.counts[leaf]) - 1 if source is not None else 0
+            if code_bit(
+                coder, contexts.probabilities, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)
+            ):
+                points = 2 + code_exp_golomb(
+                    coder, contexts.probabilities, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1
+                )
+        if source is None:
+            _append_points(state, base | child, points)
+        leaf += 1
+
+
+@inlined
+def _append_points(state: SliceState, morton: int, points: int) -> None:
+    """Append decoded points at a leaf, as far as more are allowed."""
+    done = state.counters[0]
+    for i in range(done, min(done + points, state.counters[1])):
+        state.leaves[i] = morton
+    state.counters[0] = done + points

@@ -1,0 +1,392 @@
+"""Syntax and decoding of prediction trees, the geometry of `geom_tree_type` 1.
+
+Every point is a node of a tree, depth first; it is predicted from up to three of its ancestors and
+corrected by a residual. In angular coding that happens in spherical coordinates, and a second
+residual corrects what they become in x, y, z. Functions ``code_...`` write the number that they are
+given with an `Encoder`, and read it with a `Decoder`; either way they return it. In TMC13:
+`PredGeomEncoder`, `PredGeomDecoder`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.gpcc.arithmetic import (
+    HALF,
+    code_bit,
+    code_bypass,
+    code_exp_golomb,
+    exhausted,
+)
+from puckbench.gpcc.compiled import entry, integer, kernel
+from puckbench.gpcc.fixed_point import int32
+from puckbench.gpcc.spherical import Sphere, azimuth_of_arc, cartesian
+from puckbench.gpcc.syntax import Three
+
+Probabilities = NDArray[np.uint16]
+
+EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
+"""Faults of a stream."""
+
+NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
+"""Predictions: nothing, the parent, a line through two ancestors, a parallelogram of three."""
+
+# Indices into probabilities; a comment gives the number where there are several.
+CTX_NUM_CHILDREN = integer(0)  # 3
+CTX_PRED_MODE = integer(3)  # 3
+CTX_RES_GT0 = integer(6)  # 3 axes
+CTX_SIGN = integer(9)  # 3 axes
+CTX_NUM_DUP_POINTS_GT0 = integer(12)
+CTX_NUM_DUP_POINTS = integer(13)
+CTX_RESIDUAL2_GT = integer(14)  # 2 x 3 axes
+CTX_SIGN2 = integer(20)  # 3 axes
+CTX_EG2_PREFIX = integer(23)  # 3 axes x 5
+CTX_EG2_SUFFIX = integer(38)  # 3 axes x 4
+CTX_QP_OFFSET_ABS_GT0 = integer(50)
+CTX_QP_OFFSET_SIGN = integer(51)
+CTX_QP_OFFSET_ABS_EGL = integer(52)
+CTX_PHI_GT = integer(53)  # 2
+CTX_SIGN_PHI = integer(55)
+CTX_EG_PHI = integer(56)
+CTX_RESIDUAL_PHI = integer(57)  # 7
+CTX_END_OF_TREES = integer(64)
+CTX_NUM_BITS = integer(65)  # 5 x 3 axes x 31
+# There are contexts for numbers of 5 bits. The reference's header may ask for 6 or 7, whose last
+# bits go on to use the contexts that follow.
+_COUNT = 65 + 5 * 3 * 31 + (1 << 7)
+
+MOST_QP = 223
+"""Quantisation parameter, at most: its step has 31 bits."""
+_LONGEST_PREFIX = 30
+
+
+class Tools(NamedTuple):
+    """Coding tools of a slice, named as in its parameter set and header.
+
+    slice_qp: of the slice's first nodes. qp_interval: nodes from one QP offset to the next.
+    """
+
+    unique_points: bool
+    angular: bool
+    azimuth_scaling: bool
+    azimuth_speed: int
+    min_radius: int
+    resid_abs_log2_bits: Three
+    scaling: bool
+    qp_multiplier_log2: int
+    slice_qp: int
+    qp_interval: int
+    sphere: Sphere
+
+
+class Nodes(NamedTuple):
+    """Nodes in the order of coding: points (n, 3), their spherical coordinates, their parents.
+
+    stack: (n,) parents of nodes that are still to come. Without angular coding there are no
+    spherical coordinates.
+    """
+
+    points: NDArray[np.int32]
+    spherical: NDArray[np.int32]
+    parents: NDArray[np.int32]
+    stack: NDArray[np.int32]
+
+
+def initial_probabilities() -> Probabilities:
+    """The contexts at the start of a slice."""
+    return np.full(_COUNT, HALF, dtype=np.uint16)
+
+
+@kernel
+def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
+    """Code how many further points coincide with a node's."""
+    if not code_bit(coder, contexts, CTX_NUM_DUP_POINTS_GT0, integer(count > 0)):
+        return 0
+    return 1 + code_exp_golomb(coder, contexts, CTX_NUM_DUP_POINTS, count - 1)
+
+
+@inlined
+def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
+    """Code a number of children, 0 to 3; one is the shortest, then none, then three."""
+    value = count ^ 1
+    if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
+        return 1
+    if not code_bit(coder, contexts, CTX_NUM_CHILDREN + 1, integer(value > 1)):
+        return 0
+    return 3 - code_bit(coder, contexts, CTX_NUM_CHILDREN + 2, integer(value > 2))
+
+
+@inlined
+def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
+    """Code which prediction is used."""
+    high = code_bit(coder, contexts, CTX_PRED_MODE, mode >> 1)
+    return high << 1 | code_bit(coder, contexts, CTX_PRED_MODE + 1 + high, mode & 1)
+
+
+@kernel
+def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
+    """Code how many steps of a turn are added to the predicted azimuth."""
+    if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
+        return 0
+    value = abs(multiplier) - 1
+    if code_bit(coder, contexts, CTX_PHI_GT + 1, integer(value > 0)):
+        value = 1 + _code_phi_rest(coder, contexts, value - 1)
+    else:
+        value = 0
+    negative = code_bit(coder, contexts, CTX_SIGN_PHI, integer(multiplier < 0))
+    return -(value + 1) if negative else value + 1
+
+
+@kernel
+def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
+    low = min(value, 7)
+    node = integer(1)
+    for k in range(2, -1, -1):
+        node = node << 1 | code_bit(coder, contexts, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
+    if node != 15:
+        return node - 8
+    return 7 + code_exp_golomb(coder, contexts, CTX_EG_PHI, value - 7)
+
+
+@kernel
+def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
+    """Code by how much the QP of the next nodes differs from the slice's.
+
+    The reference's encoder writes the sign before the magnitude, its decoder reads it after; ours
+    writes no offset but 0.
+    """
+    if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
+        return 0
+    size = 1 + code_exp_golomb(coder, contexts, CTX_QP_OFFSET_ABS_EGL, abs(offset) - 1)
+    return -size if code_bit(coder, contexts, CTX_QP_OFFSET_SIGN, integer(offset < 0)) else size
+
+
+@inlined
+def code_residual(
+    coder: Any, contexts: Probabilities, tools: Tools, mode: int, residual: Three
+) -> Three:
+    """Code the residual of a prediction."""
+    first, bits = _code_component(coder, contexts, tools, 0, 0, residual[0], mode != 0)
+    group = 0 if tools.angular else min(4, (bits + 1) >> 1)
+    second, _ = _code_component(coder, contexts, tools, 1, group, residual[1], True)
+    if tools.angular and len(tools.sphere.theta) == 1:
+        return first, second, 0
+    third, _ = _code_component(coder, contexts, tools, 2, group, residual[2], True)
+    return first, second, third
+
+
+@inlined
+def _code_component(
+    coder: Any,
+    contexts: Probabilities,
+    tools: Tools,
+    axis: int,
+    group: int,
+    value: int,
+    signed: bool,
+) -> tuple[int, int]:
+    """Code one component of a residual; also its number of bits, in which contexts differ."""
+    if not code_bit(coder, contexts, CTX_RES_GT0 + axis, integer(value != 0)):
+        return 0, 0
+    magnitude = abs(value) - 1
+    bits = code_num_bits(
+        coder, contexts, tools.resid_abs_log2_bits[axis], 3 * group + axis, magnitude
+    )
+    rest = 0
+    for k in range(bits - 1):
+        rest |= code_bypass(coder, magnitude >> k & 1) << k
+    size = 1 + (rest | 1 << (bits - 1) if bits else 0)
+    negative = signed and code_bit(coder, contexts, CTX_SIGN + axis, integer(value < 0)) != 0
+    return (-size if negative else size), bits
+
+
+@inlined
+def code_num_bits(
+    coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
+) -> int:
+    """Code the number of bits of a magnitude, itself in `width` bits, the highest first."""
+    bits = 0
+    while magnitude >> bits > 0:
+        bits += 1
+    node = integer(1)
+    start = CTX_NUM_BITS + 31 * group - 1
+    for k in range(width - 1, -1, -1):
+        node = node << 1 | code_bit(coder, contexts, start + node, bits >> k & 1)
+    return node ^ 1 << width
+
+
+@inlined
+def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
+    """Code the residual in x, y, z of a point predicted in spherical coordinates."""
+    return (
+        _code_component2(coder, contexts, 0, residual[0]),
+        _code_component2(coder, contexts, 1, residual[1]),
+        _code_component2(coder, contexts, 2, residual[2]),
+    )
+
+
+@inlined
+def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
+    if not code_bit(coder, contexts, CTX_RESIDUAL2_GT + axis, integer(value != 0)):
+        return 0
+    size = 1
+    if code_bit(coder, contexts, CTX_RESIDUAL2_GT + 3 + axis, integer(abs(value) > 1)):
+        size = 2 + _code_long(coder, contexts, axis, abs(value) - 2)
+    return -size if code_bit(coder, contexts, CTX_SIGN2 + axis, integer(value < 0)) else size
+
+
+@kernel
+def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
+    """Exp-Golomb code of order 0 with contexts for prefix and suffix."""
+    prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
+    order, base = 0, 0
+    while order < _LONGEST_PREFIX and code_bit(
+        coder, contexts, prefix + min(4, order), integer(value - base >= 1 << order)
+    ):
+        base += 1 << order
+        order += 1
+    for k in range(order - 1, -1, -1):
+        base += code_bit(coder, contexts, suffix + min(3, k), ((value - base) >> k) & 1) << k
+    return base
+
+
+@inlined
+def scaled(value: int, qp: int) -> int:
+    """A quantised number times the step of a QP, which is (1 + (QP mod 8) / 8) 2^(QP div 8)."""
+    return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
+
+
+@inlined
+def ancestors(parents: NDArray[np.int32], node: int) -> Three:
+    """Parent, grandparent and great-grandparent of a node; -1 where there is none."""
+    first = integer(parents[node])
+    second = integer(parents[first]) if first >= 0 else -1
+    third = integer(parents[second]) if second >= 0 else -1
+    return first, second, third
+
+
+@inlined
+def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
+    """A prediction from ancestors, which have to be there for the mode."""
+    a, b, c = before
+    if mode == NONE:
+        if not tools.angular:
+            return 0, 0, 0
+        if a < 0:
+            return tools.min_radius, 0, 0
+        return tools.min_radius, integer(positions[a, 1]), integer(positions[a, 2])
+    x, y, z = (
+        integer(positions[a, 0]),
+        integer(positions[a, 1]),
+        integer(positions[a, 2]),
+    )
+    if mode == LINEAR2:
+        return (
+            int32(2 * x - positions[b, 0]),
+            int32(2 * y - positions[b, 1]),
+            int32(2 * z - positions[b, 2]),
+        )
+    if mode == LINEAR3:
+        return (
+            int32(x + positions[b, 0] - positions[c, 0]),
+            int32(y + positions[b, 1] - positions[c, 1]),
+            int32(z + positions[b, 2] - positions[c, 2]),
+        )
+    return x, y, z
+
+
+@entry
+def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes) -> int:
+    """Decode all trees of a slice into `nodes`; the number of points, or a negative fault."""
+    done = 0
+    while True:
+        done = _decode_tree(coder, contexts, tools, nodes, done)
+        if done < 0 or code_bit(coder, contexts, CTX_END_OF_TREES, 0):
+            return done
+
+
+@inlined
+def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, done: int) -> int:
+    """Decode a tree that begins with point number `done`; the number of points after it."""
+    count, pending = len(nodes.parents), 1
+    if done >= count:
+        return TOO_MANY_POINTS
+    nodes.stack[0] = -1
+    qp, until_offset = tools.slice_qp, 0
+    while pending:
+        pending -= 1
+        if exhausted(coder):
+            return EXHAUSTED
+        if tools.scaling:
+            if until_offset == 0:
+                offset = code_qp_offset(coder, contexts, 0)
+                qp = tools.slice_qp + (offset << tools.qp_multiplier_log2)
+                until_offset = tools.qp_interval
+                if qp < 0 or qp > MOST_QP:
+                    return DAMAGED
+            until_offset -= 1
+        node = done
+        nodes.parents[node] = nodes.stack[pending]
+        copies = 0 if tools.unique_points else code_num_dup_points(coder, contexts, 0)
+        children = code_num_children(coder, contexts, 0)
+        done += 1 + copies
+        if done + pending + children > count:
+            return TOO_MANY_POINTS
+        if not _decode_position(coder, contexts, tools, nodes, node, qp):
+            return DAMAGED
+        _repeat(nodes, tools.angular, node, copies)
+        for _ in range(children):
+            nodes.stack[pending] = node
+            pending += 1
+    return done
+
+
+@inlined
+def _decode_position(
+    coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, node: int, qp: int
+) -> bool:
+    """Decode a node's mode, residuals and position; False where these cannot be."""
+    mode = code_pred_mode(coder, contexts, 0)
+    before = ancestors(nodes.parents, node)
+    if mode > 0 and before[mode - 1] < 0:
+        return False
+    if not tools.angular:
+        r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
+        p = predicted(nodes.points, before, mode, tools)
+        nodes.points[node, 0] = max(0, int32(p[0] + scaled(r[0], qp)))
+        nodes.points[node, 1] = max(0, int32(p[1] + scaled(r[1], qp)))
+        nodes.points[node, 2] = max(0, int32(p[2] + scaled(r[2], qp)))
+        return True
+    steps = code_phi_multiplier(coder, contexts, 0)
+    r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
+    p = predicted(nodes.spherical, before, mode, tools)
+    radius, laser = int32(p[0] + r[0]), p[2] + r[2]
+    turned = r[1]
+    if tools.azimuth_scaling:
+        turned = azimuth_of_arc(r[1], radius, tools.sphere.azimuth_log2)
+    azimuth = int32(p[1] + steps * tools.azimuth_speed + turned)
+    if laser < 0 or laser >= len(tools.sphere.theta):
+        return False
+    nodes.spherical[node, 0] = radius
+    nodes.spherical[node, 1] = azimuth
+    nodes.spherical[node, 2] = laser
+    second = code_residual2(coder, contexts, (0, 0, 0))
+    place = cartesian(tools.sphere, radius, azimuth, laser)
+    for axis in range(3):
+        exact = tools.sphere.origin[axis] + place[axis] + scaled(second[axis], qp)
+        nodes.points[node, axis] = max(0, int32(exact))
+    return True
+
+
+@kernel
+def _repeat(nodes: Nodes, angular: bool, node: int, copies: int) -> None:
+    """Write a node's point as often again as it has duplicates."""
+    for k in range(node + 1, node + 1 + copies):
+        for axis in range(3):
+            nodes.points[k, axis] = nodes.points[node, axis]
+            if angular:
+                nodes.spherical[k, axis] = nodes.spherical[node, axis]

@@ -1,0 +1,262 @@
+"""Encoding with G-PCC's predictive geometry; `coder.decode_geometry` decodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import Model
+from puckbench.geometry.morton import MOST_BITS, Ints
+from puckbench.gpcc import syntax
+from puckbench.gpcc.coder import (
+    MAX_POINTS,
+    MAX_TREE_SLICES,
+    bits_of,
+    checked_points,
+    sequence_parameter_set,
+    split_position,
+    stream_of,
+)
+from puckbench.gpcc.prediction_tree import Order, angular_tree, nearest_tree, ordered
+from puckbench.gpcc.predictive import MOST_QP, Tools, initial_probabilities
+from puckbench.gpcc.predictive_encoder import quantised
+from puckbench.gpcc.predictive_slices import encode_trees, tools_of
+from puckbench.gpcc.sensor import SensorDescription
+from puckbench.gpcc.slices import CodedSlice, data_unit
+from puckbench.gpcc.syntax import Three
+
+_AXES = (0, 1, 2)
+_WIDEST = (5, 5, 5)
+
+
+class PredictiveOptions(Model):
+    """Coding tools of predictive geometry; angular coding is used where there is a sensor."""
+
+    order: Order = Field(
+        "azimuth", description="of the points, in which trees are built: as they come, or sorted"
+    )
+    azimuth_sort_precision: float = Field(
+        1024.0, ge=0, description="steps of the azimuth in a radian; within one, radii order points"
+    )
+    azimuth_scale_log2: int = Field(
+        12, ge=0, le=18, description="a turn has 2^(12 + this) steps of the azimuth"
+    )
+    azimuth_speed: int | None = Field(
+        None, ge=1, description="steps of the azimuth between two firings; by default the sensor's"
+    )
+    radius_inv_scale_log2: int = Field(
+        0, ge=0, le=20, description="a step of the radius has 2^this coding units"
+    )
+    azimuth_scaling: bool = Field(
+        True, description="residuals of the azimuth are lengths of arcs instead of angles"
+    )
+    base_qp: int | None = Field(
+        None, ge=0, le=MOST_QP, description="residuals in x, y, z are quantised by this QP"
+    )
+    qp_multiplier_log2: int = Field(0, ge=0, le=3, description="QPs are multiplied by 2^this")
+    qp_interval_log2: int = Field(
+        8, ge=0, le=30, description="QP offsets are signalled for every 2^this nodes"
+    )
+    slice_qp_interval_log2: int | None = Field(
+        None, ge=0, le=30, description="the same in a slice; by default that of the stream"
+    )
+    tree_max_points: int = Field(default=1_100_000, ge=1, description="points in a tree, at most")
+    merge_duplicates: bool = Field(default=False, description="keep one of equal points, else all")
+    slice_max_points: int = Field(
+        default=1_100_000, ge=1, le=1 << 24, description="points in a slice, at most"
+    )
+
+
+def encode_predictive(
+    points: NDArray[Any],
+    options: PredictiveOptions,
+    sensor: SensorDescription | None = None,
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | Ints = (0, 0, 0),
+) -> bytes:
+    """Code points as a stream of prediction trees that TMC13 decodes.
+
+    Parameters
+    ----------
+    points
+        (n, 3) integers, n > 0.
+    options
+        Coding tools.
+    sensor
+        That measured the points, in the coordinates of points + origin; with it, points are coded
+        in its spherical coordinates.
+    scale, origin
+        (points + origin) / scale are the positions that a decoder gives.
+
+    Raises
+    ------
+    InputError
+        For an empty cloud, points more than 21 bits apart, or a sensor too far away.
+    """
+    points, low = checked_points(points)
+    if options.merge_duplicates:
+        points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+    if len(points) > MAX_POINTS:
+        raise InputError(f"G-PCC: more than {MAX_POINTS} points")
+    corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
+    sps = sequence_parameter_set(corner, scale)
+    gps = _geometry_parameter_set(options, sensor, corner)
+    centre = _centre(sensor, corner)
+    parts = list(_partition((points - low).astype(np.int32), options.slice_max_points))
+    if len(parts) > MAX_TREE_SLICES:
+        raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
+    units = (
+        _data_unit(part, number, options, sps, gps, centre) for number, part in enumerate(parts)
+    )
+    return stream_of(sps, gps, units)
+
+
+def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:
+    """What azimuth and radius are around, from the sequence's origin."""
+    x, y, z = (a - b for a, b in zip(sensor.position if sensor else (0, 0, 0), corner, strict=True))
+    if sensor and max(map(abs, (x, y, z))) >= 1 << (MOST_BITS + 1):
+        raise InputError(f"G-PCC: the sensor is more than {MOST_BITS} bits away from its points")
+    return x, y, z
+
+
+def _geometry_parameter_set(
+    options: PredictiveOptions, sensor: SensorDescription | None, corner: tuple[int, ...]
+) -> syntax.GeometryParameterSet:
+    angular: dict[str, Any] = {}
+    if sensor is not None:
+        turn = 1 << (12 + options.azimuth_scale_log2)
+        speed = options.azimuth_speed or max(round(turn / sensor.steps_per_turn), 1)
+        if speed > turn:
+            raise InputError(f"G-PCC: the azimuth's speed {speed} is more than a turn")
+        angular = {
+            **sensor.syntax_elements(corner),
+            "geom_angular_azimuth_scale_log2_minus11": options.azimuth_scale_log2,
+            "geom_angular_azimuth_speed_minus1": speed - 1,
+            "geom_angular_radius_inv_scale_log2": options.radius_inv_scale_log2,
+            "azimuth_scaling_enabled_flag": int(options.azimuth_scaling),
+        }
+    return syntax.GeometryParameterSet(
+        geom_unique_points_flag=int(options.merge_duplicates),
+        geom_tree_type=syntax.PREDICTIVE,
+        **angular,
+        geom_scaling_enabled_flag=int(options.base_qp is not None),
+        geom_base_qp=options.base_qp or 0,
+        geom_qp_multiplier_log2=options.qp_multiplier_log2 if options.base_qp is not None else 0,
+        geom_qp_offset_intvl_log2=options.qp_interval_log2,
+        gps_extension_flag=1,  # the reference does so while a stream names no profile
+    )
+
+
+def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
+    """Parts of the cloud of at most `most` points, halved along their longest side."""
+    if len(points) <= most:
+        yield points
+        return
+    values = points[:, int(np.argmax(np.ptp(points, axis=0)))]
+    middle = values[np.argsort(values, kind="stable")]
+    below = values < middle[split_position(middle)]
+    if not below.any():  # they are all equal
+        below = np.arange(len(points)) < len(points) // 2
+    yield from _partition(points[below], most)
+    yield from _partition(points[~below], most)
+
+
+def _data_unit(
+    points: NDArray[np.int32],
+    number: int,
+    options: PredictiveOptions,
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+    centre: Three,
+) -> bytes:
+    """A slice of points given from the sequence's origin."""
+    x, y, z = points.min(axis=0).tolist()
+    points = _sorted(points, options, centre) - np.array((x, y, z), dtype=np.int32)
+    interval = options.slice_qp_interval_log2
+    delta = 0 if interval is None else (interval - options.qp_interval_log2) % (1 << 32)
+    header = syntax.GeometryHeader(
+        slice_id=number,
+        slice_geom_origin_bits_minus1=bits_of(max(x, y, z)) - 1,
+        slice_geom_origin_xyz=(x, y, z),
+        geom_qp_offset_intvl_log2_delta=delta,
+    )
+    data = _coded(points, header, gps, options.tree_max_points)
+    return data_unit(CodedSlice(header, data, len(points)), sps, gps)
+
+
+def _sorted(
+    points: NDArray[np.int32], options: PredictiveOptions, centre: Three
+) -> NDArray[np.int32]:
+    """The points of each tree in their order."""
+    most = options.tree_max_points
+    parts = [points[start : start + most] for start in range(0, len(points), most)]
+    order, precision = options.order, options.azimuth_sort_precision
+    return np.concatenate([part[ordered(part, order, centre, precision)] for part in parts])
+
+
+def _coded(
+    points: NDArray[np.int32],
+    header: syntax.GeometryHeader,
+    gps: syntax.GeometryParameterSet,
+    most: int,
+) -> bytes:
+    """Entropy-coded trees; the bits of residuals and the least radius are set in the header."""
+    tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
+    positions = np.empty_like(points) if tools.angular else points
+    if tools.angular:
+        tree = angular_tree(points, tools.sphere, positions, most)
+        header.pgeom_min_radius = int(positions[:, 0].min()) if len(points) <= most else 0
+    else:
+        tree = nearest_tree(points, most)
+    for widths in (_residual_bits(points, tools), _WIDEST):
+        header.pgeom_resid_abs_log2_bits = widths
+        tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
+        coded = points.copy()
+        given = positions.copy() if tools.angular else coded
+        data = encode_trees(tree, coded, given, tools, initial_probabilities())
+        if data is not None:
+            return data
+    raise InputError("G-PCC: residuals are too large for a stream")
+
+
+def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
+    """Bits of the number of bits of residuals, as the reference software gives them."""
+    sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
+    if tools.angular:
+        return _angular_residual_bits(sides, tools)
+    widths = [quantised((1 << side) - 1, tools.slice_qp) for side in sides]
+    x, y, z = (bits_of(_ceil_log2(max(1, width))) for width in widths)
+    return x, y, z
+
+
+def _angular_residual_bits(sides: list[int], tools: Tools) -> Three:
+    around = tools.sphere
+    far = [
+        max(abs(around.origin[k]), abs((1 << sides[k]) - 1 - around.origin[k])) for k in range(2)
+    ]
+    radius = math.floor(math.hypot(*far) + 0.5)
+    steps = _divided(radius, around.radius_log2)
+    turned = tools.azimuth_speed >> 1
+    if tools.azimuth_scaling:
+        arc = (turned + 1) * _divided(radius << 3, around.radius_log2)
+        turned = _divided(arc, around.azimuth_log2)
+    most = (steps, turned, len(around.theta) - 1)
+    x, y, z = (_ceil_log2(value).bit_length() for value in most)
+    return x, y, z
+
+
+def _divided(value: int, shift: int) -> int:
+    """A number divided by 2^shift, rounded."""
+    return (value + ((1 << shift) >> 1)) >> shift
+
+
+def _ceil_log2(value: int) -> int:
+    """Bits that numbers below `value` have; 32 for 0, as in the reference software."""
+    return (value - 1).bit_length() if value else 32

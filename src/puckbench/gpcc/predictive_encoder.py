@@ -1,0 +1,301 @@
+"""Encoding of prediction trees: each node has the prediction of the least estimated cost.
+
+Estimates are the reference software's, in single precision, so that the choices are the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.gpcc.arithmetic import code_bit
+from puckbench.gpcc.compiled import entry, integer
+from puckbench.gpcc.fixed_point import int32
+from puckbench.gpcc.prediction_tree import ROOT, PredictionTree
+from puckbench.gpcc.predictive import (
+    CTX_END_OF_TREES,
+    CTX_NUM_BITS,
+    CTX_PHI_GT,
+    CTX_PRED_MODE,
+    CTX_RES_GT0,
+    CTX_RESIDUAL_PHI,
+    CTX_SIGN,
+    CTX_SIGN_PHI,
+    LINEAR3,
+    NONE,
+    Probabilities,
+    Tools,
+    ancestors,
+    code_num_children,
+    code_num_dup_points,
+    code_phi_multiplier,
+    code_pred_mode,
+    code_qp_offset,
+    code_residual,
+    code_residual2,
+    predicted,
+    scaled,
+)
+from puckbench.gpcc.spherical import azimuth_of_arc, cartesian, halved_away
+from puckbench.gpcc.syntax import Three
+
+DONE, FULL, UNREPRESENTABLE = 0, 1, 2
+"""How a call of `encode_trees` ends: all is coded; there is no room for more bytes; a residual does
+not fit into the bits that the slice's header gives it."""
+
+NODE_BYTES = 600
+"""Bytes of a node, at most: some 500 bits, of at most a byte each."""
+
+_COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
+_MOST_COST = np.float32(np.finfo(np.float32).max)
+_RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
+
+
+class Given(NamedTuple):
+    """What is coded, by node: the tree; points (n, 3) from the slice's origin; the positions that
+    are predicted, which are these points, or with a sensor their spherical coordinates.
+
+    Both become what a decoder will have. stack: (n,) nodes to come. progress: (4,) next root, nodes
+    on the stack, nodes until the next QP offset, and nodes coded.
+    """
+
+    tree: PredictionTree
+    points: NDArray[np.int32]
+    positions: NDArray[np.int32]
+    stack: NDArray[np.int32]
+    progress: NDArray[np.int64]
+
+
+class Choice(NamedTuple):
+    """A prediction: its mode, steps of the azimuth, position, and quantised residual."""
+
+    mode: int
+    steps: int
+    prediction: Three
+    residual: Three
+
+
+@entry
+def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
+    """Code all trees, or go on where the last call ended; see DONE."""
+    progress, parents = given.progress, given.tree.parents
+    while True:
+        fault = _encode_tree(coder, contexts, tools, given)
+        if fault != DONE:
+            return fault
+        while progress[0] < len(parents) and parents[progress[0]] != ROOT:
+            progress[0] += 1
+        more = progress[0] < len(parents)
+        if progress[3]:
+            code_bit(coder, contexts, CTX_END_OF_TREES, integer(not more))
+        if not more:
+            return DONE
+        given.stack[0] = progress[0]
+        progress[0] += 1
+        progress[1] = 1
+        progress[2] = 0
+
+
+@inlined
+def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
+    """Code the nodes that are on the stack, and what hangs on them."""
+    tree, progress = given.tree, given.progress
+    while progress[1]:
+        if coder.state[3] + NODE_BYTES > len(coder.data):
+            return FULL
+        progress[1] -= 1
+        node = integer(given.stack[progress[1]])
+        if tools.scaling:
+            if progress[2] == 0:
+                code_qp_offset(coder, contexts, 0)
+                progress[2] = tools.qp_interval
+            progress[2] -= 1
+        if not tools.unique_points:
+            code_num_dup_points(coder, contexts, integer(tree.copies[node]))
+        code_num_children(coder, contexts, integer(tree.num_children[node]))
+        if not _encode_position(coder, contexts, tools, given, node):
+            return UNREPRESENTABLE
+        progress[3] += 1
+        for k in range(tree.num_children[node]):
+            given.stack[progress[1]] = tree.children[node, k]
+            progress[1] += 1
+    return DONE
+
+
+@inlined
+def _encode_position(
+    coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
+) -> bool:
+    """Code mode and residuals of a node; False where no residual can be coded."""
+    fits, choice = _decided(contexts, tools, given, node)
+    if not fits:
+        return False
+    code_pred_mode(coder, contexts, choice.mode)
+    if tools.angular:
+        code_phi_multiplier(coder, contexts, choice.steps)
+    code_residual(coder, contexts, tools, choice.mode, choice.residual)
+    if tools.angular:
+        _encode_place(coder, contexts, tools, given, node, choice)
+        return True
+    for axis in range(3):
+        exact = choice.prediction[axis] + scaled(choice.residual[axis], tools.slice_qp)
+        given.points[node, axis] = max(0, exact)
+    return True
+
+
+@inlined
+def _encode_place(
+    coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
+) -> None:
+    """Code the second residual of a node, and set the positions that a decoder will have."""
+    around, positions = tools.sphere, given.positions
+    if tools.azimuth_scaling:
+        radius = choice.prediction[0] + choice.residual[0]
+        turned = azimuth_of_arc(choice.residual[1], radius, around.azimuth_log2)
+        positions[node, 0] = radius
+        positions[node, 1] = choice.prediction[1] + turned
+        positions[node, 2] = choice.prediction[2] + choice.residual[2]
+    place = cartesian(
+        around,
+        integer(positions[node, 0]),
+        integer(positions[node, 1]),
+        integer(positions[node, 2]),
+    )
+    qp, origin, points = tools.slice_qp, around.origin, given.points
+    second = code_residual2(
+        coder,
+        contexts,
+        (
+            quantised(points[node, 0] - origin[0] - place[0], qp),
+            quantised(points[node, 1] - origin[1] - place[1], qp),
+            quantised(points[node, 2] - origin[2] - place[2], qp),
+        ),
+    )
+    for axis in range(3):
+        points[node, axis] = max(0, origin[axis] + place[axis] + scaled(second[axis], qp))
+
+
+@entry
+def quantised(value: int, qp: int) -> int:
+    """A residual in steps of a QP, to the nearest."""
+    return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
+
+
+@inlined
+def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
+    """The prediction of a node that is estimated to cost least, and whether it can be coded."""
+    before = ancestors(given.tree.parents, node)
+    best = _predict(tools, given, node, before, NONE)
+    fits = _is_representable(tools, best.residual)
+    least = _cost(contexts, tools, best) if fits else _MOST_COST
+    for mode in range(1, LINEAR3 + 1):
+        if before[mode - 1] < 0:
+            break
+        choice = _predict(tools, given, node, before, mode)
+        if _is_representable(tools, choice.residual):
+            cost = _cost(contexts, tools, choice)
+            if cost < least:
+                best, least, fits = choice, cost, True
+    return fits, best
+
+
+@inlined
+def _predict(tools: Tools, given: Given, node: int, before: Three, mode: int) -> Choice:
+    positions = given.positions
+    a, b, c = predicted(positions, before, mode, tools)
+    first, second, third = (
+        integer(positions[node, 0]),
+        integer(positions[node, 1]),
+        integer(positions[node, 2]),
+    )
+    steps = 0
+    if not tools.angular:
+        residual = (
+            quantised(first - a, tools.slice_qp),
+            quantised(second - b, tools.slice_qp),
+            quantised(third - c, tools.slice_qp),
+        )
+        return Choice(mode, steps, (a, b, c), residual)
+    half = tools.azimuth_speed >> 1
+    turned = second - b
+    steps = (abs(turned) + half) // tools.azimuth_speed
+    if turned < 0:
+        steps = -steps
+    b = int32(b + steps * tools.azimuth_speed)
+    arc = second - b
+    if tools.azimuth_scaling:
+        arc = int32(halved_away((arc * first) << 3, tools.sphere.azimuth_log2))
+    return Choice(mode, steps, (a, b, c), (first - a, arc, third - c))
+
+
+@inlined
+def _is_representable(tools: Tools, residual: Three) -> bool:
+    for axis in range(3):
+        bits = (1 << tools.resid_abs_log2_bits[axis]) - 1
+        if residual[axis] and (abs(residual[axis]) - 1) >> min(bits, 31):
+            return False
+    return True
+
+
+@inlined
+def _bit_cost(contexts: Probabilities, context: int, bit: int) -> Any:
+    """Bits that coding a bit would take now, nearly."""
+    zero = max(1, integer(contexts[context]) >> 9)
+    return _COSTS[128 - zero if bit else zero]
+
+
+@inlined
+def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
+    """Bits that a choice takes, nearly."""
+    mode, residual = choice.mode, choice.residual
+    bits = _bit_cost(contexts, CTX_PRED_MODE, mode >> 1)
+    bits += _bit_cost(contexts, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)
+    if tools.angular:
+        bits = _with_steps(contexts, choice.steps, bits)
+    group = 0
+    for axis in range(3):
+        if axis == 2 and tools.angular and len(tools.sphere.theta) == 1:
+            break
+        value = residual[axis]
+        bits += _bit_cost(contexts, CTX_RES_GT0 + axis, integer(value != 0))
+        if value == 0:
+            continue
+        if mode or axis:
+            bits += _bit_cost(contexts, CTX_SIGN + axis, integer(value < 0))
+        length = 0
+        while abs(value) - 1 >> length > 0:
+            length += 1
+        node, start = integer(1), CTX_NUM_BITS + 31 * (3 * group + axis) - 1
+        for k in range(tools.resid_abs_log2_bits[axis] - 1, -1, -1):
+            bit = length >> k & 1
+            bits += _bit_cost(contexts, start + node, bit)
+            node = node << 1 | bit
+        if axis == 0 and not tools.angular:
+            group = min(4, (length + 1) >> 1)
+        bits += np.float32(max(0, length - 1))
+    return bits
+
+
+@inlined
+def _with_steps(contexts: Probabilities, steps: int, bits: Any) -> Any:
+    """`bits`, and those that steps of the azimuth take."""
+    bits += _bit_cost(contexts, CTX_PHI_GT, integer(steps != 0))
+    if steps == 0:
+        return bits
+    value = abs(steps) - 1
+    bits += _bit_cost(contexts, CTX_PHI_GT + 1, integer(value > 0))
+    bits += _bit_cost(contexts, CTX_SIGN_PHI, integer(steps < 0))
+    if value == 0:
+        return bits
+    low, rest = min(value - 1, 7), value - 8
+    node = integer(1)
+    for k in range(2, -1, -1):
+        bits += _bit_cost(contexts, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
+        node = node << 1 | (low >> k & 1)
+    if rest >= 0:
+        bits = np.float32(np.float64(bits) + (1.0 + 2.0 * math.log2(rest + 1)))
+    return bits

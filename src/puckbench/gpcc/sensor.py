@@ -1,0 +1,112 @@
+"""The sensor as angular coding describes it: lasers, steps of a turn, position."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.gpcc.syntax import MAX_LASERS, Laser
+
+if TYPE_CHECKING:
+    from puckbench.lidar.returns import Beams
+
+_THETA_ONE = 1 << 18
+_Z_ONE = 1 << 3
+_MOST = 1 << 30
+_RAISED_MM = 50
+"""Steps in which the sensor's position is raised to where its upper beams cross the axis."""
+
+
+@dataclass(frozen=True)
+class SensorDescription:
+    """A rotating sensor in the units and the frame of the points that it measured.
+
+    Parameters
+    ----------
+    tan_elevation
+        Tangent of each laser's elevation; in syntax structures lasers go upwards.
+    height
+        Where each laser's beam crosses the axis of rotation, above the sensor's position.
+    steps_per_turn
+        How often each laser fires in a turn.
+    position
+        Of the sensor, in the coordinates of the points.
+
+    Raises
+    ------
+    InputError
+        Without lasers, with more than a stream can name, or with numbers that it cannot hold.
+    """
+
+    tan_elevation: tuple[float, ...]
+    height: tuple[float, ...]
+    steps_per_turn: int
+    position: tuple[int, int, int] = (0, 0, 0)
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.tan_elevation) == len(self.height) <= MAX_LASERS:
+            raise InputError(f"G-PCC: a sensor has 1 to {MAX_LASERS} lasers, each with its height")
+        if not 0 < self.steps_per_turn < _MOST or max(map(abs, self.position)) >= _MOST:
+            raise InputError("G-PCC: the sensor's steps or position do not fit into a stream")
+        scaled = [
+            *(abs(tan) * _THETA_ONE for tan in self.tan_elevation),
+            *(abs(height) * _Z_ONE for height in self.height),
+        ]
+        if not all(value < _MOST for value in scaled):
+            raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
+
+    def lasers(self) -> list[Laser]:
+        """The lasers of a geometry parameter set, upwards.
+
+        A laser's z is minus its height: the reference software subtracts it from the height that
+        elevation and radius give.
+        """
+        pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
+        return [
+            Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
+            for tan, height in pairs
+        ]
+
+    def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
+        """What a geometry parameter set says of the sensor; `origin`: that of the sequence."""
+        x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
+        return {
+            "geom_angular_mode_enabled_flag": 1,
+            "gps_angular_origin_bits_minus1": max(max(map(abs, (x, y, z))).bit_length() - 1, 0),
+            "gps_angular_origin_xyz": (x, y, z),
+            "lasers": self.lasers(),
+        }
+
+
+def described(
+    beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
+) -> SensorDescription:
+    """A sensor's description for points in steps of `unit_m` metres.
+
+    Parameters
+    ----------
+    beams
+        Where its lasers point.
+    unit_m, steps_per_turn, position
+        As of `SensorDescription`. Where beams cross the axis far from the sensor's origin, as those
+        of an HDL-64E do, its position is there: a node's laser is found by its angle from it.
+    """
+    height = np.asarray(beams.heights_mm)
+    upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]
+    raised = round(float(np.median(height[upper])) / _RAISED_MM) * _RAISED_MM / 1000 / unit_m
+    x, y, z = position
+    return SensorDescription(
+        tuple(np.tan(np.radians(beams.elevations_deg)).tolist()),
+        tuple((height / 1000 / unit_m - round(raised)).tolist()),
+        steps_per_turn,
+        (x, y, z + round(raised)),
+    )
+
+
+def _rounded(value: float) -> int:
+    """Halves go away from zero, as in C's ``round``."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))

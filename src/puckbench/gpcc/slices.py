@@ -1,0 +1,362 @@
+"""Slices: octree geometry of a geometry data unit, encoded and decoded.
+
+A geometry data unit is a header, the arithmetic-coded octree, and a footer with the number of
+points (in TMC13: `GeometryBrickHeader`, `GeometryBrickFooter`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import MOST_BITS, Ints
+from puckbench.gpcc import angular, idcm, neighbours, octree, planar
+from puckbench.gpcc.arithmetic import (
+    Bytes,
+    Decoder,
+    consumed,
+    decoder,
+    encoder,
+    enlarged,
+    finish,
+    restart,
+)
+from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.contexts import Contexts, initial_contexts
+from puckbench.gpcc.syntax import (
+    OCTREE,
+    GeometryFooter,
+    GeometryHeader,
+    GeometryParameterSet,
+    SequenceParameterSet,
+    Three,
+    footer_bytes,
+    geometry_header,
+    read_footer,
+    written,
+)
+from puckbench.gpcc.tables import POPCOUNT
+from puckbench.gpcc.tree import Tree, leaf_codes, leaf_starts, node_sizes_log2
+
+_DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
+_BYPASS_CHUNK = 256
+
+# Most bytes that one node can take: eight bits of at most a byte each and planes; the coordinates
+# and counts of direct points, and more where angles give their contexts; the counts of eight
+# leaves.
+_NODE_BYTES, _DIRECT_BYTES, _LASER_BYTES, _LEAVES_BYTES = 16, 128, 64, 256
+
+
+@dataclass(frozen=True)
+class CodedSlice:
+    """A geometry data unit taken apart: header, arithmetic-coded data, number of points."""
+
+    header: GeometryHeader
+    data: bytes
+    points: int
+
+
+def encode_slice(
+    tree: Tree,
+    header: GeometryHeader,
+    sps: SequenceParameterSet,
+    gps: GeometryParameterSet,
+    sensor: angular.Angular | None = None,
+) -> bytes:
+    """A geometry data unit with the points of an octree, split as the header says.
+
+    sensor: in angular mode, as the slice sees it.
+    """
+    points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
+    return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
+
+
+def data_unit(coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet) -> bytes:
+    """A geometry data unit of its parts."""
+    footer = GeometryFooter(geom_num_points_minus1=coded.points - 1)
+    return written(geometry_header, coded.header, sps, gps) + coded.data + footer_bytes(footer)
+
+
+def encode_octree(
+    tree: Tree,
+    header: GeometryHeader,
+    gps: GeometryParameterSet,
+    sensor: angular.Angular | None = None,
+) -> bytes:
+    """The arithmetic-coded part of a geometry data unit; sensor: in angular mode."""
+    coder = encoder(64)
+    contexts = initial_contexts()
+    state = _initial_state(gps, len(tree.levels), 0)
+    parents = _root_parent()
+    levels = zip(_levels(header, gps), _sources(tree, header, gps), strict=True)
+    for number, (level, source) in enumerate(levels):
+        planar.reset_planar_buffer(state.planar, 1 << number)
+        count = len(source.occupancy)
+        coder = enlarged(coder, 64 + count * _max_node_bytes(level, sensor))
+        nodes = _empty_nodes(0 if level.last else count, encoding=True)
+        kept = octree.code_level(coder, contexts, level, parents, nodes, source, state, sensor)
+        parents = _first_nodes(nodes, kept)
+        if not kept:
+            break
+    return finish(coder)
+
+
+def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
+    """Take a geometry data unit apart; InputError if it cannot be a slice."""
+    reader = Reader(payload)
+    header = GeometryHeader()
+    geometry_header(reader, header, sps, gps)
+    if gps.geom_tree_type == OCTREE:
+        _check_axes(header.tree_lvl_coded_axis_list)
+    body = payload[reader.position :]
+    footer, length = read_footer(body, header, gps)
+    return CodedSlice(header, body[: len(body) - length], footer.geom_num_points_minus1 + 1)
+
+
+def _check_axes(axes: list[int]) -> None:
+    if 0 in axes:
+        raise InputError("G-PCC stream: a level of the tree splits no axis")
+    if max(node_sizes_log2(axes)[0]) > MOST_BITS:
+        raise InputError(f"G-PCC stream: positions of more than {MOST_BITS} bits")
+
+
+def decode_slice(
+    coded: CodedSlice,
+    sps: SequenceParameterSet,
+    gps: GeometryParameterSet,
+    contexts: Contexts,
+    sensor: angular.Angular | None = None,
+) -> Ints:
+    """Morton codes (n,) of a slice's points; `contexts` is left as the slice ends with it.
+
+    sensor: in angular mode, as the slice sees it.
+    """
+    header = coded.header
+    streams = header.geom_stream_cnt_minus1
+    depth = len(header.tree_lvl_coded_axis_list)
+    coder = slice_decoder(coded, sps)
+    state = _initial_state(gps, depth, coded.points)
+    parents = _root_parent()
+    lasting: list[NDArray[Any]] = [
+        *contexts,
+        state.planar.rates,
+        *([sensor.azimuth] if sensor else []),
+    ]
+    saved: list[NDArray[Any]] = []
+    for number, level in enumerate(_levels(header, gps)):
+        if streams and number == max(depth - 1 - streams, 0):
+            saved = [array.copy() for array in lasting]
+        if streams and number > depth - 1 - streams:
+            _next_stream(coder, lasting, saved)
+        planar.reset_planar_buffer(state.planar, 1 << number)
+        parents = _decode_level(coder, contexts, level, parents, state, sensor)
+        if not len(parents.morton):
+            break
+    if state.counters[0] != coded.points:
+        raise InputError("G-PCC stream: a slice holds fewer points than it says")
+    return state.leaves
+
+
+def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
+    """A decoder at the start of a slice's entropy-coded data."""
+    data = np.frombuffer(coded.data, dtype=np.uint8)
+    if not sps.bypass_stream_enabled_flag:
+        return decoder(data)
+    if coded.header.geom_stream_cnt_minus1:
+        raise InputError("G-PCC stream: several entropy streams with bypass are not supported")
+    return decoder(*_demultiplexed(data))
+
+
+def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
+    """The arithmetic-coded bytes of a chunked bypass stream, and the bypass bits, one a byte.
+
+    A chunk of up to 256 bytes has the number of its arithmetic-coded bytes, these bytes, and from
+    its end backwards the bypass bits; three bits say how many of the last ones are padding.
+    """
+    coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
+    for start in range(0, len(data), _BYPASS_CHUNK):
+        chunk = data[start : start + _BYPASS_CHUNK]
+        split = 1 + int(chunk[0])
+        coded.append(chunk[1:split])
+        if split < len(chunk):
+            unpacked = np.unpackbits(chunk[split:][::-1])
+            padding = int(chunk[split]) & 7
+            bits.append(unpacked[: max(len(unpacked) - 3 - padding, 0)])
+    return np.concatenate(coded), np.concatenate(bits)
+
+
+def _next_stream(coder: Decoder, lasting: list[NDArray[Any]], saved: list[NDArray[Any]]) -> None:
+    """Go on with the next entropy stream, from the state saved for it."""
+    restart(coder)
+    for array, before in zip(lasting, saved, strict=True):
+        np.copyto(array, before)
+
+
+def _decode_level(
+    coder: Decoder,
+    contexts: Contexts,
+    level: octree.Level,
+    parents: octree.Nodes,
+    state: octree.SliceState,
+    sensor: angular.Angular | None,
+) -> octree.Nodes:
+    count = int(POPCOUNT[parents.occupancy].sum())
+    nodes = _empty_nodes(0 if level.last else count, encoding=False)
+    kept = octree.code_level(coder, contexts, level, parents, nodes, None, state, sensor)
+    if kept == octree.TOO_MANY_POINTS:
+        raise InputError("G-PCC stream: a slice holds more points than it says")
+    if kept < 0 or consumed(coder) > coder.state[4]:
+        raise InputError(_DAMAGED)
+    return _first_nodes(nodes, kept)
+
+
+def _max_node_bytes(level: octree.Level, sensor: angular.Angular | None) -> int:
+    counts = 0 if level.unique_points or not level.last else _LEAVES_BYTES
+    direct = _DIRECT_BYTES + (_LASER_BYTES if sensor else 0)
+    return _NODE_BYTES + (direct if level.idcm_mode else 0) + counts
+
+
+def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Source]:
+    """What each level is coded from."""
+    starts = [np.empty(0, dtype=np.int32)] * len(tree.levels)
+    leaves: Ints = np.empty(0, dtype=np.int64)
+    if gps.inferred_direct_coding_mode:
+        starts = leaf_starts(tree)
+        leaves = leaf_codes(tree, header.tree_lvl_coded_axis_list)
+    return [
+        octree.Source(
+            level.occupancy, level.first_child, start, leaves, tree.counts, tree.second_first
+        )
+        for level, start in zip(tree.levels, starts, strict=True)
+    ]
+
+
+def _levels(header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Level]:
+    """What is the same for all nodes of each level of a slice's octree."""
+    axes = header.tree_lvl_coded_axis_list
+    enable_mask = idcm.idcm_enable_mask(
+        gps.inferred_direct_coding_mode,
+        bool(gps.geom_planar_mode_enabled_flag),
+        gps.geom_idcm_rate_minus1,
+    )
+    levels = zip(node_sizes_log2(axes)[:-1], [7, *axes[:-1]], axes, strict=True)
+    return [
+        _level(gps, number, size, (above, split), enable_mask, last=number == len(axes) - 1)
+        for number, (size, above, split) in enumerate(levels)
+    ]
+
+
+def _level(
+    gps: GeometryParameterSet,
+    number: int,
+    node_size_log2: tuple[int, int, int],
+    axes: tuple[int, int],
+    enable_mask: int,
+    *,
+    last: bool,
+) -> octree.Level:
+    boundary = gps.neighbour_avail_boundary_log2_minus1
+    turn = number % 32
+    return octree.Level(
+        coded_axes=axes[1],
+        coded_axes_prev_level=axes[0],
+        node_size_log2=node_size_log2,
+        root=number == 0,
+        last=last,
+        adjacent_child_ctx=bool(boundary and gps.adjacent_child_contextualization_enabled_flag),
+        intra_pred=boundary > 0 and max(node_size_log2) < gps.intra_pred_max_node_size_log2,
+        unique_points=bool(gps.geom_unique_points_flag),
+        idcm_mode=gps.inferred_direct_coding_mode,
+        joint_2pt_idcm=bool(gps.joint_2pt_idcm_enabled_flag),
+        idcm_enable_mask=(enable_mask >> turn | enable_mask << 32 - turn) & 0xFFFFFFFF,
+    )
+
+
+def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> octree.SliceState:
+    """The state at the start of a slice, an octree of `depth` levels.
+
+    max_points: how many decoded points there may be; 0 in an encoder.
+    """
+    minus1 = gps.neighbour_avail_boundary_log2_minus1
+    thresholds = (
+        gps.geom_planar_threshold0,
+        gps.geom_planar_threshold1,
+        gps.geom_planar_threshold2,
+    )
+    scratch = np.zeros((2, 3), dtype=np.int64)
+    return octree.SliceState(
+        neighbours.empty_atlas(min(minus1 + 1, depth) if minus1 else 0),
+        planar.planar_state(
+            bool(gps.geom_planar_mode_enabled_flag),
+            not gps.planar_buffer_disabled_flag,
+            depth,
+            thresholds,
+        ),
+        np.empty(max_points, dtype=np.int64),
+        np.array([0, max_points or 1 << 62, 0, 0, 0], dtype=np.int64),
+        scratch,
+        scratch.copy(),
+        np.zeros(3, dtype=np.int64),
+    )
+
+
+def sensor_state(
+    header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
+) -> angular.Angular | None:
+    """The sensor as a slice sees it at its start; None without angular mode.
+
+    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
+    """
+    if not gps.geom_angular_mode_enabled_flag:
+        return None
+    table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]
+    elevation, height, turns = np.array(table, dtype=np.int64).T.copy()
+    position = np.array(sensor_position(header, gps, axes, origin), dtype=np.int64)
+    return angular.angular_state(elevation, height, turns, position)
+
+
+def sensor_position(
+    header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
+) -> Three:
+    """The sensor's position from the slice's origin, along the coded axes.
+
+    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
+    """
+    x, y, z = header.gdu_angular_origin_xyz
+    if not gps.geom_slice_angular_origin_present_flag:
+        x, y, z = (a - b for a, b in zip(gps.gps_angular_origin_xyz, origin, strict=True))
+    (_, s), (_, t), (_, v) = sorted(zip(axes, (x, y, z), strict=True))
+    return s, t, v
+
+
+def _root_parent() -> octree.Nodes:
+    """A parent whose only child, the first, is the root."""
+    return octree.Nodes(
+        np.zeros(1, dtype=np.int64),
+        np.ones(1, dtype=np.uint8),
+        np.zeros(1, dtype=np.uint8),
+        np.zeros(1, dtype=np.int32),
+        np.full(1, angular.NO_LASER, dtype=np.uint8),
+    )
+
+
+def _empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
+    """Room for `count` nodes."""
+    return octree.Nodes(
+        np.empty(count, dtype=np.int64),
+        np.empty(count, dtype=np.uint8),
+        np.empty(count, dtype=np.uint8),
+        np.empty(count if encoding else 0, dtype=np.int32),
+        np.empty(count, dtype=np.uint8),
+    )
+
+
+def _first_nodes(nodes: octree.Nodes, count: int) -> octree.Nodes:
+    morton, occupancy, idcm_eligible, first_child, laser = nodes
+    return octree.Nodes(
+        morton[:count], occupancy[:count], idcm_eligible[:count], first_child[:count], laser[:count]
+    )

@@ -1,0 +1,192 @@
+"""Spherical coordinates of a sensor's points: radius, azimuth and laser, in integers alone.
+
+Angular coding predicts in these coordinates and goes from them to x, y, z by fixed-point sines,
+the same on every machine. An azimuth of 2^azimuth_log2 is a whole turn.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.core.compiling import inlined
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.compiled import integer, kernel
+from puckbench.gpcc.fixed_point import int32
+from puckbench.gpcc.syntax import GeometryParameterSet, Three
+
+_SINE_LOG2 = 24
+_SINE_STEPS_LOG2 = 12  # of a turn
+_SINES: Ints = np.rint(
+    (1 << _SINE_LOG2) * np.sin(np.arange(1026) * (2 * np.pi / (1 << _SINE_STEPS_LOG2)))
+).astype(np.int64)
+_THETA_LOG2, _Z_LOG2 = 20, 3
+_MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
+
+
+class Sphere(NamedTuple):
+    """How spherical coordinates of a slice become x, y, z.
+
+    radius_log2: a step of the radius has 2^this coding units. azimuth_log2: a turn has 2^this
+    steps. theta, z: (n,) of each laser. origin: the sensor from the slice's origin, by coded axes.
+    """
+
+    radius_log2: int
+    azimuth_log2: int
+    theta: Ints
+    z: Ints
+    origin: Three
+
+
+def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
+    """The sensor of a parameter set.
+
+    origin: the sensor's position from the slice's origin, axes in the coding order.
+
+    Raises
+    ------
+    InputError
+        The steps of radius or azimuth are too small or too large to compute with.
+    """
+    azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
+    radius_log2 = gps.geom_angular_radius_inv_scale_log2
+    if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
+        raise InputError("G-PCC stream: its steps of the azimuth or the radius are not supported")
+    theta = np.array([laser.theta for laser in gps.lasers], dtype=np.int64)
+    heights = np.array([laser.z for laser in gps.lasers], dtype=np.int64)
+    return Sphere(radius_log2, azimuth_log2, theta, heights, origin)
+
+
+@inlined
+def halved_away(value: int, shift: int) -> int:
+    """Division by 2^shift, rounded, halves away from zero."""
+    half = (1 << shift) >> 1
+    return (value + half) >> shift if value >= 0 else -((half - value) >> shift)
+
+
+@kernel
+def sine(azimuth: int, azimuth_log2: int) -> int:
+    """Sine in 2^-24 of an azimuth, interpolated; beyond half a turn it is held there."""
+    half = 1 << (azimuth_log2 - 1)
+    within = min(abs(azimuth), half)
+    if within > half >> 1:
+        within = half - within
+    value = _quarter_sine(within, azimuth_log2)
+    return value if azimuth >= 0 else -value
+
+
+@kernel
+def cosine(azimuth: int, azimuth_log2: int) -> int:
+    """Cosine in 2^-24 of an azimuth, likewise."""
+    half = 1 << (azimuth_log2 - 1)
+    within = min(abs(azimuth), half)
+    quarter = half >> 1
+    if within <= quarter:
+        return _quarter_sine(quarter - within, azimuth_log2)
+    return -_quarter_sine(within - quarter, azimuth_log2)
+
+
+@kernel
+def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
+    """Sine of an azimuth of 0 to a quarter of a turn."""
+    shift = azimuth_log2 - _SINE_STEPS_LOG2
+    index = azimuth >> shift
+    rest = azimuth - (index << shift)
+    rise = rest * (_SINES[index + 1] - _SINES[index])
+    return integer(_SINES[index] + ((rise + ((1 << shift) >> 1)) >> shift))
+
+
+@inlined
+def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
+    """Coordinates x, y, z from the sensor."""
+    r = int32(radius << around.radius_log2)
+    height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
+    return (
+        int32(halved_away(r * cosine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        int32(halved_away(r * sine(azimuth, around.azimuth_log2), _SINE_LOG2)),
+        int32(halved_away(height - around.z[laser], _Z_LOG2)),
+    )
+
+
+@kernel
+def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
+    """The angle of an arc on a circle, both in steps: the arc is in eighths of the radius's.
+
+    The reciprocal is that of the reference software, 48/17 - 32/17 r and one step of Newton's
+    method. Shifts are taken modulo 64, as processors do.
+    """
+    r = int32(radius << 3)
+    if r == 0:
+        r = 1
+    length = _bit_length(r)
+    b = r << (31 - length) if length <= 31 else r >> (length - 31)
+    inverse = ((0x2D2D2D2D << 31) - 0x1E1E1E1E * b) >> 28
+    inverse += (inverse * ((1 << 31) - ((b * inverse) >> 31))) >> 31
+    shift = (31 + length - azimuth_log2) & 63
+    product = arc * inverse
+    return int32(product >> shift if product >= 0 else -((-product) >> shift))
+
+
+@kernel
+def _bit_length(value: int) -> int:
+    """Bits of a number; 64 for a negative one."""
+    if value < 0:
+        return 64
+    length = 0
+    while value >> length:
+        length += 1
+    return length
+
+
+@kernel
+def spherical(around: Sphere, x: int, y: int, z: int) -> Three:
+    """Radius, azimuth and laser of a point given from the sensor, from which `cartesian` comes
+    closest to it: the best of two steps either way. No radius is negative.
+    """
+    distance = _rounded(math.hypot(x, y))
+    laser = _nearest_laser(around, distance, z)
+    turn = math.atan2(y, x) / (2.0 * math.pi) * (1 << around.azimuth_log2)
+    radius = (distance + ((1 << around.radius_log2) >> 1)) >> around.radius_log2
+    azimuth = _rounded(turn)
+    least = _off(around, radius, azimuth, laser, x, y, z)
+    best = 0, 0
+    for turned in range(-2, 3):
+        if least == 0:
+            break
+        for farther in range(-2, 3):
+            if radius + farther < 0:
+                continue
+            off = _off(around, radius + farther, azimuth + turned, laser, x, y, z)
+            if off < least:
+                least, best = off, (farther, turned)
+    return radius + best[0], azimuth + best[1], laser
+
+
+@kernel
+def _nearest_laser(around: Sphere, distance: int, z: int) -> int:
+    laser, least = 0, (1 << 31) - 1
+    for k in range(len(around.theta)):
+        height = halved_away((around.theta[k] * distance) << 2, _THETA_LOG2 - _Z_LOG2)
+        off = abs(halved_away(height - around.z[k], _Z_LOG2) - z)
+        if off < least:
+            laser, least = k, off
+    return laser
+
+
+@kernel
+def _off(around: Sphere, radius: int, azimuth: int, laser: int, x: int, y: int, z: int) -> int:
+    """Distance along the axes between a point and where its spherical coordinates are."""
+    a, b, c = cartesian(around, radius, azimuth, laser)
+    return abs(a - x) + abs(b - y) + abs(c - z)
+
+
+@inlined
+def _rounded(value: float) -> int:
+    """Halves go away from zero."""
+    whole = math.floor(abs(value))
+    if abs(value) - whole >= 0.5:
+        whole += 1
+    return -integer(whole) if value < 0 else integer(whole)

@@ -1,0 +1,459 @@
+"""High-level syntax of G-PCC geometry: parameter sets, tile inventory, data unit, encapsulation.
+
+Names and order of the syntax elements are those of TMC13 (`hls.h`, `io_hls.cpp`), the reference
+software of ISO/IEC 23090-9; type-length-value encapsulation is that standard's Annex B. Points lie
+in the coding axis order; x, y, z below are in the order of the file.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from puckbench.core.errors import InputError
+from puckbench.gpcc.bits import Reader, SyntaxElements, Writer
+
+Three = tuple[int, int, int]
+
+SEQUENCE_PARAMETER_SET = 0
+GEOMETRY_PARAMETER_SET = 1
+GEOMETRY_DATA_UNIT = 2
+TILE_INVENTORY = 5
+_LAST_PAYLOAD_TYPE = 9
+
+OCTREE, PREDICTIVE = 0, 1
+"""Values of geom_tree_type."""
+MAX_LASERS = 1024
+"""Lasers of a sensor, at most."""
+
+_TLV = struct.Struct(">BI")
+_POINT_COUNT_BYTES = 3
+_DEEPEST = 63
+_MAX_ORIGIN_BITS = 32
+_NOTHING: Three = (0, 0, 0)
+
+
+@dataclass
+class SequenceParameterSet:
+    """Sequence parameter set: origin, unit and scale of the points, entropy coding."""
+
+    main_profile_compatibility_flag: int = 0
+    reserved_profile_compatibility_21bits: int = 0
+    slice_reordering_constraint_flag: int = 0
+    unique_point_positions_constraint_flag: int = 0
+    level_idc: int = 0
+    sps_seq_parameter_set_id: int = 0
+    frame_ctr_lsb_bits: int = 1
+    slice_tag_bits: int = 0
+    seq_origin_bits: int = 0
+    seq_origin_xyz: Three = _NOTHING
+    seq_origin_log2_scale: int = 0
+    seq_bbox_size_bits: int = 0
+    seq_bbox_size_minus1_xyz: Three = _NOTHING
+    seq_unit_numerator_minus1: int = 0
+    seq_unit_denominator_minus1: int = 0
+    seq_unit_is_metres_flag: int = 0
+    seq_global_scale_factor_log2: int = 0
+    seq_global_scale_refinement_num_bits: int = 0
+    seq_global_scale_refinement_factor: int = 0
+    num_attributes: int = 0
+    geom_axis_order: int = 1
+    bypass_stream_enabled_flag: int = 0
+    entropy_continuation_enabled_flag: int = 0
+    sps_extension_flag: int = 0
+
+
+@dataclass
+class Laser:
+    """A laser of the sensor that angular coding describes.
+
+    theta: tangent of its elevation, in 2^-18. z: minus its height above the sensor's origin, in
+    eighths of the coding unit. num_phi_per_turn: how often it fires in a turn (octree only).
+    """
+
+    theta: int = 0
+    z: int = 0
+    num_phi_per_turn: int = 0
+
+
+@dataclass
+class GeometryParameterSet:
+    """Geometry parameter set: the coding tools in use.
+
+    gps_angular_origin_xyz: the sensor's position from the sequence's origin, in coding units.
+    """
+
+    gps_geom_parameter_set_id: int = 0
+    gps_seq_parameter_set_id: int = 0
+    slice_geom_origin_scale_present: int = 1
+    gps_geom_origin_log2_scale: int = 0
+    geom_unique_points_flag: int = 1
+    geom_tree_type: int = 0
+    octree_point_cnt_list_present_flag: int = 0
+    inferred_direct_coding_mode: int = 0
+    joint_2pt_idcm_enabled_flag: int = 0
+    qtbt_enabled_flag: int = 0
+    neighbour_avail_boundary_log2_minus1: int = 0
+    adjacent_child_contextualization_enabled_flag: int = 0
+    intra_pred_max_node_size_log2: int = 0
+    bitwise_occupancy_coding_flag: int = 1
+    geom_planar_mode_enabled_flag: int = 0
+    geom_planar_threshold0: int = 0
+    geom_planar_threshold1: int = 0
+    geom_planar_threshold2: int = 0
+    geom_idcm_rate_minus1: int = 31
+    geom_angular_mode_enabled_flag: int = 0
+    geom_slice_angular_origin_present_flag: int = 0
+    gps_angular_origin_bits_minus1: int = 0
+    gps_angular_origin_xyz: Three = _NOTHING
+    geom_angular_azimuth_scale_log2_minus11: int = 0
+    geom_angular_azimuth_speed_minus1: int = 0
+    geom_angular_radius_inv_scale_log2: int = 0
+    lasers: list[Laser] = field(default_factory=list)
+    planar_buffer_disabled_flag: int = 0
+    geom_scaling_enabled_flag: int = 0
+    geom_base_qp: int = 0
+    geom_qp_multiplier_log2: int = 0
+    geom_qp_offset_intvl_log2: int = 0
+    geom_idcm_qp_offset: int = 0
+    gps_extension_flag: int = 0
+    trisoup_enabled_flag: int = 0
+    azimuth_scaling_enabled_flag: int = 0
+
+
+@dataclass
+class GeometryHeader:
+    """Header of a geometry data unit, that is, of a slice.
+
+    gdu_angular_origin_xyz: the sensor's position from the slice's origin, in coding units.
+    """
+
+    gdu_geometry_parameter_set_id: int = 0
+    gdu_reserved_zero_3bits: int = 0
+    slice_id: int = 0
+    slice_tag: int = 0
+    frame_ctr_lsb: int = 0
+    entropy_continuation_flag: int = 0
+    prev_slice_id: int = 0
+    slice_geom_origin_log2_scale: int = 0
+    slice_geom_origin_bits_minus1: int = 0
+    slice_geom_origin_xyz: Three = _NOTHING
+    gdu_angular_origin_bits_minus1: int = 0
+    gdu_angular_origin_xyz: Three = _NOTHING
+    tree_depth_minus1: int = 0
+    tree_lvl_coded_axis_list: list[int] = field(default_factory=list)
+    geom_stream_cnt_minus1: int = 0
+    geom_slice_qp_offset: int = 0
+    geom_qp_offset_intvl_log2_delta: int = 0
+    pgeom_resid_abs_log2_bits: Three = _NOTHING
+    pgeom_min_radius: int = 0
+
+
+@dataclass
+class GeometryFooter:
+    """Footer after a slice's entropy-coded data."""
+
+    octree_lvl_num_points_minus1: list[int] = field(default_factory=list)
+    geom_num_points_minus1: int = 0
+
+
+@dataclass
+class Tile:
+    """Bounding box of a tile."""
+
+    tile_id: int = 0
+    tile_origin_xyz: Three = _NOTHING
+    tile_size_minus1_xyz: Three = _NOTHING
+
+
+@dataclass
+class TileInventory:
+    """Bounding boxes of the tiles; decoding does not use them."""
+
+    ti_seq_parameter_set_id: int = 0
+    ti_frame_ctr_lsb_bits: int = 1
+    ti_frame_ctr_lsb: int = 0
+    num_tiles: int = 0
+    tile_id_bits: int = 0
+    tile_origin_bits_minus1: int = 0
+    tile_size_bits_minus1: int = 0
+    tiles: list[Tile] = field(default_factory=list)
+    ti_origin_bits_minus1: int = 0
+    ti_origin_xyz: Three = _NOTHING
+    ti_origin_log2_scale: int = 0
+
+
+def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
+    """Syntax of the sequence parameter set (only one without attributes can be written)."""
+    io.flag(sps, "main_profile_compatibility_flag")
+    io.u(sps, "reserved_profile_compatibility_21bits", 21)
+    io.flag(sps, "slice_reordering_constraint_flag")
+    io.flag(sps, "unique_point_positions_constraint_flag")
+    io.u(sps, "level_idc", 8)
+    io.u(sps, "sps_seq_parameter_set_id", 4)
+    io.u(sps, "frame_ctr_lsb_bits", 5)
+    io.u(sps, "slice_tag_bits", 5)
+    io.ue(sps, "seq_origin_bits")
+    if sps.seq_origin_bits:
+        io.s3(sps, "seq_origin_xyz", sps.seq_origin_bits)
+        io.ue(sps, "seq_origin_log2_scale")
+    io.ue(sps, "seq_bbox_size_bits")
+    if sps.seq_bbox_size_bits:
+        io.u3(sps, "seq_bbox_size_minus1_xyz", sps.seq_bbox_size_bits)
+    io.ue(sps, "seq_unit_numerator_minus1")
+    io.ue(sps, "seq_unit_denominator_minus1")
+    io.flag(sps, "seq_unit_is_metres_flag")
+    io.ue(sps, "seq_global_scale_factor_log2")
+    io.ue(sps, "seq_global_scale_refinement_num_bits")
+    io.u(sps, "seq_global_scale_refinement_factor", sps.seq_global_scale_refinement_num_bits)
+    io.ue(sps, "num_attributes")
+    for _ in range(sps.num_attributes):
+        _pass_over_attribute(io)
+    io.u(sps, "geom_axis_order", 3)
+    io.flag(sps, "bypass_stream_enabled_flag")
+    io.flag(sps, "entropy_continuation_enabled_flag")
+    io.flag(sps, "sps_extension_flag")
+
+
+def _pass_over_attribute(io: SyntaxElements) -> None:
+    """Skip an attribute's description."""
+    if not isinstance(io, Reader):
+        raise TypeError("attributes are only read")
+    for _ in ("attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1"):
+        io.exp_golomb(0)
+    if io.bits(1):
+        io.exp_golomb(0)
+    else:
+        io.bits(1)
+        io.skip(io.bits(7))
+    parameters = io.exp_golomb(0)
+    io.align()
+    for _ in range(parameters):
+        io.bits(8)
+        io.skip(io.bits(8))
+
+
+def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    """Syntax of the geometry parameter set."""
+    io.u(gps, "gps_geom_parameter_set_id", 4)
+    io.u(gps, "gps_seq_parameter_set_id", 4)
+    io.flag(gps, "slice_geom_origin_scale_present")
+    if not gps.slice_geom_origin_scale_present:
+        io.ue(gps, "gps_geom_origin_log2_scale")
+    io.flag(gps, "geom_unique_points_flag")
+    io.flag(gps, "geom_tree_type")
+    if gps.geom_tree_type == OCTREE:
+        _octree_tools(io, gps)
+    io.flag(gps, "geom_angular_mode_enabled_flag")
+    if gps.geom_angular_mode_enabled_flag:
+        _angular_mode(io, gps)
+    io.flag(gps, "geom_scaling_enabled_flag")
+    if gps.geom_scaling_enabled_flag:
+        _scaling(io, gps)
+    io.flag(gps, "gps_extension_flag")
+    if gps.gps_extension_flag:
+        io.flag(gps, "trisoup_enabled_flag")
+        if gps.geom_tree_type == PREDICTIVE and gps.geom_angular_mode_enabled_flag:
+            io.flag(gps, "azimuth_scaling_enabled_flag")
+
+
+def _octree_tools(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    io.flag(gps, "octree_point_cnt_list_present_flag")
+    io.u(gps, "inferred_direct_coding_mode", 2)
+    if gps.inferred_direct_coding_mode:
+        io.flag(gps, "joint_2pt_idcm_enabled_flag")
+    io.flag(gps, "qtbt_enabled_flag")
+    io.u(gps, "neighbour_avail_boundary_log2_minus1", 3)
+    if gps.neighbour_avail_boundary_log2_minus1:
+        io.flag(gps, "adjacent_child_contextualization_enabled_flag")
+        io.ue(gps, "intra_pred_max_node_size_log2")
+    io.flag(gps, "bitwise_occupancy_coding_flag")
+    io.flag(gps, "geom_planar_mode_enabled_flag")
+    if gps.geom_planar_mode_enabled_flag:
+        io.ue(gps, "geom_planar_threshold0")
+        io.ue(gps, "geom_planar_threshold1")
+        io.ue(gps, "geom_planar_threshold2")
+        if gps.inferred_direct_coding_mode == 1:
+            io.u(gps, "geom_idcm_rate_minus1", 5)
+
+
+def _angular_mode(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    io.flag(gps, "geom_slice_angular_origin_present_flag")
+    if not gps.geom_slice_angular_origin_present_flag:
+        _angular_origin(io, gps, "gps_angular_origin")
+    predictive = gps.geom_tree_type == PREDICTIVE
+    if predictive:
+        io.ue(gps, "geom_angular_azimuth_scale_log2_minus11")
+        io.ue(gps, "geom_angular_azimuth_speed_minus1")
+        io.ue(gps, "geom_angular_radius_inv_scale_log2")
+    _laser_table(io, gps, turns=not predictive)
+    if not predictive and gps.geom_planar_mode_enabled_flag:
+        io.flag(gps, "planar_buffer_disabled_flag")
+
+
+def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
+    io.ue(record, f"{name}_bits_minus1")
+    bits = getattr(record, f"{name}_bits_minus1") + 1
+    _refuse(bits > _MAX_ORIGIN_BITS, "a sensor so far away")
+    io.s3(record, f"{name}_xyz", bits)
+
+
+def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
+    """Lasers by their differences: of elevations, once two are known, from a straight line."""
+    count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
+    _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
+    lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]
+    before: tuple[Laser, ...] = ()
+    for laser in lasers:
+        last = before[-1] if before else Laser()
+        theta = 2 * last.theta - before[-2].theta if len(before) == 2 else last.theta
+        laser.theta = theta + io.signed(laser.theta - theta)
+        laser.z = last.z + io.signed(laser.z - last.z)
+        if turns and not before:
+            laser.num_phi_per_turn = 1 + io.exp_golomb(max(laser.num_phi_per_turn - 1, 0))
+        elif turns:
+            laser.num_phi_per_turn = last.num_phi_per_turn + io.signed(
+                laser.num_phi_per_turn - last.num_phi_per_turn
+            )
+        _refuse(
+            max(map(abs, (laser.theta, laser.z, laser.num_phi_per_turn))) >= 1 << 31, "such a laser"
+        )
+        before = (*before[-1:], laser)
+    gps.lasers = lasers
+
+
+def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
+    io.ue(gps, "geom_base_qp")
+    io.u(gps, "geom_qp_multiplier_log2", 2)
+    if gps.geom_tree_type == PREDICTIVE:
+        io.ue(gps, "geom_qp_offset_intvl_log2")
+    elif gps.inferred_direct_coding_mode:
+        io.se(gps, "geom_idcm_qp_offset")
+
+
+def check_tools(gps: GeometryParameterSet) -> None:
+    """InputError for a parameter set with coding tools that are not supported."""
+    octree = gps.geom_tree_type == OCTREE
+    _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
+    _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
+    _refuse(gps.trisoup_enabled_flag, "trisoup")
+
+
+def _refuse(used: Any, tool: str) -> None:
+    if used:
+        raise InputError(f"G-PCC stream: {tool} is not supported")
+
+
+def geometry_header(
+    io: SyntaxElements, header: GeometryHeader, sps: SequenceParameterSet, gps: GeometryParameterSet
+) -> None:
+    """Syntax of a geometry data unit's header, without the final alignment and without trisoup."""
+    io.u(header, "gdu_geometry_parameter_set_id", 4)
+    io.u(header, "gdu_reserved_zero_3bits", 3)
+    io.ue(header, "slice_id")
+    io.u(header, "slice_tag", sps.slice_tag_bits)
+    io.u(header, "frame_ctr_lsb", sps.frame_ctr_lsb_bits)
+    if sps.entropy_continuation_enabled_flag:
+        io.flag(header, "entropy_continuation_flag")
+        if header.entropy_continuation_flag:
+            io.ue(header, "prev_slice_id")
+    if gps.slice_geom_origin_scale_present:
+        io.ue(header, "slice_geom_origin_log2_scale")
+    io.ue(header, "slice_geom_origin_bits_minus1")
+    io.u3(header, "slice_geom_origin_xyz", header.slice_geom_origin_bits_minus1 + 1)
+    if gps.geom_angular_mode_enabled_flag and gps.geom_slice_angular_origin_present_flag:
+        _angular_origin(io, header, "gdu_angular_origin")
+    if gps.geom_tree_type == OCTREE:
+        io.ue(header, "tree_depth_minus1")
+        _refuse(header.tree_depth_minus1 >= _DEEPEST, f"a tree of more than {_DEEPEST} levels")
+        _coded_axes(io, header, gps)
+        io.ue(header, "geom_stream_cnt_minus1")
+    if gps.geom_scaling_enabled_flag:
+        io.se(header, "geom_slice_qp_offset")
+        if gps.geom_tree_type == PREDICTIVE:
+            io.ue(header, "geom_qp_offset_intvl_log2_delta")
+    if gps.geom_tree_type == PREDICTIVE:
+        io.u3(header, "pgeom_resid_abs_log2_bits", 3)
+        if gps.geom_angular_mode_enabled_flag:
+            io.ue(header, "pgeom_min_radius")
+
+
+def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParameterSet) -> None:
+    depth = header.tree_depth_minus1 + 1
+    axes = header.tree_lvl_coded_axis_list if io.writing else [7] * depth
+    if gps.qtbt_enabled_flag:
+        axes = [io.bits(3, value) for value in axes]
+    header.tree_lvl_coded_axis_list = axes
+
+
+def read_footer(
+    data: bytes, header: GeometryHeader, gps: GeometryParameterSet
+) -> tuple[GeometryFooter, int]:
+    """The footer at the end of a data unit, and its length in bytes."""
+    levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
+    length = _POINT_COUNT_BYTES * (levels + 1)
+    if length > len(data):
+        raise InputError("G-PCC stream: a geometry data unit is truncated")
+    counts = [
+        int.from_bytes(data[i : i + _POINT_COUNT_BYTES])
+        for i in range(len(data) - length, len(data), _POINT_COUNT_BYTES)
+    ]
+    return GeometryFooter(counts[:-1], counts[-1]), length
+
+
+def footer_bytes(footer: GeometryFooter) -> bytes:
+    """A data unit's footer."""
+    counts = [*footer.octree_lvl_num_points_minus1, footer.geom_num_points_minus1]
+    return b"".join(count.to_bytes(_POINT_COUNT_BYTES) for count in counts)
+
+
+def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
+    """Syntax of the tile inventory."""
+    io.u(inventory, "ti_seq_parameter_set_id", 4)
+    io.u(inventory, "ti_frame_ctr_lsb_bits", 5)
+    io.u(inventory, "ti_frame_ctr_lsb", inventory.ti_frame_ctr_lsb_bits)
+    io.u(inventory, "num_tiles", 16)
+    if not inventory.num_tiles:
+        return
+    io.u(inventory, "tile_id_bits", 5)
+    io.u(inventory, "tile_origin_bits_minus1", 8)
+    io.u(inventory, "tile_size_bits_minus1", 8)
+    if not io.writing:
+        inventory.tiles = [Tile() for _ in range(inventory.num_tiles)]
+    for tile in inventory.tiles:
+        io.u(tile, "tile_id", inventory.tile_id_bits)
+        io.s3(tile, "tile_origin_xyz", inventory.tile_origin_bits_minus1 + 1)
+        io.u3(tile, "tile_size_minus1_xyz", inventory.tile_size_bits_minus1 + 1)
+    io.ue(inventory, "ti_origin_bits_minus1")
+    io.s3(inventory, "ti_origin_xyz", inventory.ti_origin_bits_minus1 + 1)
+    io.ue(inventory, "ti_origin_log2_scale")
+
+
+def written(syntax: Callable[..., None], *records: Any) -> bytes:
+    """Bytes of a structure: its syntax function applied to the records that it depends on."""
+    writer = Writer()
+    syntax(writer, *records)
+    return writer.bytes()
+
+
+def encapsulate(payload_type: int, payload: bytes) -> bytes:
+    """A payload with its type and length (Annex B)."""
+    return _TLV.pack(payload_type, len(payload)) + payload
+
+
+def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
+    """Types and contents of a stream's payloads; InputError for anything else."""
+    place = 0
+    while place < len(stream):
+        if len(stream) - place < _TLV.size:
+            raise InputError("G-PCC stream: truncated")
+        payload_type, length = _TLV.unpack_from(stream, place)
+        place += _TLV.size
+        if payload_type > _LAST_PAYLOAD_TYPE:
+            raise InputError("not a G-PCC stream, or a damaged one")
+        if length > len(stream) - place:
+            raise InputError("G-PCC stream: truncated")
+        yield payload_type, stream[place : place + length]
+        place += length

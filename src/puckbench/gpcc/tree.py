@@ -1,0 +1,316 @@
+"""Octree of a set of points: the axes that each level splits (QTBT), every node's occupancy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.gpcc.compiled import compiled, integer
+
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.int32]
+Bits = tuple[int, int, int]
+
+_AXIS_MASKS = (4, 2, 1)
+
+
+def coded_axes(
+    bits: Bits,
+    qtbt: bool,
+    max_num_qtbt_before_ot: int = 4,
+    min_qtbt_size_log2: int = 0,
+    late_z: tuple[int, int] | None = None,
+) -> list[int]:
+    """The axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
+
+    Parameters
+    ----------
+    bits
+        log2 of the sides of the root.
+    qtbt
+        Whether the root is a box; without it, it is a cube.
+    max_num_qtbt_before_ot
+        Levels that first split the longest sides alone.
+    min_qtbt_size_log2
+        log2 of the shortest side from which on only longer sides are split.
+    late_z
+        In angular mode: log2 of the height from which on nodes are split along z only if they are
+        higher than wide, by that factor's log2.
+    """
+    if not qtbt:
+        return [7] * max(bits)
+    longest, shortest = max(bits), min(bits)
+    max_num_qtbt_before_ot = min(max_num_qtbt_before_ot, longest - shortest)
+    min_qtbt_size_log2 = 0 if longest == shortest else min(min_qtbt_size_log2, shortest)
+    size, levels = list(bits), []
+    while max(size) > 0:
+        if max_num_qtbt_before_ot > 0 or min(size) == min_qtbt_size_log2:
+            split = [side == max(size) for side in size]
+        elif late_z and min_qtbt_size_log2 >= 0 and size[2] <= late_z[0] and sum(late_z) > 0:
+            split = _split_late_along_z(size, *late_z)
+        else:
+            split = [True, True, True]
+        levels.append(sum(a for a, s in zip(_AXIS_MASKS, split, strict=True) if s))
+        size = [side - s for side, s in zip(size, split, strict=True)]
+        max_num_qtbt_before_ot = max(max_num_qtbt_before_ot - 1, 0)
+        if min(size) == max(size) == min_qtbt_size_log2:
+            min_qtbt_size_log2 = -1
+    return levels
+
+
+def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]:
+    """The axes of a low node that are split: x and y where longest, z where it is much longer."""
+    x, y, z = size
+    longest = max(x, y)
+    high = min(size) <= height and z >= longest + factor
+    large = longest >= height + factor and z >= longest
+    return [x == longest, y == longest, high or large]
+
+
+def node_sizes_log2(levels: list[int]) -> list[Bits]:
+    """log2 of the node size along x, y, z at each level, and last that of a leaf, (0, 0, 0)."""
+    sizes = [(0, 0, 0)]
+    for axes in reversed(levels):
+        x, y, z = sizes[-1]
+        sizes.append((x + (axes >> 2 & 1), y + (axes >> 1 & 1), z + (axes & 1)))
+    return sizes[::-1]
+
+
+@dataclass(frozen=True)
+class TreeLevel:
+    """All nodes of a level in order: occupancy, and index of the first child in the level below."""
+
+    occupancy: Bytes
+    first_child: Indices
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Levels from the root down; the leaves' sorted keys, and the number of points at each.
+
+    second_first: where the order of points counts, a flag for each leaf that is the first of two
+    alone in a node: whether its point comes after the other's.
+    """
+
+    levels: list[TreeLevel]
+    keys: Ints
+    counts: Indices
+    second_first: Bytes
+
+
+@compiled
+def bounds(points: Ints) -> tuple[Ints, Ints]:
+    """Least and largest coordinates (3,) of points (n, 3), n > 0."""
+    low, high = points[0].copy(), points[0].copy()
+    for i in range(len(points)):
+        for axis in range(3):
+            low[axis] = min(low[axis], points[i, axis])
+            high[axis] = max(high[axis], points[i, axis])
+    return low, high
+
+
+def build_tree(
+    points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
+) -> Tree:
+    """Build the octree of points.
+
+    Parameters
+    ----------
+    points
+        (n, 3) integer coordinates.
+    corner
+        (3,) origin of the root.
+    levels
+        The axes that each level splits.
+    ordered
+        Whether the order of the points counts, of which of equal ones only the first if `merged`.
+    """
+    keys = _keys(points, corner, _key_tables(_key_positions(levels)))
+    second_first = np.empty(0, dtype=np.uint8)
+    if ordered:
+        keys = _first_ones(keys) if merged else keys
+        second_first = _sorted_as_coded(keys, _digit_positions(levels))
+    else:
+        keys.sort()
+    keys, counts = _unique(keys)
+    if ordered:
+        second_first = second_first[np.cumsum(counts) - counts]
+    found, below = [], keys
+    for axes in reversed(levels):
+        children = _child_of_bits(axes)
+        below, occupancy, first = _parents(below, children.size.bit_length() - 1, children)
+        found.append(TreeLevel(occupancy, first))
+    return Tree(found[::-1], keys, counts, second_first)
+
+
+def leaf_starts(tree: Tree) -> list[Indices]:
+    """For each level the index of every node's first leaf, and the number of leaves."""
+    starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
+    for level in reversed(tree.levels):
+        starts.append(starts[-1][np.append(level.first_child, len(starts[-1]) - 1)])
+    return starts[:0:-1]
+
+
+def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
+    """Morton codes of the leaves."""
+    if all(axes == 7 for axes in levels):
+        return tree.keys
+    tables = np.zeros((8, 256), dtype=np.int64)
+    for axis, positions in enumerate(_key_positions(levels)):
+        for bit, position in enumerate(positions):
+            is_set = np.arange(256) >> position % 8 & 1
+            tables[position // 8] |= is_set << (3 * bit + 2 - axis)
+    return _permuted(tree.keys, tables)
+
+
+def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
+    """For each axis, the position of its bits, lowest first, in a key that sorts the leaves."""
+    positions: tuple[list[int], list[int], list[int]] = ([], [], [])
+    position = 0
+    for axes in reversed(levels):
+        for axis in (2, 1, 0):
+            if axes & _AXIS_MASKS[axis]:
+                positions[axis].append(position)
+                position += 1
+    return positions
+
+
+def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
+    """What each byte of each coordinate adds to the key: (axis, byte, value)."""
+    tables = np.zeros((3, 3, 256), dtype=np.int64)
+    for axis, of_axis in enumerate(positions):
+        for bit, position in enumerate(of_axis):
+            tables[axis, bit // 8] |= (np.arange(256) >> bit % 8 & 1) << position
+    return tables
+
+
+def _child_of_bits(axes: int) -> Ints:
+    """Child index by the key bits of a level."""
+    children = [child for child in range(8) if child & ~axes == 0]
+    return np.array(children, dtype=np.int64)
+
+
+@compiled
+def _keys(points: Ints, corner: Ints, tables: Ints) -> Ints:
+    keys = np.empty(len(points), dtype=np.int64)
+    for i in range(len(points)):
+        key = 0
+        for axis in range(3):
+            value = points[i, axis] - corner[axis]
+            for byte in range(3):
+                key |= tables[axis, byte, value >> 8 * byte & 0xFF]
+        keys[i] = key
+    return keys
+
+
+def _first_ones(keys: Ints) -> Ints:
+    """Keys without those that have occurred before."""
+    ordered = np.sort(keys)
+    if (ordered[1:] != ordered[:-1]).all():
+        return keys
+    _, first = np.unique(keys, return_index=True)
+    first.sort()
+    unique: Ints = keys[first]
+    return unique
+
+
+def _digit_positions(levels: list[int]) -> Ints:
+    """Where the bits of each level begin in a key, and where those of the root end."""
+    widths = [axes.bit_count() for axes in reversed(levels)]
+    return np.cumsum([0, *widths])[::-1].astype(np.int64)
+
+
+@compiled
+def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
+    """Sort keys level by level, as the reference sorts the points of a node into its children.
+
+    Its counting sort, which swaps points in place, changes the order of points in a child. Returns
+    for each key whether it is the first of two alone in a node and was behind the other there.
+    """
+    behind = np.zeros(len(keys), dtype=np.uint8)
+    stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
+    place = np.empty(8, dtype=np.int64)
+    end = np.empty(8, dtype=np.int64)
+    stack[0, 0], stack[0, 1], stack[0, 2] = 0, len(keys), 0
+    height = 1
+    while height:
+        height -= 1
+        first, last, level = stack[height, 0], stack[height, 1], stack[height, 2]
+        if last - first == 2 and keys[first] > keys[first + 1]:
+            keys[first], keys[first + 1] = keys[first + 1], keys[first]
+            behind[first] = 1
+        if last - first <= 2 or level + 1 == len(positions):
+            continue
+        shift = positions[level + 1]
+        mask = (1 << (positions[level] - shift)) - 1
+        end[:] = 0
+        for i in range(first, last):
+            end[keys[i] >> shift & mask] += 1
+        total = first
+        for digit in range(mask + 1):
+            place[digit] = total
+            total += end[digit]
+            end[digit] = total
+        start = first
+        for digit in range(mask + 1):
+            while place[digit] != end[digit]:
+                i = place[digit]
+                own = keys[i] >> shift & mask
+                other = place[own]
+                keys[i], keys[other] = keys[other], keys[i]
+                place[own] += 1
+            if end[digit] > start + 1:
+                stack[height, 0], stack[height, 1] = start, end[digit]
+                stack[height, 2] = level + 1
+                height += 1
+            start = end[digit]
+    return behind
+
+
+@compiled
+def _permuted(keys: Ints, tables: Ints) -> Ints:
+    codes = np.zeros(len(keys), dtype=np.int64)
+    for i in range(len(keys)):
+        for byte in range(8):
+            codes[i] |= tables[byte, keys[i] >> 8 * byte & 0xFF]
+    return codes
+
+
+@compiled
+def _unique(keys: Ints) -> tuple[Ints, Indices]:
+    """The distinct ones of sorted keys, and their counts."""
+    count = 1
+    for i in range(1, len(keys)):
+        count += integer(keys[i] != keys[i - 1])
+    unique = np.empty(count, dtype=np.int64)
+    counts = np.zeros(count, dtype=np.int32)
+    k = -1
+    for i in range(len(keys)):
+        if i == 0 or keys[i] != keys[i - 1]:
+            k += 1
+            unique[k] = keys[i]
+        counts[k] += 1
+    return unique, counts
+
+
+@compiled
+def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
+    """Parents of nodes with sorted keys, whose lowest `width` bits give the child."""
+    count = 1
+    for i in range(1, len(keys)):
+        count += integer((keys[i] ^ keys[i - 1]) >> width != 0)
+    parents = np.empty(count, dtype=np.int64)
+    occupancy = np.zeros(count, dtype=np.uint8)
+    first = np.empty(count, dtype=np.int32)
+    k = -1
+    for i in range(len(keys)):
+        key = keys[i] >> width
+        if k < 0 or parents[k] != key:
+            k += 1
+            parents[k] = key
+            first[k] = i
+        occupancy[k] |= np.uint8(1 << child_of_bits[keys[i] & ((1 << width) - 1)])
+    return parents, occupancy, first

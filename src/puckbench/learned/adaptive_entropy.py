@@ -1,0 +1,314 @@
+"""Context-adaptive entropy coding of a latent: a prior's tables, mixed with adaptive contexts.
+
+The tables of an entropy model treat each value by itself. But the latent of a surface resembles
+that of the surface beside it, and the occupancy of a voxel's neighbours, which the decoder knows,
+tells how the surface lies: adaptive contexts of both learn this from the cloud itself. Each value
+is coded as binary decisions: zero or not, the sign, one more or not. All arithmetic is on integers,
+so that every machine decodes the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.binary_coder import (
+    SLOWEST,
+    BitCoder,
+    bit_reader,
+    bit_writer,
+    code_gamma,
+    exhausted,
+    read_to_its_end,
+    written,
+)
+from puckbench.coding.context_mixing import Mixer, MixerSettings, code_mixed, mixer
+from puckbench.core.compiling import compiled_in_place
+from puckbench.core.errors import InputError
+from puckbench.learned.entropy_bottleneck import FrequencyTable
+from puckbench.learned.sparse.voxels import FACES, OFFSETS, NeighbourTable
+
+Integers = NDArray[np.int32]
+Ints = NDArray[np.int64]
+_MAX_UNARY = 20
+"""Magnitudes up to here are coded in unary, larger ones by an Elias gamma code."""
+_MAX_MAGNITUDE = _MAX_UNARY + 2**16 - 1
+_DECISIONS = 12
+"""Binary decisions of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
+_SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
+"""Numbers of contexts of the seven kinds, see `_find_contexts`."""
+_MIXER = MixerSettings(estimate=0.4, context=0.15, learning_rate=20, memory=SLOWEST)
+_MAX_VALUE_BYTES = 80
+"""Bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
+
+
+class _Tables(NamedTuple):
+    """The tables of a prior, concatenated without their escapes.
+
+    Parameters
+    ----------
+    lowest
+        (tables,), the first integer of each.
+    first
+        (tables + 1,), where each begins in `below`.
+    below
+        Cumulative frequencies before each integer.
+    number, centre
+        As in `Prior`.
+    """
+
+    lowest: Ints
+    first: Ints
+    below: Ints
+    number: Integers
+    centre: Integers
+
+
+class _Neighbourhood(NamedTuple):
+    """The causal neighbourhood of a voxel, and arrays to work in.
+
+    Parameters
+    ----------
+    patterns
+        (3,), which neighbours are occupied at its faces, edges and corners, a bit each.
+    rows, weights
+        Neighbours that were coded before, those at faces first, and their weights in means.
+    counts
+        (2,), how many of these there are, in all and at faces.
+    contexts
+        The contexts of a value, but for the decision.
+    """
+
+    patterns: Ints
+    rows: Ints
+    weights: Ints
+    counts: Ints
+    contexts: Ints
+
+
+class Prior(NamedTuple):
+    """The distributions of values (n, channels) by an entropy model.
+
+    Parameters
+    ----------
+    tables
+        The tables in use.
+    number
+        (n, channels), the table of each value.
+    centre
+        (n, channels), the value that the zero of its table stands for.
+    """
+
+    tables: tuple[FrequencyTable, ...]
+    number: NDArray[np.integer[Any]]
+    centre: NDArray[np.integer[Any]]
+
+
+def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
+    """The prior of an entropy bottleneck: a table for each channel at all `count` places."""
+    number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
+    return Prior(tables, number, np.zeros_like(number))
+
+
+def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
+    """Code a latent at voxels.
+
+    Parameters
+    ----------
+    latent
+        Integers (n, channels), in the order of the voxels; beyond 16 bits they are clipped.
+    neighbours
+        (27, n), table of the voxels' neighbours.
+    prior
+        Distributions of the values by the entropy model.
+    """
+    values = np.clip(latent, -_MAX_MAGNITUDE, _MAX_MAGNITUDE).astype(np.int64)
+    bits = bit_writer(_MAX_VALUE_BYTES * values.size + 16)
+    _code(bits, values, neighbours, prior)
+    return written(bits)
+
+
+def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
+    """The latent of `encode_with_contexts`; InputError when the data are damaged."""
+    values = np.zeros(prior.number.shape, np.int64)
+    bits = bit_reader(data)
+    _code(bits, values, neighbours, prior)
+    if not read_to_its_end(bits):
+        raise InputError("the stream is damaged (features)")
+    return values.astype(np.int32)
+
+
+def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior) -> None:
+    decisions = _DECISIONS * values.shape[1]
+    starts = np.cumsum((0, *(decisions * size for size in _SIZES)))
+    mixed = mixer(bits, int(starts[-1]), len(_SIZES), decisions, 1, _MIXER)
+    around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
+    _code_values(mixed, values, neighbours, _concatenated(prior), around, starts)
+
+
+def _concatenated(prior: Prior) -> _Tables:
+    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in prior.tables]
+    lowest = np.array([table.lowest for table in prior.tables], np.int64)
+    first = np.cumsum((0, *map(len, sums)))
+    number, centre = (np.ascontiguousarray(a, np.int32) for a in prior[1:])
+    return _Tables(lowest, first, np.concatenate(sums), number, centre)
+
+
+@compiled_in_place
+def _code_values(
+    mixer: Mixer, values: Ints, neighbours: NeighbourTable, tables: _Tables, around: _Neighbourhood,
+    starts: Ints,
+) -> None:  # fmt: skip
+    for row in range(len(values)):
+        if exhausted(mixer.bits):
+            return
+        _find_neighbourhood(around, neighbours, row)
+        for channel in range(values.shape[1]):
+            _find_contexts(around, values, row, channel)
+            values[row, channel] = _code_value(
+                mixer, tables, around, starts, row, channel, values[row, channel]
+            )
+
+
+@compiled_in_place
+def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row: int) -> None:
+    known = 0
+    for shell in range(3):
+        pattern = 0
+        for place in range((6, 12, 8)[shell]):
+            offset = _offset(shell, place)
+            other = neighbours[offset, row]
+            pattern |= (other >= 0) << place
+            if 0 <= other < row:
+                around.rows[known] = other
+                around.weights[known] = (36, 9, 4)[shell]
+                known += 1
+        around.patterns[shell] = pattern
+        if shell == 0:
+            around.counts[1] = known
+    around.counts[0] = known
+
+
+@compiled_in_place
+def _offset(shell: int, place: int) -> int:
+    """The offset of a neighbour at a face, an edge or a corner."""
+    if shell == 0:
+        return FACES[place]
+    if shell == 1:
+        return (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25)[place]
+    return (0, 2, 6, 8, 18, 20, 24, 26)[place]
+
+
+@compiled_in_place
+def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
+    """Find the contexts of a value, but for the decision.
+
+    They are, in their order:
+
+    0. mean magnitude of the neighbours coded before, and their number
+    1. mean of those at faces, and the largest magnitude
+    2. the two channels before, and the sum of magnitudes of all channels before
+    3. which edges have neighbours
+    4. which faces have neighbours, and the neighbours' mean
+    5. which corners have neighbours, and the neighbours' mean
+    6. which faces have neighbours, and the sum of magnitudes of all channels before
+    """
+    mean, face, spread, largest = _neighbour_statistics(around, values, channel)
+    before, last, second = 0, 0, 0
+    for other in range(channel):
+        before = min(before + abs(values[row, other]), 7)
+    if channel >= 1:
+        last = min(max(values[row, channel - 1], -2), 2) + 2
+    if channel >= 2:
+        second = min(max(values[row, channel - 2], -1), 1) + 1
+    found, patterns = around.contexts, around.patterns
+    found[0] = spread * 8 + min(around.counts[0], 7)
+    found[1] = face * 5 + largest
+    found[2] = (last * 3 + second) * 8 + before
+    found[3] = patterns[1]
+    found[4] = patterns[0] * 6 + mean
+    found[5] = patterns[2] * 6 + mean
+    found[6] = patterns[0] * 8 + before
+
+
+@compiled_in_place
+def _neighbour_statistics(
+    around: _Neighbourhood, values: Ints, channel: int
+) -> tuple[int, int, int, int]:
+    """Mean, mean at faces, mean magnitude and largest magnitude of the neighbours coded before."""
+    total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
+    for place in range(around.counts[0]):
+        value, factor = values[around.rows[place], channel], around.weights[place]
+        total += factor * value
+        magnitude += factor * abs(value)
+        weight += factor
+        largest = max(largest, abs(value))
+        if place < around.counts[1]:
+            face += value
+    mean = _clipped_quotient(3 * total, 2 * weight, 2, 5)
+    nearest = _clipped_quotient(2 * face, around.counts[1], 9, 19)
+    spread = _clipped_quotient(4 * magnitude, weight, 15, 15) - 15
+    return mean, nearest, spread, min(largest, 4)
+
+
+@compiled_in_place
+def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
+    """The rounded quotient, clipped to +-most, plus `most`; `unknown` where the count is 0."""
+    if count == 0:
+        return unknown
+    return min(max((2 * total + count) // (2 * count), -most), most) + most
+
+
+@compiled_in_place
+def _code_value(
+    mixer: Mixer,
+    tables: _Tables,
+    around: _Neighbourhood,
+    starts: Ints,
+    row: int,
+    channel: int,
+    value: int,
+) -> int:
+    """Code a value: whether it is zero, its sign, then its magnitude in unary."""
+    decision = _DECISIONS * channel
+    zero = _frequency(tables, row, channel, 0, 0)
+    above, below = (
+        _frequency(tables, row, channel, 1, _MAX_MAGNITUDE),
+        _frequency(tables, row, channel, -_MAX_MAGNITUDE, -1),
+    )
+    if _code_decision(mixer, around, starts, decision, zero, above + below, value == 0) == 1:
+        return 0
+    sign = 2 * _code_decision(mixer, around, starts, decision + 1, above, below, value > 0) - 1
+    rest = above if sign == 1 else below
+    for size in range(1, _MAX_UNARY + 1):
+        this = _frequency(tables, row, channel, sign * size, sign * size)
+        rest -= this
+        node = decision + 1 + min(size, 5) + (5 if sign == 1 else 0)
+        if _code_decision(mixer, around, starts, node, this, rest, abs(value) == size) == 1:
+            return sign * size
+    return sign * (_MAX_UNARY + code_gamma(mixer.bits, abs(value) - _MAX_UNARY))
+
+
+@compiled_in_place
+def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
+    """Frequency of the values from `first` to `last`."""
+    number = tables.number[row, channel]
+    start, end = tables.first[number], tables.first[number + 1] - 1
+    zero = start - tables.lowest[number] - tables.centre[row, channel]
+    low = min(max(zero + first, start), end)
+    high = min(max(zero + last + 1, start), end)
+    return int(tables.below[high] - tables.below[low])
+
+
+@compiled_in_place
+def _code_decision(
+    mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
+) -> int:
+    """Code a decision whose two outcomes have these frequencies in the tables."""
+    for place in range(len(mixer.at)):
+        mixer.at[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
+    probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048
+    mixer.rows[0] = decision
+    return code_mixed(mixer, int(bit), mixer.stretch[probability])

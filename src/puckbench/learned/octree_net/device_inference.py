@@ -1,0 +1,107 @@
+"""The network by the model's own layers, on the device that the model is on.
+
+The sums are exact (see `fixed_point`): frequencies are those of the compiled layers, bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from puckbench.learned.device import device_of
+from puckbench.learned.octree_net.fixed_point import UNITS
+from puckbench.learned.octree_net.layers import Rows
+from puckbench.learned.octree_net.model import Head, OctreeNet, as_index
+from puckbench.learned.octree_net.symbols import Frequencies, Symbols, powers_of_two
+from puckbench.learned.sparse.convolution import Neighbourhood, device_neighbourhood
+from puckbench.learned.sparse.kernel_map import voxel_kernel_map
+from puckbench.learned.sparse.thread_pool import ThreadPool
+from puckbench.learned.sparse.voxels import NeighbourTable
+
+
+@dataclass
+class DeviceFeatures:
+    """Features of a level's voxels (n, channels), and their neighbourhood once it is known."""
+
+    all: Tensor
+    where: Neighbourhood | None = None
+
+
+class DeviceNetwork:
+    """As `Network`, of a model in place."""
+
+    def __init__(self, model: OctreeNet) -> None:
+        self.model, self._device = model, device_of(model)
+        self._powers = torch.from_numpy(powers_of_two()).to(self._device)
+
+    def root_features(self, count: int) -> DeviceFeatures:
+        """As in `Network`."""
+        return DeviceFeatures(self.model.root_features(count).detach())
+
+    @torch.no_grad()
+    def convolved(
+        self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
+    ) -> DeviceFeatures:
+        """As in `Network`."""
+        where = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
+        return DeviceFeatures(self.model.convolved(features.all, where), where)
+
+    @torch.no_grad()
+    def group(
+        self, number: int, rows: Rows, features: DeviceFeatures, table: NeighbourTable
+    ) -> DeviceGroup:
+        """As in `Network`; the table is that which `convolved` was given."""
+        index, where = as_index(rows, features.all), cast(Neighbourhood, features.where)
+        own = self.model.group_features(number, features.all, index, where)
+        return DeviceGroup(self, number, rows, index, features, own)
+
+    @torch.no_grad()
+    def child_features(
+        self, features: DeviceFeatures, slots: Rows, pool: ThreadPool
+    ) -> DeviceFeatures:
+        """As in `Network`."""
+        return DeviceFeatures(
+            self.model.child_features(features.all, as_index(slots, features.all))
+        )
+
+    @torch.no_grad()
+    def frequencies(self, heads: nn.ModuleList, number: int, features: Tensor) -> Frequencies:
+        """Frequencies (n, 16) of symbols from features (n, channels), as `symbols.frequencies`."""
+        units = cast(Head, heads[number])(features) * UNITS
+        below = (units.amax(dim=1, keepdim=True) - units).clamp_max(len(self._powers) - 1)
+        found: NDArray[Any] = self._powers[below.long()].cpu().numpy()
+        return found
+
+
+@dataclass(frozen=True)
+class DeviceGroup:
+    """As `Group`, with the features `own` (m, channels) of its voxels."""
+
+    network: DeviceNetwork
+    number: int
+    rows: Rows
+    index: Tensor
+    features: DeviceFeatures
+    own: Tensor
+
+    def predict_first(self, chunk: slice) -> Frequencies:
+        """As in `Group`."""
+        heads = self.network.model.first_heads
+        return self.network.frequencies(heads, self.number, self.own[chunk])
+
+    @torch.no_grad()
+    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
+        """As in `Group`."""
+        model = self.network.model
+        self.own[chunk] = model.with_first(self.own[chunk], as_index(first, self.own))
+        return self.network.frequencies(model.second_heads, self.number, self.own[chunk])
+
+    @torch.no_grad()
+    def update(self, chunk: slice, second: Symbols) -> None:
+        """As in `Group`."""
+        made = self.network.model.with_second(self.own[chunk], as_index(second, self.own))
+        self.features.all[self.index[chunk]] = made

@@ -1,0 +1,216 @@
+"""Context mixing of symbols: the network's probabilities combined with adaptive statistics.
+
+The network was trained on scans in general; adaptive contexts learn the statistics of this one.
+Each bit of a symbol is the occupancy of one child; the network's probability is mixed with those of
+contexts of the causal neighbourhood. All arithmetic is on integers, so that every machine decodes
+the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.binary_coder import BitCoder, bit_reader, bit_writer
+from puckbench.coding.bit_count import bit_count
+from puckbench.coding.context_mixing import Mixer, MixerSettings, code_mixed, mixer
+from puckbench.core.compiling import compiled_in_place
+from puckbench.learned.octree_net.causal_neighbourhood import (
+    CELLS,
+    CellMasks,
+    LevelState,
+)
+from puckbench.learned.octree_net.symbols import (
+    EVEN,
+    GROUPS,
+    ODD,
+    VALUES,
+    Frequencies,
+    Symbols,
+)
+
+Ints = NDArray[np.int64]
+_TREE_NODES = VALUES - 1
+"""Nodes of the binary tree of a symbol's four bits."""
+_BIT_KINDS = 2 * GROUPS * _TREE_NODES
+"""Kinds of bits: by group, by first or second symbol, by the bits of the symbol so far."""
+_BIT_PLACES = 8
+"""Places of bits: by first or second symbol, by the number of the bit."""
+_STATES = 27
+"""States of three cells, each empty, unknown or occupied."""
+_FACE_COUNTS = 7 * 4
+"""Pairs of the numbers of occupied and of unknown cells at a child's faces."""
+_PROBABILITY_STEPS = 25
+"""Steps of the network's probability, half a unit of the logistic domain each."""
+_SIZES = (
+    64 * _BIT_KINDS,
+    7 * VALUES * _BIT_KINDS,
+    _BIT_PLACES * _STATES * 8,
+    2 * _FACE_COUNTS * 8 * 8 * 4,
+    _BIT_PLACES * _STATES * _STATES,
+    _BIT_PLACES * 16 * _FACE_COUNTS * 4,
+    _BIT_PLACES * _STATES * _STATES * 8,
+    _BIT_PLACES * _STATES * 729,
+    2 * _PROBABILITY_STEPS * _STATES * _STATES,
+    _BIT_PLACES * 8,
+    _BIT_PLACES * 27 * _STATES,
+)
+"""Numbers of contexts of the eleven kinds, see `_find_contexts`."""
+_STARTS = np.cumsum((0, *_SIZES))
+_CONTEXTS = int(_STARTS[-1])
+_ROWS = (_BIT_KINDS, 2 * _FACE_COUNTS, _BIT_PLACES * _STATES)
+"""Sets of weights: by the kind of bit, by the numbers of cells at the child's faces, and by the
+states of these cells."""
+_BY_FACE_COUNTS, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
+_MIXER = MixerSettings(estimate=0.6, context=0.05, learning_rate=5, memory=50)
+"""Statistics adapt fast, since noise changes with the distance."""
+_MAX_VOXEL_BYTES = 11
+"""Bytes of the eight bits of a voxel, each at most log2(65,536 / 32) bits."""
+_CHILDREN = np.array([EVEN, ODD])
+
+
+def writer(voxels: int) -> Mixer:
+    """An encoder of the symbols of a number of voxels or fewer."""
+    return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
+
+
+def reader(stream: bytes) -> Mixer:
+    """A decoder of a stream."""
+    return _new_mixer(bit_reader(stream))
+
+
+def _new_mixer(bits: BitCoder) -> Mixer:
+    return mixer(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS), _MIXER)
+
+
+def code_symbols(
+    mixer: Mixer, level: LevelState, group: int, second: bool, rows: Ints, symbols: Symbols,
+    frequencies: Frequencies,
+) -> None:  # fmt: skip
+    """Encode the symbols of some voxels of a level, or decode them in place.
+
+    Parameters
+    ----------
+    mixer
+        Encoder or decoder.
+    level
+        State of the level, with the causal neighbourhoods of these voxels.
+    group
+        The group that the voxels are of.
+    second
+        Code their second symbols instead of their first.
+    rows
+        (m,), the voxels.
+    symbols
+        (m,).
+    frequencies
+        (m, 16), predicted by the network.
+    """
+    _code_symbols(
+        mixer, level, group, int(second), rows, symbols, frequencies, _CHILDREN, _STARTS, CELLS
+    )
+
+
+@compiled_in_place
+def _code_symbols(
+    mixer: Mixer, level: LevelState, group: int, half: int, rows: Ints, symbols: Symbols,
+    frequencies: Frequencies, children: Ints, starts: Ints, cells: CellMasks,
+) -> None:  # fmt: skip
+    for i in range(len(rows)):
+        row = rows[i]
+        own = int(level.codes[row])
+        occupied, unknown = level.occupied[row] | cells.occupied[13, own], level.unknown[row]
+        around = (int(level.face_neighbours[row]), min(int(level.neighbour_counts[row]) >> 2, 6))
+        symbol, low, high, node, total = int(symbols[i]), 0, 16, 0, 0
+        for value in range(16):
+            total += frequencies[i, value]
+        first = _first_symbol(own, half)
+        for bit in range(4):
+            child = children[half, 3 - bit]
+            middle, upper = (low + high) >> 1, 0
+            for value in range(middle, high):
+                upper += frequencies[i, value]
+            logit = mixer.stretch[(upper << 12) // total]
+            kind, place = (2 * group + half) * _TREE_NODES + node, half * 4 + bit
+            logit_step = half * _PROBABILITY_STEPS + min(max((logit + 1536) >> 7, 0), 24)
+            _find_contexts(mixer, cells, starts, child, place, logit_step, occupied, unknown)
+            mixer.at[0] += kind * 64 + around[0]
+            mixer.at[1] += (kind * 16 + first) * 7 + around[1]
+            mixer.at[10] += int(level.orientations[row]) * _STATES
+            mixer.rows[0] = kind
+            bit_value = code_mixed(mixer, symbol >> (3 - bit) & 1, logit)
+            own |= bit_value << child
+            occupied |= bit_value << cells.own[child]
+            node = 2 * node + 1 + bit_value
+            if bit_value == 1:
+                low, total = middle, upper
+            else:
+                high, total = middle, total - upper
+        symbols[i] = low
+        level.codes[row] = own
+        level.done[row] = half == 1
+
+
+@compiled_in_place
+def _first_symbol(code: int, half: int) -> int:
+    """The first symbol by the occupied children so far; 0 while it is coded itself."""
+    return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
+
+
+@compiled_in_place
+def _find_contexts(
+    mixer: Mixer, cells: CellMasks, starts: Ints, child: int, place: int, logit_step: int,
+    occupied: int, unknown: int,
+) -> None:  # fmt: skip
+    """Find the contexts of a child's bit and its rows of weights.
+
+    What depends on the kind of the bit is added by the caller. The contexts are, in their order:
+
+    0. neighbours at the voxel's faces
+    1. the voxel's first symbol and its number of neighbours
+    2. cells at the child's faces
+    3. numbers of cells at its faces, edges and corners
+    4. cells at its faces outside the voxel, and two steps away
+    5. numbers of cells far away and near
+    6. cells at its faces, and at its edges outside the voxel
+    7. cells at its faces outside the voxel, and the six beside these
+    8. the network's probability, cells at its faces outside the voxel and two steps away
+    9. cells at its faces inside the voxel alone, by which the density of the cloud shows
+    10. orientation of the voxel's neighbours, and cells two steps away
+    """
+    half = place >> 2
+    beyond, second, edges, across, inside, joined = 0, 0, 0, 0, 0, 0
+    for axis in range(3):
+        beyond = 3 * beyond + _state(occupied, unknown, cells.beyond[child, axis])
+        second = 3 * second + _state(occupied, unknown, cells.second[child, axis])
+        edges = 3 * edges + _state(occupied, unknown, cells.edges[child, axis])
+        inside |= (occupied >> cells.own[child ^ 1 << axis] & 1) << axis
+        joined += occupied >> cells.own[child ^ 7 ^ 1 << axis] & 1
+    for side in range(6):
+        across = 3 * across + _state(occupied, unknown, cells.across[child, side])
+    faces, ring = bit_count(occupied & cells.faces[child]), bit_count(occupied & cells.ring[child])
+    open_faces = bit_count(unknown & cells.faces[child])
+    open_ring = bit_count(unknown & cells.ring[child])
+    corners, far = (
+        bit_count(occupied & cells.corners[child]),
+        bit_count(occupied & cells.far[child]),
+    )
+    near, at = faces * 4 + open_faces, place * _STATES + beyond
+    numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)
+    mixer.at[0], mixer.at[1] = starts[0], starts[1]
+    mixer.at[2] = starts[2] + at * 8 + inside
+    mixer.at[3] = starts[3] + (half * _FACE_COUNTS * 64 + numbers) * 4 + min(corners, 3)
+    mixer.at[4] = starts[4] + at * _STATES + second
+    mixer.at[5] = starts[5] + ((place * 16 + min(far, 15)) * _FACE_COUNTS + near) * 4 + joined
+    mixer.at[6] = starts[6] + (at * _STATES + edges) * 8 + inside
+    mixer.at[7] = starts[7] + at * 729 + across
+    mixer.at[8] = starts[8] + (logit_step * _STATES + beyond) * _STATES + second
+    mixer.at[9] = starts[9] + place * 8 + inside
+    mixer.at[10] = starts[10] + place * 27 * _STATES + second
+    mixer.rows[1], mixer.rows[2] = _BY_FACE_COUNTS + half * _FACE_COUNTS + near, _BY_CELLS + at
+
+
+@compiled_in_place
+def _state(occupied: int, unknown: int, cell: int) -> int:
+    """State of a cell: 0 empty, 1 unknown, 2 occupied."""
+    return (occupied >> cell & 1) << 1 | (unknown >> cell & 1)

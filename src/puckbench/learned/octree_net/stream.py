@@ -1,0 +1,143 @@
+"""The stream of the learned octree coder: identity of the weights, grid, and parts of the cloud.
+
+magic "PBON", version, CRC-32 of all that follows
+digest of the weights (8 bytes), scale (float64), origin (3 int32), frame: 0, or 1 and unit and
+    offset (4 float64); number of parts (uint8)
+each part: voxels, levels that the network codes, bytes of the top level and of the symbols
+    (uint32, uint8, uint16, uint32), the top level, the symbols
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from puckbench.coding.framing import Framing
+from puckbench.core.errors import InputError
+from puckbench.gpcc.grid import Frame
+from puckbench.learned.sparse.voxels import AXIS_BITS
+
+MAGIC, VERSION = b"PBON", 3
+MAX_VOXELS = 2**21
+"""Voxels of a part; larger clouds are cut, so that working memory is bounded."""
+_MAX_TOTAL = 2**25
+_TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
+"""Voxels of all parts, at most, and for each byte of their symbols."""
+_MAX_VOXELS_PER_BYTE = 2**14
+"""A bound: eight binary decisions, each at least 0.0007 bits, bring at most 8 voxels."""
+_NODES, _NODES_PER_BYTE = 2**17, 4
+"""Voxels of the levels above the finest, at most and for each byte, beside 3/8 of the voxels there.
+A plane has a third; each takes the network some 4 microseconds."""
+_MIN_SCALE = 2.0**-400
+"""With a smaller scale and the largest unit coordinates could exceed double precision."""
+_FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
+_HEADER = struct.Struct("<8sd3iB")
+_FRAME = struct.Struct("<4d")
+_COUNT = struct.Struct("<B")
+_PART = struct.Struct("<IBHI")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a cloud: voxels, levels that the network codes, the top level, the symbols."""
+
+    count: int
+    levels: int
+    top: bytes
+    symbols: bytes
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A coded cloud: identity of the weights, grid, and parts."""
+
+    digest: bytes
+    scale: float
+    origin: tuple[int, int, int]
+    frame: Frame
+    parts: tuple[Part, ...]
+
+
+def write_stream(coded: Coded) -> bytes:
+    """The bytes of a coded cloud; InputError when it has too many voxels."""
+    if sum(part.count for part in coded.parts) > _MAX_TOTAL:
+        raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
+    _check(coded.parts)
+    framed = coded.frame != Frame()
+    body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
+    if framed:
+        body.append(_FRAME.pack(coded.frame.unit, *coded.frame.offset))
+    body.append(_COUNT.pack(len(coded.parts)))
+    for part in coded.parts:
+        sizes = (len(part.top), len(part.symbols))
+        body += [_PART.pack(part.count, part.levels, *sizes), part.top, part.symbols]
+    return _FRAMING.framed(b"".join(body))
+
+
+def read_stream(stream: bytes) -> Coded:
+    """Parse a stream; the counts in it are checked against its size before any work begins.
+
+    Raises
+    ------
+    InputError
+        The bytes are damaged, or of another codec or version.
+    """
+    try:
+        return _read(stream)
+    except struct.error as error:
+        raise InputError("the stream is truncated") from error
+
+
+def _read(stream: bytes) -> Coded:
+    _, body = _FRAMING.unframed(stream)
+    digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
+    frame, at = _read_frame(body, _HEADER.size, framed)
+    parts = _read_parts(body, at)
+    if not _MIN_SCALE < scale < np.inf:
+        raise InputError("the stream is damaged (its scale)")
+    return Coded(digest, scale, (x, y, z), frame, parts)
+
+
+def _read_frame(body: bytes, at: int, framed: int) -> tuple[Frame, int]:
+    if not framed:
+        return Frame(), at
+    unit, *offset = _FRAME.unpack_from(body, at)
+    if not (0 < unit < 2.0**500 and np.abs(offset).max() < 2.0**500):
+        raise InputError("the stream is damaged (its frame)")
+    return Frame(unit, (offset[0], offset[1], offset[2])), at + _FRAME.size
+
+
+def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
+    (count,) = _COUNT.unpack_from(body, at)
+    at += _COUNT.size
+    parts = []
+    for _ in range(count):
+        voxels, levels, top, symbols = _PART.unpack_from(body, at)
+        at += _PART.size
+        end = at + top + symbols
+        parts.append(Part(voxels, levels, body[at : at + top], body[at + top : end]))
+        at = end
+    if at != len(body) or not parts:
+        raise InputError("the stream is damaged (its length)")
+    _check(parts)
+    return tuple(parts)
+
+
+def max_nodes(part: Part) -> int:
+    """Voxels of all levels above the finest that a part of its size may have."""
+    return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
+
+
+def _check(parts: Sequence[Part]) -> None:
+    """A damaged stream must not keep the decoder busy for long, and no encoder makes one."""
+    for part in parts:
+        most = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
+        if not 0 < part.count <= most or part.levels >= AXIS_BITS:
+            raise InputError("the stream is damaged, or promises too much (its number of voxels)")
+    voxels = sum(part.count for part in parts)
+    most = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
+    if voxels > min(most, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
+        raise InputError("the stream is damaged, or promises too much (its number of voxels)")

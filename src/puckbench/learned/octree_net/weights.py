@@ -1,0 +1,69 @@
+"""Weights of the learned octree coder: integers, which half precision keeps exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from puckbench.core.errors import InputError, naming
+from puckbench.core.models import parsed
+from puckbench.learned.catalogue import OCTREE_NET
+from puckbench.learned.device import DeviceName, placed
+from puckbench.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
+from puckbench.learned.octree_net.model import OctreeNet, Shape
+from puckbench.learned.weights_file import read_weights, write_weights
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A network, the digest by which streams name it, and its model card."""
+
+    model: OctreeNet
+    digest: bytes
+    card: Mapping[str, Any]
+
+
+def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
+    """Write the network's integers; InputError when its sums might not be exact."""
+    model.check_exact()
+    about = {
+        "network": OCTREE_NET.name,
+        "shape": model.shape.model_dump(),
+        "lmbdas": (),
+        "card": dict(card),
+    }
+    state = {
+        name: (value.detach() * _units(name)).round().clamp(-MAX_WEIGHT, MAX_WEIGHT)
+        for name, value in model.state_dict().items()
+    }
+    write_weights(path, about, state)
+
+
+def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+    """Read a set; InputError when it is damaged, of another network, or too large to be exact."""
+    found = read_weights(path)
+    try:
+        model = OctreeNet(parsed(Shape, found.header.shape, f"{path}: shape"))
+        model.load_state_dict(parameters(found.state))
+    except RuntimeError as error:
+        raise InputError(f"{path}: damaged weights") from error
+    with naming(path):
+        model.check_exact()
+    model = placed(model.eval().requires_grad_(False), device)
+    return Weights(model, found.digest, found.header.card)
+
+
+def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The parameters of a network from the integers that a set keeps."""
+    return {
+        name: value.round().clamp(-MAX_WEIGHT, MAX_WEIGHT) / _units(name)
+        for name, value in integers.items()
+    }
+
+
+def _units(name: str) -> int:
+    return WEIGHT_UNITS if name.endswith("kernel") else UNITS

@@ -1,0 +1,265 @@
+"""Coding a cloud with a set of PCGCv1's weights: cubes, transforms, entropy coding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.learned.pcgcv1.cubes import (
+    Cubes,
+    cubes_of,
+    most_likely,
+    occupancy,
+    sibling_blocks_of,
+)
+from puckbench.learned.pcgcv1.entropy_coding import (
+    LatentPositions,
+    checksum,
+    decode_conditional,
+    decode_counts,
+    decode_hyper,
+    encode_conditional,
+    encode_counts,
+    encode_hyper,
+    latent_positions,
+)
+from puckbench.learned.pcgcv1.laplace import Indexes, joined
+from puckbench.learned.pcgcv1.occupied_blocks import (
+    STRIDE,
+    Bools,
+    Support,
+    blocks_of,
+    full_support,
+    most_likely_per_block,
+    pooled,
+    rows_of,
+    support_of,
+)
+from puckbench.learned.pcgcv1.stream import BATCH, Batch, Coded, check_work, max_sparse
+from puckbench.learned.pcgcv1.weights import Weights
+from puckbench.learned.point_reconstruction import (
+    SiblingBlocks,
+    check_points_per_voxel,
+    concatenated,
+    known_blocks,
+    points_per_voxel,
+    reconstructed_points,
+)
+from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
+
+Voxels = NDArray[np.int64]
+Integers = NDArray[np.int32]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """Codes points at one rate of a set of weights.
+
+    Parameters
+    ----------
+    weights
+        The network.
+    rate
+        Index of the rate among those of the weights.
+    scale
+        Voxels of a unit.
+    rho
+        Decoded voxels for each occupied one.
+    min_points
+        Voxels of a cube that the network codes.
+    sparse_cubes
+        Code smaller cubes losslessly; otherwise drop them, as the authors' program does.
+    threads
+        Number of threads, by default PyTorch's.
+    context_mixing
+        Code the latent so; otherwise with the tables of its Laplace distributions alone.
+    point_reconstruction
+        Decode as many points as were coded, not one for each voxel.
+    """
+
+    weights: Weights
+    rate: int
+    scale: float = 1.0
+    rho: float = 1.0
+    min_points: int = 20
+    sparse_cubes: bool = True
+    threads: int | None = None
+    context_mixing: bool = True
+    point_reconstruction: bool = True
+
+    def encode(self, points: Floats) -> Coded:
+        """Code points (n, 3), n >= 1; InputError for what a decoder would refuse."""
+        side = self.weights.shape.cube_size
+        cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
+        dense = cubes.counts >= self.min_points
+        sparse = encode_voxels(cubes.selected(~dense).voxels()) if self.sparse_cubes else b""
+        kept = cubes.selected(dense)
+        counts = np.clip(np.rint(self.rho * kept.counts), 1, side**3).astype(np.int64)
+        positions = blocks_of(kept) if self.weights.shape.occupied_blocks else kept.positions
+        support = _support(positions, self.weights)
+        with thread_pool(self.threads) as pool:
+            parts = [
+                self._analyse(kept, support.blocks[batch], batch.start, pool)
+                for batch in _batches(len(counts))
+            ]
+        coded_at = latent_positions(support) if self.context_mixing else None
+        density = 0
+        if self.point_reconstruction:
+            density = points_per_voxel(len(points), len(cubes.keys), self.rho)
+        coded = Coded(
+            self.weights.digest,
+            self.rate,
+            self.scale,
+            len(counts),
+            coded_at is not None,
+            density,
+            encode_voxels(positions),
+            encode_counts(counts, side**3),
+            sparse,
+            _encode_latents(parts, coded_at),
+            tuple(part.batch for part in parts),
+        )
+        check_work(coded, side, int(counts.sum()))
+        if len(cubes.keys) - len(kept.keys) > max_sparse(coded) and self.sparse_cubes:
+            raise InputError("the cloud has too many voxels in sparse cubes")
+        return coded
+
+    def _analyse(self, cubes: Cubes, blocks: Bools, first: int, pool: ThreadPool) -> _Analysed:
+        def one(cube: int) -> tuple[Integers, Integers, Indexes]:
+            x = occupancy(cubes.keys_of(first + cube), cubes.side)
+            y_hat, z_hat = self.weights.network.analyse(x, self.rate)
+            return y_hat, z_hat, self.weights.hyper_synthesis.tables(z_hat)
+
+        y_hats, z_hats, tables = zip(*_each(len(blocks), one, pool), strict=True)
+        indexes = joined(np.stack, tables)
+        hyper = encode_hyper(np.stack(z_hats), pooled(blocks), self.weights.tables[self.rate])
+        batch = Batch(checksum(indexes), hyper)
+        return _Analysed(batch, rows_of(np.stack(y_hats), blocks), indexes.rows(blocks))
+
+
+class Decoder:
+    """Decodes streams made with a set of weights."""
+
+    def __init__(self, weights: Weights, threads: int | None = None) -> None:
+        self.weights, self.threads = weights, threads
+
+    def decode(self, coded: Coded) -> Floats:
+        """The points (m, 3); InputError when the stream is damaged."""
+        side = self.weights.shape.cube_size
+        check_work(coded, side, 0)
+        counts = decode_counts(coded.counts, coded.cubes, side**3)
+        check_work(coded, side, sum(counts))
+        blocks = (side // STRIDE) ** 3 if self.weights.shape.occupied_blocks else 1
+        support = _support(decode_voxels(coded.positions, coded.cubes * blocks), self.weights)
+        if len(support.positions) != coded.cubes:
+            raise InputError("the stream is damaged (positions)")
+        sparse = decode_voxels(coded.sparse, max_sparse(coded))
+        if len(sparse) + len(counts) == 0:
+            raise InputError("the stream is damaged (it holds no points)")
+        check_points_per_voxel(coded.points_per_voxel, len(sparse) + sum(counts))
+        parts = self._decode_cubes(coded, support, counts)
+        density = coded.points_per_voxel
+        points = [reconstructed_points(known_blocks(sparse), density)] if len(sparse) else []
+        points += [reconstructed_points(concatenated(parts), density)] if parts else []
+        return np.concatenate(points) / coded.scale
+
+    def _decode_cubes(
+        self, coded: Coded, support: Support, counts: list[int]
+    ) -> list[SiblingBlocks]:
+        side, parts = self.weights.shape.cube_size, []
+        batches = _batches(coded.cubes)
+        with thread_pool(self.threads) as pool:
+            blocks = [support.blocks[cubes] for cubes in batches]
+            indexes = [
+                self._indexes(coded.rate, batch, own, pool)
+                for batch, own in zip(coded.batches, blocks, strict=True)
+            ]
+            latents = _decode_latents(coded, indexes, support)
+            for cubes, own, rows in zip(batches, blocks, latents, strict=True):
+                found = self._synthesise(coded.rate, own, rows, counts[cubes], pool)
+                corners = support.positions[cubes] * (side // 2)
+                parts += [
+                    cube._replace(positions=cube.positions + corner)
+                    for cube, corner in zip(found, corners, strict=True)
+                ]
+        return parts
+
+    def _indexes(self, rate: int, batch: Batch, blocks: Bools, pool: ThreadPool) -> Indexes:
+        """The tables (n, channels) of a batch's latent; InputError when damaged."""
+        z_hats = decode_hyper(batch.hyper, pooled(blocks), self.weights.tables[rate])
+        tables = self.weights.hyper_synthesis.tables
+        indexes = joined(np.stack, _each(len(blocks), lambda k: tables(z_hats[k]), pool))
+        if checksum(indexes) != batch.check:
+            raise InputError("this machine chose other entropy tables than the encoder's")
+        return indexes.rows(blocks)
+
+    def _synthesise(
+        self, rate: int, blocks: Bools, rows: Integers, counts: list[int], pool: ThreadPool
+    ) -> list[SiblingBlocks]:
+        y_hats = np.zeros((*blocks.shape, rows.shape[1]), dtype=np.int32)
+        y_hats[blocks] = rows
+
+        def one(cube: int) -> SiblingBlocks:
+            y_hat = np.ascontiguousarray(np.moveaxis(y_hats[cube], -1, 0))
+            logits = self.weights.network.synthesise(y_hat, rate, blocks[cube])
+            if self.weights.shape.occupied_blocks:
+                keys = most_likely_per_block(logits, blocks[cube], counts[cube])
+            else:
+                keys = most_likely(logits, counts[cube])
+            return sibling_blocks_of(logits, keys)
+
+        return _each(len(blocks), one, pool)
+
+
+@dataclass(frozen=True)
+class _Analysed:
+    """A batch of cubes: its hyper-latents, its latent (n, channels) and the latent's tables."""
+
+    batch: Batch
+    y_hat: Integers
+    indexes: Indexes
+
+
+def _encode_latents(parts: list[_Analysed], positions: LatentPositions | None) -> bytes:
+    if not parts:
+        return b""
+    y_hat = np.concatenate([part.y_hat for part in parts])
+    indexes = joined(np.concatenate, [part.indexes for part in parts])
+    encode = encode_conditional if positions is None else positions.encode
+    return encode(y_hat, indexes)
+
+
+def _decode_latents(coded: Coded, parts: list[Indexes], support: Support) -> list[Integers]:
+    if not parts:
+        return []
+    indexes = joined(np.concatenate, parts)
+    positions = latent_positions(support) if coded.context_mixing else None
+    if coded.context_mixing and positions is None:
+        raise InputError("the stream is damaged (contexts)")
+    decode = decode_conditional if positions is None else positions.decode
+    ends = np.cumsum([len(part.table) for part in parts])
+    return np.split(decode(coded.latent, indexes), ends[:-1])
+
+
+def _support(positions: Voxels, weights: Weights) -> Support:
+    """The cubes and blocks of positions (n, 3) of blocks, or of cubes."""
+    side = weights.shape.cube_size
+    make = support_of if weights.shape.occupied_blocks else full_support
+    return make(positions, side)
+
+
+def _batches(cubes: int) -> list[slice]:
+    return [slice(first, min(first + BATCH, cubes)) for first in range(0, cubes, BATCH)]
+
+
+def _each(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
+    """Results of `work` for each cube, in order; one thread computes a cube."""
+    return pool.map_chunks(cubes, 1, lambda rows, _: work(rows.start))

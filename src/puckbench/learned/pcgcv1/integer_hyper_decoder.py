@@ -1,0 +1,94 @@
+"""The z_hat-synthesis transform h_s in integers: equal results on every machine.
+
+Weights are rounded to 2**-16 and features to 2**-12. Products and sums are then integers below
+2**53, which double precision holds exactly, so that neither the number of threads nor a fused
+multiplication nor another library can change a bit: encoder and decoder always choose the same
+tables.
+
+References
+----------
+Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
+2019.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.functional import conv3d, conv_transpose3d
+
+from puckbench.core.errors import InputError
+from puckbench.learned.pcgcv1.laplace import UNITS, Indexes, build_indexes
+from puckbench.learned.pcgcv1.model import HyperSynthesis
+
+_WEIGHT_UNITS = 2**16
+_MAX_FEATURE = 2**11
+"""Features are clipped to it; those of the authors' networks stay below a hundred."""
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Kernel and bias as integers of their units, in double precision."""
+
+    kernel: Tensor
+    bias: Tensor
+
+
+class IntegerHyperSynthesis:
+    """Chooses the frequency tables of a cube's latent from its hyper-latent.
+
+    Raises
+    ------
+    InputError
+        The weights are so large that sums would not be exact.
+    """
+
+    def __init__(self, network: HyperSynthesis) -> None:
+        self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)
+        self.conv3 = _layer(network.conv3)
+        heads = (_layer(network.location), _layer(network.scale))
+        self.heads = _Layer(
+            torch.cat([head.kernel for head in heads]), torch.cat([head.bias for head in heads])
+        )
+
+    def tables(self, z_hat: NDArray[np.int32]) -> Indexes:
+        """The tables of y (latent_channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
+        with torch.no_grad():
+            features = (
+                torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS
+            )
+            features = _requantised(_conv(features, self.conv1)).relu()
+            features = _requantised(_transposed_conv(features, self.conv2)).relu()
+            features = _requantised(_conv(features, self.conv3)).relu()
+            heads = _requantised(_conv(features, self.heads))[0].numpy().astype(np.int64)
+        location, scale = np.split(heads, 2)
+        return build_indexes(location, np.abs(scale))
+
+
+def _layer(layer: torch.nn.Conv3d | torch.nn.ConvTranspose3d) -> _Layer:
+    kernel = (layer.weight.detach().double() * _WEIGHT_UNITS).round()
+    bias = (cast(Tensor, layer.bias).detach().double() * (_WEIGHT_UNITS * UNITS)).round()
+    axes = (0, 2, 3, 4) if isinstance(layer, torch.nn.ConvTranspose3d) else (1, 2, 3, 4)
+    largest = kernel.abs().sum(axes).max() * (_MAX_FEATURE * UNITS) + bias.abs().max()
+    if not largest < 2**53:
+        raise InputError("the z_hat-decoder's weights are too large for exact sums")
+    return _Layer(kernel, bias)
+
+
+def _conv(features: Tensor, layer: _Layer) -> Tensor:
+    return conv3d(features, layer.kernel, layer.bias, padding=1)
+
+
+def _transposed_conv(features: Tensor, layer: _Layer) -> Tensor:
+    found = conv_transpose3d(features, layer.kernel, layer.bias, stride=2)
+    return found[:, :, :-1, :-1, :-1]
+
+
+def _requantised(sums: Tensor) -> Tensor:
+    """Sums, in units of both factors, rounded to the units of features and clipped."""
+    return (sums / _WEIGHT_UNITS).round_().clamp_(-_MAX_FEATURE * UNITS, _MAX_FEATURE * UNITS)

@@ -1,0 +1,124 @@
+"""The conditional entropy model: Laplace distributions of integers, as a fixed set of tables.
+
+The hyper-synthesis transform gives the location and scale of each value of the latent, in integers
+of 1 / `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers, and so one
+of 1,024 integer tables. The tables are part of the format: they are made with a correctly rounded
+exponential and with multiplications, so that every machine has the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from decimal import Context, Decimal
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from puckbench.learned.entropy_bottleneck import LIKELIHOOD_BOUND, FrequencyTable
+from puckbench.learned.pcgcv1.occupied_blocks import rows_of
+
+UNIT_BITS = 12
+UNITS = 2**UNIT_BITS
+OFFSET_BITS = 4
+OFFSETS = 2**OFFSET_BITS
+SCALES = 64
+MIN_SCALE, MAX_SCALE = 2.0**-5, 2.0**5
+_TOTAL_BITS = 22
+_ESCAPE_FREQUENCY = 4
+"""Frequency of all values outside a table, 2**-20 of the whole."""
+_TAIL_SCALES = 13.9
+"""20 ln 2: the scales beyond which a Laplace distribution has a mass of 2**-20."""
+
+Whole = NDArray[np.int64]
+
+
+class Indexes(NamedTuple):
+    """Tables of the values of a latent.
+
+    Parameters
+    ----------
+    table
+        Number of the table of each value.
+    centre
+        The integer that its table is centred on.
+    """
+
+    table: NDArray[np.uint16]
+    centre: NDArray[np.int32]
+
+    def rows(self, blocks: NDArray[np.bool_]) -> Indexes:
+        """Those of the blocks that are coded, as `rows_of` selects them."""
+        return Indexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
+
+
+Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
+
+
+def joined(join: Join, parts: Sequence[Indexes]) -> Indexes:
+    """Several parts as one, joined by a function such as `numpy.stack`."""
+    return Indexes(join([part.table for part in parts]), join([part.centre for part in parts]))
+
+
+def build_indexes(location: Whole, scale: Whole) -> Indexes:
+    """The tables of values with locations and scales in integers of 1 / `UNITS`."""
+    step = UNIT_BITS - OFFSET_BITS
+    offset = (location + (1 << step - 1)) >> step
+    level = np.searchsorted(_scale_borders(), scale)
+    table = level << OFFSET_BITS | offset & (OFFSETS - 1)
+    return Indexes(table.astype(np.uint16), (offset >> OFFSET_BITS).astype(np.int32))
+
+
+def _scale(level: Decimal) -> Decimal:
+    """The scale of a level; they are a geometric series."""
+    low, high = Decimal(MIN_SCALE), Decimal(MAX_SCALE)
+    return low * ((high / low).ln(_CONTEXT) * level / (SCALES - 1)).exp(_CONTEXT)
+
+
+_CONTEXT = Context(prec=40)
+"""decimal's exponential is correctly rounded, unlike a C library's, which differ by machine."""
+
+
+@cache
+def _scale_borders() -> Whole:
+    """Scales half-way between two levels, in integers of 1 / `UNITS`."""
+    halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
+    return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
+
+
+@cache
+def laplace_table(number: int) -> FrequencyTable:
+    """The table of a number that `build_indexes` gives; its integers are relative to the centre."""
+    level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
+    scale = float(_scale(Decimal(level)))
+    reach = int(scale * _TAIL_SCALES) + 1
+    # edges of the integers' unit intervals, as distances from the location in 1 / OFFSETS
+    edges = np.arange(-reach, reach + 3) * OFFSETS - OFFSETS // 2 - offset
+    tail = _powers(level, np.abs(edges).max())[np.abs(edges)] / 2
+    below = np.where(edges < 0, tail, 1 - tail)
+    masses = np.rint(np.diff(below) * 2**_TOTAL_BITS).astype(np.int32)
+    return FrequencyTable(
+        -reach, np.append(np.maximum(masses, 1), _ESCAPE_FREQUENCY).astype(np.int32)
+    )
+
+
+def _powers(level: int, most: int) -> NDArray[np.float64]:
+    """exp(-k / (OFFSETS * scale)) for k from 0 to `most`, by multiplication alone."""
+    ratio = float((-1 / (OFFSETS * _scale(Decimal(level)))).exp(_CONTEXT))
+    return np.cumprod(np.append(1.0, np.full(most, ratio)))
+
+
+def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
+    """Probability of the unit interval around each value, for training; all of one shape."""
+    scale = scale.clamp_min(MIN_SCALE)
+    distance = (latent - location).abs()
+    mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)
+    return mass.clamp_min(LIKELIHOOD_BOUND)
+
+
+def _cumulative(values: Tensor, scale: Tensor) -> Tensor:
+    tail = (-values.abs() / scale).exp() / 2
+    return torch.where(values < 0, tail, 1 - tail)

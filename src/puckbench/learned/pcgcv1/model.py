@@ -1,0 +1,241 @@
+"""The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyperprior.
+
+Transforms are named as in learned compression: g_a makes the latent y, g_s decodes it to logits of
+occupancy; h_a makes the hyper-latent z, h_s decodes it to the distributions of y. The network may
+code at several rates (see `gains`).
+
+Convolutions pad as TensorFlow's 'same' does: a stride of two pads one at the far end alone, and a
+transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
+
+References
+----------
+Wang, Zhu, Liu, Ma: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT
+2021, section III and figure 5; layers are named as in the authors' program.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple, cast
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+from torch.nn.functional import linear, max_pool3d, pad
+
+from puckbench.core.models import Model
+from puckbench.learned.gains import MultiRateNetwork
+from puckbench.learned.pcgcv1.occupied_blocks import STRIDE
+
+_Channels = Annotated[int, Field(ge=1, le=1024)]
+_Few = Annotated[int, Field(ge=1, le=64)]
+
+
+class Shape(Model):
+    """Sizes of the network, by default those of the paper.
+
+    Parameters
+    ----------
+    cube_size
+        Voxels along an edge of a cube.
+    channels
+        Of the features at strides 1, 2 and 4.
+    latent_channels
+        Channels of the latent y.
+    hyper_channels
+        Of the layers of h_a and h_s, and of the hyper-latent z.
+    blocks
+        Voxception-ResNet blocks of each scale.
+    rates
+        Rates that share the weights.
+    occupied_blocks
+        The decoder is told which blocks of 4x4x4 voxels are occupied (see `occupied_blocks`).
+    """
+
+    cube_size: Annotated[int, Field(ge=8, le=256, multiple_of=8)] = 64
+    channels: tuple[_Channels, _Channels, _Channels] = (16, 32, 64)
+    latent_channels: _Channels = 16
+    hyper_channels: tuple[_Channels, _Channels] = (16, 8)
+    blocks: _Few = 3
+    rates: _Few = 1
+    occupied_blocks: bool = False
+
+
+class Conv(nn.Conv3d):
+    """3x3x3 convolution that keeps the size."""
+
+    def __init__(self, channels: int, out: int) -> None:
+        super().__init__(channels, out, 3, padding=1)
+
+
+class PointwiseConv(nn.Conv3d):
+    """1x1x1 convolution as a matrix product, whose gradient PyTorch computes faster."""
+
+    def __init__(self, channels: int, out: int) -> None:
+        super().__init__(channels, out, 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(n, c, s, s, s) to (n, d, s, s, s)."""
+        rows = features.movedim(1, -1)
+        return linear(rows, self.weight[:, :, 0, 0, 0], self.bias).movedim(-1, 1)
+
+
+class StridedConv(nn.Conv3d):
+    """3x3x3 convolution of stride two: (n, c, 2 s, 2 s, 2 s) to (n, d, s, s, s)."""
+
+    def __init__(self, channels: int, out: int, bias: bool = True) -> None:
+        super().__init__(channels, out, 3, stride=2, bias=bias)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Pad one at the far end of each axis, then convolve."""
+        return super().forward(pad(features, (0, 1) * 3))
+
+
+class TransposedConv(nn.ConvTranspose3d):
+    """Transposed 3x3x3 convolution of stride two: (n, c, s, s, s) to (n, d, 2 s, 2 s, 2 s)."""
+
+    def __init__(self, channels: int, out: int) -> None:
+        super().__init__(channels, out, 3, stride=2)
+
+    def forward(self, features: Tensor, output_size: list[int] | None = None) -> Tensor:
+        """Convolve, then drop the last output of each axis."""
+        return super().forward(features, output_size)[:, :, :-1, :-1, :-1]
+
+
+class VoxceptionResNet(nn.Module):
+    """Voxception-ResNet block: two branches of half the channels, added to the input."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        quarter = channels // 4
+        self.conv1_1 = Conv(channels, quarter)
+        self.conv1_2 = Conv(quarter, 2 * quarter)
+        self.conv2_1 = PointwiseConv(channels, quarter)
+        self.conv2_2 = Conv(quarter, quarter)
+        self.conv2_3 = PointwiseConv(quarter, 2 * quarter)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(n, c, s, s, s) to the same; a ReLU after every convolution and after the sum."""
+        out1 = self.conv1_2(self.conv1_1(features).relu()).relu()
+        out2 = self.conv2_2(self.conv2_1(features).relu()).relu()
+        return (features + torch.cat([out1, self.conv2_3(out2).relu()], dim=1)).relu()
+
+
+def _blocks(channels: int, count: int) -> nn.Sequential:
+    return nn.Sequential(*(VoxceptionResNet(channels) for _ in range(count)))
+
+
+class Analysis(nn.Module):
+    """Analysis transform g_a: from occupied voxels to the latent y at stride 4."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        one, two, four = shape.channels
+        self.conv_in = Conv(1, one)
+        self.blocks = nn.ModuleList(_blocks(channels, shape.blocks) for channels in shape.channels)
+        self.downs = nn.ModuleList(
+            [StridedConv(one, two, bias=False), StridedConv(two, four, bias=False)]
+        )
+        self.conv_out = Conv(four, shape.latent_channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Zeros and ones (n, 1, 4 s, 4 s, 4 s) to y (n, latent_channels, s, s, s)."""
+        features = self.blocks[0](self.conv_in(x).relu())
+        for down, blocks in zip(self.downs, self.blocks[1:], strict=True):
+            features = blocks(down(features).relu())
+        return cast(Tensor, self.conv_out(features))
+
+
+class Synthesis(nn.Module):
+    """Synthesis transform g_s: from the latent to a logit of occupancy for every voxel."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        one, two, four = shape.channels
+        self.conv_in = Conv(shape.latent_channels, four)
+        self.blocks = nn.ModuleList(
+            _blocks(channels, shape.blocks) for channels in (four, two, one)
+        )
+        self.ups = nn.ModuleList([TransposedConv(four, two), TransposedConv(two, one)])
+        self.conv_out = Conv(one, 1)
+
+    def forward(self, y_hat: Tensor) -> Tensor:
+        """y_hat (n, latent_channels, s, s, s) to logits (n, 1, 4 s, 4 s, 4 s)."""
+        features = self.blocks[0](self.conv_in(y_hat).relu())
+        for up, blocks in zip(self.ups, self.blocks[1:], strict=True):
+            features = blocks(up(features).relu())
+        return cast(Tensor, self.conv_out(features))
+
+
+class HyperAnalysis(nn.Module):
+    """Hyper-analysis transform h_a: from the latent y to the hyper-latent z at stride 8."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        channels, coded = shape.hyper_channels
+        self.conv1 = Conv(shape.latent_channels, channels)
+        self.conv2 = StridedConv(channels, channels)
+        self.conv3 = Conv(channels, coded)
+
+    def forward(self, y: Tensor) -> Tensor:
+        """y (n, c, s, s, s) to z (n, d, s / 2, s / 2, s / 2)."""
+        return cast(Tensor, self.conv3(self.conv2(self.conv1(y).relu()).relu()))
+
+
+class Laplacians(NamedTuple):
+    """Location and scale of the distribution of each value of y, (n, c, s, s, s) each."""
+
+    location: Tensor
+    scale: Tensor
+
+
+class HyperSynthesis(nn.Module):
+    """Hyper-synthesis transform h_s: from the hyper-latent to the distributions of the latent."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        channels, coded = shape.hyper_channels
+        self.conv1 = Conv(coded, channels)
+        self.conv2 = TransposedConv(channels, channels)
+        self.conv3 = Conv(channels, 2 * channels)
+        self.location = Conv(2 * channels, shape.latent_channels)
+        self.scale = Conv(2 * channels, shape.latent_channels)
+
+    def forward(self, z_hat: Tensor) -> Laplacians:
+        """z_hat (n, d, s / 2, s / 2, s / 2) to the distributions of y (n, c, s, s, s)."""
+        features = self.conv3(self.conv2(self.conv1(z_hat).relu()).relu()).relu()
+        return Laplacians(self.location(features), self.scale(features).abs())
+
+
+class PCGCv1(MultiRateNetwork):
+    """Transforms g_a, g_s, h_a and h_s, and for each rate a bottleneck of z and gains of y."""
+
+    shape: Shape
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__(shape)
+        self.g_a, self.g_s = Analysis(shape), Synthesis(shape)
+        self.h_a, self.h_s = HyperAnalysis(shape), HyperSynthesis(shape)
+        self.add_rates(shape.hyper_channels[1])
+
+    def gain(self, rate: int) -> Tensor:
+        """What the latent's channels are multiplied by, (latent_channels, 1, 1, 1)."""
+        return super().gain(rate)[:, None, None, None]
+
+
+def coded_blocks(shape: Shape, x: Tensor) -> Tensor:
+    """Ones in the blocks whose latent is coded, zeros elsewhere.
+
+    Parameters
+    ----------
+    shape
+        Of the network; without `occupied_blocks` the latent is coded everywhere.
+    x
+        Cubes of zeros and ones (n, 1, size, size, size).
+
+    Returns
+    -------
+    Tensor
+        (n, 1, size / 4, size / 4, size / 4).
+    """
+    blocks = max_pool3d(x, STRIDE)
+    return blocks if shape.occupied_blocks else torch.ones_like(blocks)

@@ -1,0 +1,58 @@
+"""The settings of a training of PCGCv1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, PositiveFloat, PositiveInt
+
+from puckbench.learned.training.settings import Channels, Lmbdas, MultiRateTraining
+
+if TYPE_CHECKING:
+    from puckbench.learned.pcgcv1.training import Trainer
+
+
+class Training(MultiRateTraining):
+    """A training of PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
+
+    Cubes may be smaller than those that the codec cuts, since the network is convolutional.
+
+    Parameters
+    ----------
+    rate_warm_up
+        Fraction of the steps over which the weight of the rate in the loss grows to one: a network
+        that is charged for its latent before it has a use for it learns to do without.
+    """
+
+    batch_size: PositiveInt = 2
+    cube_size: Annotated[int, Field(gt=0, multiple_of=8)] = 64
+    lmbdas: Lmbdas = (0.75, 2.0, 3.5, 6.0, 10.0)
+    channels: tuple[Channels, Channels, Channels] = (16, 32, 64)
+    rate_warm_up: PositiveFloat = 0.5
+
+    @contextmanager
+    def trainer(self) -> Iterator[Trainer]:
+        """A new model with its optimiser."""
+        import torch
+
+        from puckbench.learned.gains import initialise_gains
+        from puckbench.learned.pcgcv1.initialisation import initialise
+        from puckbench.learned.pcgcv1.model import PCGCv1, Shape
+        from puckbench.learned.pcgcv1.training import Trainer
+        from puckbench.learned.training.loop import on_device
+
+        torch.manual_seed(self.seed)
+        rates = len(self.lmbdas)
+        model = PCGCv1(Shape(channels=self.channels, rates=rates, occupied_blocks=True))
+        initialise(model, self.cube_size)
+        initialise_gains(model, self.lmbdas)
+        yield Trainer(on_device(model), self)
+
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write the model as a set of weights with its card."""
+        from puckbench.learned.pcgcv1.weights import save_weights
+
+        save_weights(path, model, self.lmbdas, card)

@@ -1,0 +1,53 @@
+"""PCGCv2 for coding by the model's own layers, on the device that the model is on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from puckbench.learned.device import device_of
+from puckbench.learned.pcgcv2.inference import Analysed, decoded_blocks
+from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
+from puckbench.learned.point_reconstruction import SiblingBlocks
+from puckbench.learned.sparse.convolution import device_neighbourhood
+from puckbench.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
+from puckbench.learned.sparse.layers import kept_children
+from puckbench.learned.sparse.thread_pool import ThreadPool
+from puckbench.learned.sparse.voxels import Keys, Voxels, pyramid, selected_children
+
+
+def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
+    """As `inference.analyse`."""
+    device = device_of(model)
+    sets, child_maps = pyramid(keys, SCALES, pool)
+    sites = [
+        device_neighbourhood(voxels.neighbours, voxel_kernel_map(), pool, device) for voxels in sets
+    ]
+    y = model.g_a(sites, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
+    counts = (len(sets[0]), len(sets[1]), len(sets[2]))
+    return Analysed(y.cpu().numpy(), sets[SCALES], counts)
+
+
+def synthesise(
+    model: PCGCv2,
+    y_hat: NDArray[np.float32],
+    coarse: Voxels,
+    counts: Sequence[int],
+    pool: ThreadPool,
+    child_per_parent: bool = True,
+) -> SiblingBlocks:
+    """As `inference.synthesise`."""
+    device = device_of(model)
+    parents, features = coarse, torch.from_numpy(y_hat).to(device)
+    for scale, keep in enumerate(reversed(counts)):
+        where = device_neighbourhood(parents.neighbours, block_kernel_map(), pool, device)
+        children, logits = model.g_s.scale(scale)(features, where)
+        found = logits.cpu().numpy()
+        kept = kept_children(found, keep, child_per_parent)
+        if scale + 1 < SCALES:
+            features = children.flatten(0, 1)[torch.from_numpy(kept).to(device)]
+            parents = selected_children(parents, kept, pool)
+    return decoded_blocks(parents, found, kept)

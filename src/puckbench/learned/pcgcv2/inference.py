@@ -1,0 +1,325 @@
+"""PCGCv2 for coding: the arithmetic of `model` without gradients, with fused layers.
+
+A pointwise convolution is computed as part of the 3x3x3 convolution beside it, biases and ReLUs are
+applied while a chunk of rows is in the cache, and memory is kept from layer to layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from puckbench.learned.pcgcv2.model import SCALES, InceptionResNet, PCGCv2
+from puckbench.learned.point_reconstruction import SiblingBlocks, sibling_blocks
+from puckbench.learned.sparse.convolution import (
+    Matrices,
+    Neighbourhood,
+    accumulate,
+    matrices_of,
+    neighbourhood,
+)
+from puckbench.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
+from puckbench.learned.sparse.layers import (
+    GenerativeTransposedConvolution,
+    SparseConvolution,
+    StridedConvolution,
+    kept_children,
+)
+from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
+from puckbench.learned.sparse.voxels import (
+    CENTRE,
+    CHILDREN,
+    ChildMap,
+    Keys,
+    Voxels,
+    morton_voxels,
+    pyramid,
+    selected_children,
+)
+
+_CHUNK_ROWS = 4096
+"""Rows of a chunk where no neighbours are gathered."""
+
+
+@dataclass(frozen=True)
+class FusedConvolution:
+    """A 3x3x3 convolution as matrices for a kernel map.
+
+    Parameters
+    ----------
+    matrices
+        Of the neighbours at each offset.
+    centre
+        Of the row itself (children * c, children * d).
+    bias
+        (children * d,).
+    """
+
+    matrices: Matrices
+    centre: Tensor
+    bias: Tensor
+
+
+def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
+    """The matrices of a convolution."""
+    matrices = matrices_of(layer.kernel.detach(), kernel_map)
+    return FusedConvolution(
+        matrices, matrices[CENTRE], layer.bias.detach().repeat(kernel_map.children)
+    )
+
+
+def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
+    """Both first layers of a block, conv1_0 (pointwise) as part of the centre of conv0_0."""
+    near = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
+    channels, quarter = block.conv0_0.kernel.shape[1:]
+    point = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
+    parts = [matrix.view(kernel_map.children * channels, kernel_map.children, quarter)
+             for matrix in (near[CENTRE], point)]  # fmt: skip
+    bias = torch.cat([block.conv0_0.bias.detach(), block.conv1_0.bias.detach()])
+    centre = torch.cat(parts, dim=2).flatten(1).contiguous()
+    return FusedConvolution(near, centre, bias.repeat(kernel_map.children))
+
+
+def convolved(
+    features: Tensor, layer: FusedConvolution, where: Neighbourhood, into: Tensor, relu: bool
+) -> Tensor:
+    """Convolve features (n, children, c) into `into` (n, children, d), which is returned."""
+
+    def work(rows: slice, scratch: Scratch) -> None:
+        sums = into[rows]
+        _sum_products(features, layer, where, rows, scratch, sums)
+        if relu:
+            sums.relu_()
+
+    where.pool.map_chunks(len(features), where.chunk_rows(features.shape[2]), work)
+    return into
+
+
+def _sum_products(
+    features: Tensor, layer: FusedConvolution, where: Neighbourhood, rows: slice, scratch: Scratch,
+    sums: Tensor,
+) -> None:  # fmt: skip
+    own = features[rows].reshape(rows.stop - rows.start, -1)
+    torch.addmm(layer.bias, own, layer.centre, out=sums.view(len(own), -1))
+    near_channels = layer.matrices[CENTRE].shape[1] // where.kernel_map.children
+    accumulate(features, where, layer.matrices, rows, scratch, sums[:, :, :near_channels])
+
+
+def residual_block(
+    features: Tensor, block: InceptionResNet, where: Neighbourhood, hidden: Tensor, into: Tensor
+) -> Tensor:
+    """One Inception-ResNet block on features (n, children, c); hidden is (n, children, c / 2)."""
+    convolved(features, fused_branches(block, where.kernel_map), where, hidden, relu=True)
+    quarter, children = hidden.shape[2] // 2, where.kernel_map.children
+    conv0_1, conv1_1 = (fused(layer, where.kernel_map) for layer in (block.conv0_1, block.conv1_1))
+    weight, bias = block.conv1_2.kernel.detach()[0], block.conv1_2.bias.detach()
+
+    def work(rows: slice, scratch: Scratch) -> None:
+        size = (rows.stop - rows.start) * children
+        out0 = scratch.take("out0", size * 2 * quarter).view(-1, children, 2 * quarter)
+        _sum_products(hidden[:, :, :quarter], conv0_1, where, rows, scratch, out0)
+        middle = scratch.take("middle", size * quarter).view(-1, children, quarter)
+        _sum_products(hidden[:, :, quarter:], conv1_1, where, rows, scratch, middle)
+        own, out = features[rows].view(size, -1), into[rows].view(size, -1)
+        torch.add(own[:, : 2 * quarter], out0.view(size, -1), out=out[:, : 2 * quarter])
+        out1 = out[:, 2 * quarter :]
+        torch.addmm(own[:, 2 * quarter :], middle.relu_().view(size, -1), weight, out=out1)
+        out1.add_(bias)
+
+    where.pool.map_chunks(len(features), where.chunk_rows(quarter), work)
+    return into
+
+
+@dataclass(frozen=True)
+class Buffers:
+    """Three arrays that the layers of a scale pass features through."""
+
+    first: Tensor
+    second: Tensor
+    hidden: Tensor
+
+
+def _buffers(pool: ThreadPool, rows: int, children: int, channels: int) -> Buffers:
+    sizes = {"first": channels, "second": channels, "hidden": channels // 2}
+    flat = {name: pool.shared.take(name, rows * children * size) for name, size in sizes.items()}
+    return Buffers(**{name: flat[name].view(rows, children, size) for name, size in sizes.items()})
+
+
+def _residual_blocks(
+    features: Tensor, blocks: Iterable[InceptionResNet], where: Neighbourhood, buffers: Buffers
+) -> Tensor:
+    for block in blocks:
+        other = buffers.second if features is buffers.first else buffers.first
+        features = residual_block(features, block, where, buffers.hidden, other)
+    return features
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """What g_a makes of a block of voxels.
+
+    Parameters
+    ----------
+    y
+        The latent (m, latent_channels), float32, at stride 8.
+    coarse
+        The voxels at stride 8.
+    counts
+        Voxels at strides 1, 2 and 4.
+    """
+
+    y: NDArray[np.float32]
+    coarse: Voxels
+    counts: tuple[int, int, int]
+
+
+def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
+    """Apply g_a to voxels in Morton order."""
+    sets, child_maps = pyramid(keys, SCALES, pool)
+    features = _conv0(model, sets[0], pool)
+    for scale in range(SCALES):
+        where = neighbourhood(sets[scale + 1].neighbours, voxel_kernel_map(), pool)
+        features = _analysis_scale(model, scale, features, child_maps[scale], where)
+    counts = (len(sets[0]), len(sets[1]), len(sets[2]))
+    return Analysed(features[:, 0].numpy().copy(), sets[SCALES], counts)
+
+
+def _conv0(model: PCGCv2, voxels: Voxels, pool: ThreadPool) -> Tensor:
+    """The first convolution and its ReLU: (n, 1, c). Its input is one wherever there is a voxel."""
+    kernel, bias = model.g_a.conv0.kernel.detach()[:, 0], model.g_a.conv0.bias.detach()
+    into = _buffers(pool, len(voxels), 1, len(bias)).first
+
+    def work(rows: slice, _: Scratch) -> None:
+        present = torch.from_numpy(voxels.neighbours[:, rows] >= 0).float()
+        torch.addmm(bias, present.T, kernel, out=into[rows, 0])
+        into[rows].relu_()
+
+    pool.map_chunks(len(voxels), _CHUNK_ROWS, work)
+    return into
+
+
+def _analysis_scale(
+    model: PCGCv2, scale: int, features: Tensor, child_map: ChildMap, where: Neighbourhood
+) -> Tensor:
+    layers = model.g_a.scale(scale)
+    parents, channels = len(child_map.first) - 1, layers.down.kernel.shape[2]
+    lowered = _downsampled(features, layers.down, child_map, where.pool)
+    buffers = _buffers(where.pool, parents, 1, channels)
+    features = _residual_blocks(buffers.first.copy_(lowered), layers.blocks, where, buffers)
+    into = torch.empty(parents, 1, layers.conv.kernel.shape[2])
+    conv = fused(layers.conv, where.kernel_map)
+    return convolved(features, conv, where, into, relu=scale + 1 < SCALES)
+
+
+def _downsampled(
+    features: Tensor, down: StridedConvolution, child_map: ChildMap, pool: ThreadPool
+) -> Tensor:
+    """The strided convolution and its ReLU: (n, 1, c) to (m, 1, d)."""
+    matrix, bias = down.kernel.detach().flatten(0, 1), down.bias.detach()
+    parents = len(child_map.first) - 1
+    into = torch.empty(parents, len(bias))
+    slots = torch.from_numpy(child_map.slots)
+
+    def work(rows: slice, scratch: Scratch) -> None:
+        first, last = child_map.first[rows.start], child_map.first[rows.stop]
+        count = rows.stop - rows.start
+        blocks = scratch.take("children", count * len(matrix)).zero_()
+        own = blocks.view(CHILDREN * count, -1)
+        own.index_copy_(0, slots[first:last] - CHILDREN * rows.start, features[first:last, 0])
+        torch.addmm(bias, blocks.view(count, -1), matrix, out=into[rows])
+        into[rows].relu_()
+
+    pool.map_chunks(parents, _CHUNK_ROWS, work)
+    return into[:, None]
+
+
+def synthesise(
+    model: PCGCv2,
+    y_hat: NDArray[np.float32],
+    coarse: Voxels,
+    counts: Sequence[int],
+    pool: ThreadPool,
+    child_per_parent: bool = True,
+) -> SiblingBlocks:
+    """Apply g_s.
+
+    Parameters
+    ----------
+    model
+        The network.
+    y_hat
+        (m, latent_channels), the decoded latent at stride 8, divided by its gains.
+    coarse
+        The m voxels at stride 8.
+    counts
+        Voxels to keep at strides 1, 2 and 4.
+    pool
+        Threads that compute.
+    child_per_parent
+        Every voxel keeps a child if it can.
+
+    Returns
+    -------
+    SiblingBlocks
+        The decoded voxels, counts[0] of them, in blocks of siblings.
+    """
+    parents, features = coarse, torch.from_numpy(y_hat)
+    _reserve(model, (len(coarse), *counts[:0:-1]), pool)
+    for scale, keep in enumerate(reversed(counts)):
+        children, logits = _synthesis_scale(model, scale, features, parents, pool)
+        kept = kept_children(logits.numpy(), keep, child_per_parent)
+        if scale + 1 < SCALES:
+            features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
+            parents = selected_children(parents, kept, pool)
+    return decoded_blocks(parents, logits.numpy(), kept)
+
+
+def decoded_blocks(
+    parents: Voxels, logits: NDArray[np.float32], kept: NDArray[np.int64]
+) -> SiblingBlocks:
+    """The decoded voxels, by their slots ``8 * parent + child``, with logits (m, 8) of all."""
+    chosen = np.zeros(logits.shape, dtype=bool)
+    chosen.reshape(-1)[kept] = True
+    return sibling_blocks(morton_voxels(parents.keys), logits, chosen)
+
+
+def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
+    """Allocate the memory of the largest scale once."""
+    channels = model.shape.channels[2::-1]
+    rows = max(count * width for count, width in zip(parents, channels, strict=True))
+    _buffers(pool, rows, CHILDREN, 1)
+    pool.shared.take("hidden", rows * CHILDREN // 2)
+
+
+def _synthesis_scale(
+    model: PCGCv2, scale: int, features: Tensor, parents: Voxels, pool: ThreadPool
+) -> tuple[Tensor, Tensor]:
+    """Features (m, 8, d) of all children and their logits (m, 8)."""
+    layers, kernel_map = model.g_s.scale(scale), block_kernel_map()
+    where = neighbourhood(parents.neighbours, kernel_map, pool)
+    buffers = _buffers(pool, len(parents), CHILDREN, layers.conv.kernel.shape[2])
+    _upsample(features, layers.up, pool, buffers.first)
+    convolved(buffers.first, fused(layers.conv, kernel_map), where, buffers.second, relu=True)
+    children = _residual_blocks(buffers.second, layers.blocks, where, buffers)
+    logits = torch.empty(len(parents), CHILDREN, 1)
+    convolved(children, fused(layers.conv_cls, kernel_map), where, logits, relu=False)
+    return children, logits[:, :, 0]
+
+
+def _upsample(
+    features: Tensor, up: GenerativeTransposedConvolution, pool: ThreadPool, into: Tensor
+) -> None:
+    """The generative transposed convolution and its ReLU: (m, c) into (m, 8, d)."""
+    matrix, bias = up.matrix().detach().contiguous(), up.bias.detach().repeat(CHILDREN)
+
+    def work(rows: slice, _: Scratch) -> None:
+        flat = into[rows].view(rows.stop - rows.start, -1)
+        torch.addmm(bias, features[rows], matrix, out=flat)
+        flat.relu_()
+
+    pool.map_chunks(len(features), _CHUNK_ROWS, work)

@@ -1,0 +1,189 @@
+"""The stream of PCGCv2: identity of the weights, voxel counts of each scale, coordinates, latent.
+
+magic "PCG2", version, kind, CRC-32 of all that follows
+kind 0, a cloud too small for a network: its points, three little-endian doubles each
+kind 1: digest of the weights (8 bytes), index of the rate among theirs, level of the grid in
+    quarter octaves, coding tools (1: child per parent, 2: context mixing), points of each voxel in
+    256ths (2 bytes; 0: one in its centre); base-128 numbers: origin (signed), number of blocks;
+    each block: voxels at strides 1, 2, 4 and 8, bytes of coordinates and of the latent, these
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+
+from puckbench.coding.byte_io import Reader, base_128, signed_128
+from puckbench.coding.framing import Framing
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.learned.grid_level import MAX_QUARTER_OCTAVES
+from puckbench.learned.point_reconstruction import check_points_per_voxel
+
+MAGIC = b"PCG2"
+VERSION = 6
+MAX_VOXELS = 2**20
+"""Voxels of a block, at any scale; larger clouds are coded as several blocks."""
+MAX_BLOCKS = 64
+_RAW, _NETWORK = 0, 1
+_COARSE, _COARSE_PER_BYTE = 2**16, 2**8
+"""Voxels at strides 2, 4 and 8, at most and for each byte: each takes the network some 40
+microseconds, and scans have at most some 60 for each byte."""
+_FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
+_HEADER = struct.Struct("<8sBBBH")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of a cloud.
+
+    Parameters
+    ----------
+    counts
+        Voxels at strides 1, 2, 4 and 8.
+    coordinates
+        The voxels at stride 8, coded losslessly.
+    latent
+        The coded latent y_hat.
+    """
+
+    counts: tuple[int, int, int, int]
+    coordinates: bytes
+    latent: bytes
+
+
+class Tools(IntFlag):
+    """Coding tools that the authors' program does not have."""
+
+    CHILD_PER_PARENT = 1
+    """Each voxel keeps at least its most likely child; otherwise it may lose all of them."""
+    CONTEXT_MIXING = 2
+    """The latent is coded with context mixing, not with the entropy bottleneck's tables alone."""
+
+
+ALL_TOOLS = Tools.CHILD_PER_PARENT | Tools.CONTEXT_MIXING
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A cloud coded by the network.
+
+    Parameters
+    ----------
+    digest
+        Identity of the weights.
+    rate
+        Index of the rate among those of the weights.
+    origin
+        Voxel that was subtracted from all others.
+    blocks
+        The parts.
+    quarter_octaves
+        Level of the grid, see `puckbench.learned.grid_level`.
+    tools
+        Coding tools in use.
+    points_per_voxel
+        In 256ths; 0 for one point in the centre of each voxel.
+    """
+
+    digest: bytes
+    rate: int
+    origin: tuple[int, int, int]
+    blocks: tuple[Block, ...]
+    quarter_octaves: int = 0
+    tools: Tools = ALL_TOOLS
+    points_per_voxel: int = 0
+
+    @property
+    def voxels(self) -> int:
+        """Number of decoded voxels."""
+        return sum(block.counts[0] for block in self.blocks)
+
+
+def write_raw(points: Floats) -> bytes:
+    """The stream of a cloud (n, 3) that is too small for a network."""
+    return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
+
+
+def write_coded(coded: Coded) -> bytes:
+    """The stream of a coded cloud; InputError when a decoder would refuse it."""
+    numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
+    parts = [_HEADER.pack(coded.digest, *numbers)]
+    parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
+    for block in coded.blocks:
+        sizes = (len(block.coordinates), len(block.latent))
+        parts += [*map(base_128, (*block.counts, *sizes)), block.coordinates, block.latent]
+    body = b"".join(parts)
+    _check_work(coded, body)
+    return _FRAMING.framed(body, bytes([_NETWORK]))
+
+
+def read_stream(stream: bytes) -> Coded | Floats:
+    """Parse a stream; the counts in it are checked against its size before any work begins.
+
+    Returns
+    -------
+    Coded or NDArray
+        A coded cloud, or the points (n, 3) of a small one.
+
+    Raises
+    ------
+    InputError
+        The bytes are damaged, or of another codec or version.
+    """
+    kind, body = _FRAMING.unframed(stream)
+    return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
+
+
+def _read_raw(body: bytes) -> Floats:
+    if not body or len(body) % 24:
+        raise InputError("the stream is damaged (points)")
+    points = np.frombuffer(body, dtype="<f8").reshape(-1, 3).astype(np.float64)
+    if not np.isfinite(points).all():
+        raise InputError("the stream is damaged (points)")
+    return points
+
+
+def _read_coded(body: bytes) -> Coded:
+    reader = Reader(body)
+    header = _HEADER.unpack(reader.take(_HEADER.size))
+    digest, rate, quarter_octaves, tools, points_per_voxel = header
+    if quarter_octaves > MAX_QUARTER_OCTAVES or tools > ALL_TOOLS:
+        raise InputError("the stream is damaged (its header)")
+    origin = (reader.signed(), reader.signed(), reader.signed())
+    blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), MAX_BLOCKS)))
+    if reader.at != len(body) or not blocks:
+        raise InputError("the stream is damaged (its length)")
+    coded = Coded(digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel)
+    _check_work(coded, body)
+    check_points_per_voxel(points_per_voxel, coded.voxels)
+    return coded
+
+
+def _check_work(coded: Coded, body: bytes) -> None:
+    """InputError for voxels that would keep a decoder busy for too long for the stream's size."""
+    coarse = sum(sum(block.counts[1:]) for block in coded.blocks)
+    if (
+        coded.voxels > 65536 + 8192 * len(body)
+        or coarse > _COARSE + _COARSE_PER_BYTE * len(body)
+        or len(coded.blocks) > MAX_BLOCKS
+    ):
+        raise InputError(f"too many voxels for a stream of {len(body)} bytes")
+
+
+def _read_block(reader: Reader) -> Block:
+    fine, two, four, eight, coordinates, latent = (reader.number() for _ in range(6))
+    counts = (fine, two, four, eight)
+    _check_counts(counts)
+    return Block(counts, reader.take(coordinates), reader.take(latent))
+
+
+def _check_counts(counts: tuple[int, int, int, int]) -> None:
+    """Every voxel has at least one child and at most eight (the last scale may have fewer)."""
+    fine, two, four, eight = counts
+    fits = 1 <= eight <= four <= 8 * eight and four <= two <= 8 * four and 1 <= fine <= 8 * two
+    if not fits or max(counts) > 2 * MAX_VOXELS:
+        raise InputError("the stream is damaged (counts per scale)")

@@ -1,0 +1,108 @@
+"""PCGCv2's weights: sets of ours, and the authors' checkpoints under our names of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from puckbench.core.errors import InputError
+from puckbench.core.models import parsed
+from puckbench.learned.catalogue import PCGCV2
+from puckbench.learned.device import DeviceName, placed
+from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Shape
+from puckbench.learned.weights_file import (
+    MultiRateWeights,
+    load_multi_rate,
+    read_checkpoint,
+    save_multi_rate,
+)
+
+Weights = MultiRateWeights[PCGCv2]
+_BLOCK_LAYERS = ("conv0_0", "conv0_1", "conv1_0", "conv1_1", "conv1_2")
+_PARTS = {"encoder": "g_a", "decoder": "g_s"}
+_BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factors"}
+
+
+def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+    """Read a set of ours or one of the authors' checkpoints; InputError when it is neither."""
+    found = load_multi_rate(
+        path, PCGCV2, lambda sizes: PCGCv2(parsed(Shape, sizes, f"{path}: shape")), load_published
+    )
+    placed(found.model, device)
+    return found
+
+
+def save_weights(
+    path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
+) -> Weights:
+    """Write a network as a set of weights and return the set, as `load_weights` reads it."""
+    save_multi_rate(path, PCGCV2, model, lmbdas, card)
+    return load_weights(path)
+
+
+def load_published(path: Path) -> PCGCv2:
+    """Read a checkpoint of the authors' program.
+
+    28 to 67 % of the authors' weights have decayed to denormal numbers (below 1.2e-38), with which
+    some processors compute a hundred times slower. They are read as zeros, to which they amount.
+
+    Raises
+    ------
+    InputError
+        The file is not such a checkpoint.
+    """
+    checkpoint = _read(path)
+    model = PCGCv2(Shape())
+    try:
+        model.load_state_dict(_translated(checkpoint))
+    except (KeyError, RuntimeError) as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise InputError(f"{path}: not a checkpoint of PCGCv2 ({reason})") from error
+    return model.eval()
+
+
+def _read(path: Path) -> dict[str, Any]:
+    checkpoint = read_checkpoint(path, "not a checkpoint of PCGCv2")
+    if not {*_PARTS, "entropy_bottleneck"} <= set(checkpoint):
+        raise InputError(f"{path}: not a checkpoint of PCGCv2")
+    return checkpoint
+
+
+def _translated(checkpoint: dict[str, dict[str, Tensor]]) -> dict[str, Tensor]:
+    state = {}
+    for part in _PARTS:
+        for name, value in checkpoint[part].items():
+            kernel = value.ndim == 2 and name.endswith("kernel")
+            flat = value[0] if name.endswith("bias") else value[None] if kernel else value
+            module, _, parameter = name.rpartition(".")
+            own = f"{_NAMES[part, module]}.{parameter}"
+            state[own] = flat.masked_fill(flat.abs() < torch.finfo(flat.dtype).tiny, 0)
+    for (own, theirs), layer in product(_BOTTLENECK.items(), range(4)):
+        found = checkpoint["entropy_bottleneck"][f"{theirs}.{layer}"]
+        state[f"entropy_bottlenecks.0.{own}.{layer}"] = found
+    state["log_gains"] = torch.zeros(1, Shape().latent_channels)
+    return state
+
+
+def _names() -> dict[tuple[str, str], str]:
+    """The authors' part and module to our module."""
+    names = {("encoder", "conv0"): "g_a.conv0"}
+    for scale in range(SCALES):
+        g_a, g_s = f"g_a.scales.{scale}", f"g_s.scales.{scale}"
+        names["encoder", f"down{scale}"] = f"{g_a}.down"
+        names["encoder", f"conv{scale + 1}"] = f"{g_a}.conv"
+        names["decoder", f"up{scale}"] = f"{g_s}.up"
+        names["decoder", f"conv{scale}"] = f"{g_s}.conv"
+        names["decoder", f"conv{scale}_cls"] = f"{g_s}.conv_cls"
+        for part, block, layer in product(_PARTS, range(Shape().blocks), _BLOCK_LAYERS):
+            own = f"{_PARTS[part]}.scales.{scale}.blocks.{block}.{layer}"
+            names[part, f"block{scale}.{block}.{layer}"] = own
+    return names
+
+
+_NAMES = _names()

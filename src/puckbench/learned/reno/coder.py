@@ -1,0 +1,130 @@
+"""Coding voxels level by level with RENO's network."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.learned.reno.inference import (
+    Occupancy,
+    predicted,
+    prior_features,
+    target_features,
+)
+from puckbench.learned.reno.layers import Cumulative, Symbols
+from puckbench.learned.reno.range_coder import decoded, encoded
+from puckbench.learned.reno.stream import MAX_BASE, MAX_LEVEL, Tree, check_work, max_nodes
+from puckbench.learned.reno.weights import VALUES, Weights
+from puckbench.learned.sparse.thread_pool import thread_pool
+from puckbench.learned.sparse.voxels import (
+    CHILDREN,
+    Keys,
+    children_voxels,
+    keys_of_slots,
+    morton_keys,
+    morton_voxels,
+    parents_of,
+    pyramid,
+)
+
+Code = Callable[[int, Cumulative], Symbols]
+"""Codes the symbols of a level, the first or the second ones, in order; returns them."""
+OTHERWISE = (
+    "the stream decodes to other points than were coded: this machine does not compute as the "
+    "encoder's did (or the stream is damaged)"
+)
+
+
+@dataclass(frozen=True)
+class Coder:
+    """Encoder and decoder of voxels; the number of threads does not change the result."""
+
+    weights: Weights
+    threads: int | None = None
+
+    def encode(self, keys: Keys) -> Tree:
+        """Code voxels by their keys (n,), ascending and distinct.
+
+        InputError where a decoder would refuse the stream.
+        """
+        levels = list(_levels(keys))
+        base, occupancy = levels[0]
+        symbols: list[bytes] = []
+        waiting = [half for _, each in levels[1:] for half in (each % VALUES, each // VALUES)]
+
+        def code(number: int, frequencies: Cumulative) -> Symbols:
+            symbols.append(encoded(waiting[number], frequencies))
+            return waiting[number]
+
+        nodes = [len(level) for level, _ in levels[1:]]
+        if max(nodes, default=0) > MAX_LEVEL:
+            raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
+        self._traverse(base, occupancy, len(nodes), code, sum(nodes))
+        tree = Tree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _check(keys))
+        check_work(tree, sum(nodes))
+        return tree
+
+    def decode(self, tree: Tree) -> Keys:
+        """The keys of a stream; InputError when they are not those that were coded."""
+
+        def code(number: int, frequencies: Cumulative) -> Symbols:
+            return decoded(tree.symbols[number], frequencies)
+
+        base, levels = morton_keys(tree.base), len(tree.symbols) // 2
+        try:
+            keys = self._traverse(base, tree.occupancy, levels, code, max_nodes(tree))
+        except InputError as error:
+            raise InputError(OTHERWISE) from error
+        if len(keys) != tree.count or _check(keys) != tree.check:
+            raise InputError(OTHERWISE)
+        return keys
+
+    def _traverse(
+        self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
+    ) -> Keys:
+        """Code from the base down; the keys of the finest level.
+
+        InputError where a stream has more nodes than it may, or one without children.
+        """
+        with thread_pool(self.threads) as pool:
+            level = pyramid(keys, 0)[0][0]
+            for number in range(levels):
+                slots = _slots(occupancy)
+                max_nodes -= len(slots)
+                if max_nodes < 0 or len(slots) > MAX_LEVEL:
+                    raise InputError("the stream has too many voxels")
+                prior = prior_features(self.weights, occupancy, level.neighbours, pool)
+                level = children_voxels(level, keys_of_slots(level.keys, slots), pool)
+                features = target_features(self.weights, prior, slots, level.neighbours, pool)
+                first = code(2 * number, predicted(self.weights, 0, features, pool))
+                second = code(2 * number + 1, predicted(self.weights, 1, features, pool, first))
+                occupancy = first + VALUES * second
+                if not occupancy.all():
+                    raise InputError("the stream has a voxel without children")
+        return keys_of_slots(level.keys, _slots(occupancy))
+
+
+def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
+    """Keys and occupancy of the levels above voxels, from the base, which is small, down."""
+    found: list[tuple[Keys, Occupancy]] = []
+    while not found or len(found[-1][0]) >= MAX_BASE:
+        starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
+        occupancy = np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)
+        keys = parents_of(keys)[0]
+        found.append((keys, occupancy))
+    return reversed(found)
+
+
+def _slots(occupancy: Occupancy) -> NDArray[np.int64]:
+    """Slots ``8 * parent + child`` of the occupied children, ascending."""
+    return np.flatnonzero(occupancy[:, None] >> np.arange(CHILDREN, dtype=np.uint8) & 1)
+
+
+def _check(keys: Keys) -> int:
+    """CRC-32 of the decoded voxels."""
+    return zlib.crc32(np.ascontiguousarray(keys, "<i8").tobytes())

@@ -1,0 +1,83 @@
+"""RENO's network on the voxels of a level: features, and cumulative frequencies of symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.learned.reno.layers import Cumulative, Symbols, convolution, head
+from puckbench.learned.reno.weights import VALUES, Floats32, Weights
+from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
+from puckbench.learned.sparse.voxels import NeighbourTable
+
+Occupancy = NDArray[np.uint8]
+"""Of voxels (n,): bit ``x + 2 y + 4 z`` for the child there."""
+_CHUNK_ROWS = 2**12
+_NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
+
+
+def prior_features(
+    weights: Weights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
+) -> Floats32:
+    """Features (n * channels,) of a level whose occupancy is known."""
+    embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
+    return _residual_network(weights.prior, weights.channels, embedded, table, pool)
+
+
+def target_features(
+    weights: Weights,
+    parents: Floats32,
+    slots: NDArray[np.int64],
+    table: NeighbourTable,
+    pool: ThreadPool,
+) -> Floats32:
+    """Features of the next finer level, of voxels in slots (n,), from those of their parents."""
+    channels = weights.channels
+    embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]
+    embedded += parents.reshape(-1, channels)[slots >> 3]
+    return _residual_network(weights.target, channels, embedded.ravel(), table, pool)
+
+
+def _residual_network(
+    kernels: Sequence[Floats32],
+    channels: int,
+    features: Floats32,
+    table: NeighbourTable,
+    pool: ThreadPool,
+) -> Floats32:
+    """A convolution and two residual blocks, each of which adds its input to that of its end."""
+    convolve = convolution(channels)
+
+    def convolved(read: Floats32, kernel: Floats32, added: Floats32 = _NONE) -> Floats32:
+        made = np.empty_like(read)
+
+        def work(rows: slice, _: Scratch) -> None:
+            convolve(table, read, kernel, added, rows.start, rows.stop, made)
+
+        pool.map_chunks(table.shape[1], _CHUNK_ROWS, work)
+        return made
+
+    features = convolved(features, kernels[0])
+    for conv0, conv1 in (kernels[1:3], kernels[3:5]):
+        features = convolved(convolved(features, conv0), conv1, features)
+    return features
+
+
+def predicted(
+    weights: Weights, half: int, features: Floats32, pool: ThreadPool, first: Symbols = _NO_SYMBOLS
+) -> Cumulative:
+    """Cumulative frequencies (n, 17) of first symbols (half 0), or of second ones given these."""
+    own, predict = weights.heads[half], head(weights.channels)
+    rows = len(features) // weights.channels
+    made = np.empty((rows, VALUES + 1), np.int32)
+
+    def work(chunk: slice, _: Scratch) -> None:
+        predict(
+            features, chunk.start, chunk.stop, own.hidden, own.hidden_bias, own.logits,
+            own.logits_bias, weights.symbol_embedding, first, made,
+        )  # fmt: skip
+
+    pool.map_chunks(rows, _CHUNK_ROWS, work)
+    return made

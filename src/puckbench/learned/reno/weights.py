@@ -1,0 +1,129 @@
+"""RENO's weights: the authors' checkpoints, as flat arrays for compiled loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
+
+Floats32 = NDArray[np.float32]
+OCCUPANCIES, VALUES = 2**CHILDREN, 16
+"""Occupancies of a voxel's children, and values of each of the two symbols that code one."""
+MAX_CHANNELS = 256
+_FAULT = "not a checkpoint of RENO"
+_NETWORKS = ("prior_resnet", "target_resnet")
+_LAYERS = ("0", "2.conv0", "2.conv1", "3.conv0", "3.conv1")
+_HEADS = ("pred_head_s0", "pred_head_s1")
+
+
+@dataclass(frozen=True)
+class Head:
+    """Two linear layers, from features to the logits of a symbol: matrices (in, out), flat."""
+
+    hidden: Floats32
+    hidden_bias: Floats32
+    logits: Floats32
+    logits_bias: Floats32
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A network of `channels` channels, all arrays flat.
+
+    Parameters
+    ----------
+    digest
+        The 8 bytes by which streams name it.
+    channels
+        Of the features, c.
+    occupancy_embedding, child_embedding, symbol_embedding
+        (256, c), (8, c) and (16, c): of a voxel's occupancy, of its place within its parent, and
+        of the first symbol.
+    prior, target
+        Kernels (27, c, c) of the five convolutions on a level, and of those on the next finer one.
+    heads
+        Of first and of second symbols.
+    """
+
+    digest: bytes
+    channels: int
+    occupancy_embedding: Floats32
+    child_embedding: Floats32
+    symbol_embedding: Floats32
+    prior: tuple[Floats32, ...]
+    target: tuple[Floats32, ...]
+    heads: tuple[Head, Head]
+
+
+def load_weights(path: Path) -> Weights:
+    """Read a checkpoint of the authors' program; InputError when it is none."""
+    from puckbench.core.files import read_bytes
+    from puckbench.learned.weights_file import digest_of, read_checkpoint
+
+    checkpoint = read_checkpoint(path, _FAULT)
+    try:
+        arrays = _arrays(checkpoint)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[-1].strip() if str(error) else type(error).__name__
+        raise InputError(f"{path}: {_FAULT} ({reason})") from error
+    return _weights(digest_of(read_bytes(path)), arrays)
+
+
+def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
+    """The parameters by the authors' names; KeyError or ValueError for others."""
+    channels = checkpoint["prior_embedding.weight"].shape[1]
+    if not 1 <= channels <= MAX_CHANNELS:
+        raise ValueError(f"{channels} channels")
+    found = {}
+    for name, shape in shapes(channels).items():
+        array = checkpoint[name].numpy().astype(np.float32)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"{name}: shape {array.shape}, or not finite")
+        found[name] = array
+    return found
+
+
+def shapes(channels: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of the parameters by the authors' names."""
+    found: dict[str, tuple[int, ...]] = {
+        "prior_embedding.weight": (OCCUPANCIES, channels),
+        "target_embedding.target_res_embedding.weight": (CHILDREN, channels),
+        "pred_head_s1_emb.weight": (VALUES, channels),
+    }
+    for network in _NETWORKS:
+        for layer in _LAYERS:
+            found[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
+    for head in _HEADS:
+        found |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
+        found |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
+    return found
+
+
+def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> Weights:
+    prior, target = (
+        tuple(arrays[f"{network}.{layer}.kernel"].ravel() for layer in _LAYERS)
+        for network in _NETWORKS
+    )
+    return Weights(
+        digest,
+        arrays["prior_embedding.weight"].shape[1],
+        arrays["prior_embedding.weight"].ravel(),
+        arrays["target_embedding.target_res_embedding.weight"].ravel(),
+        arrays["pred_head_s1_emb.weight"].ravel(),
+        prior,
+        target,
+        (_head(_HEADS[0], arrays), _head(_HEADS[1], arrays)),
+    )
+
+
+def _head(name: str, arrays: Mapping[str, Floats32]) -> Head:
+    """PyTorch's linear layers hold their matrices as (out, in)."""
+    hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
+    return Head(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

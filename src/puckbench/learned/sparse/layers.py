@@ -1,0 +1,121 @@
+"""Layers of sparse networks, and which children a decoder keeps by their occupancy logits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from puckbench.learned.sparse.convolution import Neighbourhood, convolve
+from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS, ChildMap
+
+
+class SparseLayer(nn.Module):
+    """A layer with a kernel (offsets, c, d), x fastest among the offsets, and a bias (d,)."""
+
+    def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        spread = 1 / math.sqrt(offsets * in_channels)
+        self.kernel = nn.Parameter(
+            torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread)
+        )
+        self.bias = nn.Parameter(torch.zeros(out_channels))
+
+
+class SparseConvolution(SparseLayer):
+    """3x3x3 convolution from a set of voxels to itself."""
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(OFFSETS, in_channels, out_channels)
+
+    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
+        """(n, children, c) to (n, children, d)."""
+        return convolve(features, self.kernel, self.bias, where)
+
+
+class PointwiseConvolution(SparseLayer):
+    """1x1x1 convolution."""
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(1, in_channels, out_channels)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(n, children, c) to (n, children, d)."""
+        return features @ self.kernel[0] + self.bias
+
+
+class StridedConvolution(SparseLayer):
+    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser one."""
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(CHILDREN, in_channels, out_channels)
+
+    def forward(self, features: Tensor, child_map: ChildMap) -> Tensor:
+        """(n, 1, c) of the children to (m, 1, d) of their parents."""
+        blocks = features.new_zeros(CHILDREN * (len(child_map.first) - 1), features.shape[2])
+        slots = torch.from_numpy(child_map.slots).to(features.device)
+        blocks = blocks.index_copy(0, slots, features[:, 0])
+        sums = blocks.view(len(child_map.first) - 1, -1) @ self.kernel.flatten(0, 1) + self.bias
+        return sums[:, None]
+
+
+class GenerativeTransposedConvolution(SparseLayer):
+    """Transposed 2x2x2 convolution with stride 2, from a set to all children of its voxels."""
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(CHILDREN, in_channels, out_channels)
+
+    def matrix(self) -> Tensor:
+        """(c, 8 d), all children of a parent at once."""
+        return self.kernel.transpose(0, 1).flatten(1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(m, c) to (m, 8, d)."""
+        return (features @ self.matrix()).view(len(features), CHILDREN, -1) + self.bias
+
+
+def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+    """Rows of the `count` (1 or more) largest of logits (n,), ascending; ties by row."""
+    if count >= len(logits):
+        return np.arange(len(logits))
+    least = np.partition(logits, len(logits) - count)[len(logits) - count]
+    chosen = logits > least
+    ties = np.flatnonzero(logits == least)
+    chosen[ties[: count - np.count_nonzero(chosen)]] = True
+    return np.flatnonzero(chosen)
+
+
+def kept_children(
+    logits: NDArray[np.float32], count: int, child_per_parent: bool = True
+) -> NDArray[np.int64]:
+    """The children that a decoder keeps, by their occupancy logits.
+
+    Parameters
+    ----------
+    logits
+        (m, 8), of the children of m parents.
+    count
+        How many to keep.
+    child_per_parent
+        Keep the most likely child of each parent first, as an occupied voxel has an occupied
+        child; otherwise the most likely ones may be of few parents, and the others leave holes.
+
+    Returns
+    -------
+    NDArray
+        Slots ``8 * parent + child``, ascending.
+    """
+    if not child_per_parent:
+        return top_k(logits.reshape(-1), count)
+    best = logits.argmax(axis=1)
+    rows = np.arange(len(logits))
+    if count <= len(logits):
+        chosen = top_k(logits[rows, best], count)
+        slots: NDArray[np.int64] = CHILDREN * chosen + best[chosen]
+        return slots
+    ranked = logits.copy()
+    ranked[rows, best] = np.inf
+    return top_k(ranked.reshape(-1), count)

@@ -1,0 +1,172 @@
+"""Training loop: optimiser steps along a learning rate schedule, with checkpoints."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
+from puckbench.learned.device import placed
+from puckbench.learned.sparse.voxels import Keys
+from puckbench.learned.training.settings import Training
+from puckbench.learned.weights_file import read_checkpoint
+
+M = TypeVar("M", bound=nn.Module)
+L = TypeVar("L")
+
+
+class OtherTrainingError(InputError):
+    """A checkpoint is of another training than the one to resume."""
+
+
+class Trainer(ABC, Generic[M, L]):
+    """A model in training with its optimiser, schedule and random numbers.
+
+    Parameters
+    ----------
+    model
+        The network.
+    training
+        Settings.
+    groups
+        Parameter groups of the optimiser, with the factor of their learning rate (`lr_factor`); by
+        default one group of all parameters.
+
+    Attributes
+    ----------
+    done
+        Steps done.
+    identity
+        What else a checkpoint must have been made with, such as the data.
+    curve
+        A row for each step done, for the caller to fill.
+    """
+
+    max_gradient_norm: float | None = None
+    """Gradients are clipped to this norm."""
+
+    def __init__(
+        self, model: M, training: Training, groups: Sequence[Mapping[str, Any]] = ()
+    ) -> None:
+        self.model = model
+        self.training = training
+        self.done = 0
+        self.identity: dict[str, Any] = {}
+        self.curve: list[dict[str, float]] = []
+        every = [{"params": list(model.parameters()), "lr_factor": 1.0}]
+        self.optimiser = torch.optim.Adam([dict(group) for group in groups or every])
+        self.noise = torch.Generator().manual_seed(training.seed)
+
+    @abstractmethod
+    def step(self, clouds: Sequence[Keys]) -> L:
+        """One step on a batch of cubes; returns its loss."""
+
+    @abstractmethod
+    def row(self, loss: L) -> dict[str, float]:
+        """The loss of a step as a row of the training curve, what is minimised first."""
+
+    def optimiser_step(self, loss: Tensor) -> None:
+        """Back-propagate a loss, clip the gradients, and change the weights."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        if self.max_gradient_norm is not None:
+            torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.max_gradient_norm)
+        self.optimiser.step()
+        self.done += 1
+
+    def _learning_rate(self) -> float:
+        """From the first to the final learning rate along half a cosine."""
+        first, last = self.training.learning_rate, self.training.final_learning_rate
+        turn = math.cos(math.pi * self.done / max(self.training.steps, 1))
+        return last + (first - last) * (1 + turn) / 2
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint with everything that a resumed run needs."""
+        state = {
+            "model": self.model.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "noise": self.noise.get_state(),
+            "done": self.done,
+            "training": _as_json(self.training.model_dump()),
+            "identity": _as_json(self.identity),
+            "curve": self.curve,
+        }
+        content = io.BytesIO()  # of a full disk PyTorch's own writer says nothing useful
+        torch.save(state, content)
+        write_bytes(path, content.getvalue())
+
+    def resume(self, path: Path) -> None:
+        """Continue from a checkpoint.
+
+        Raises
+        ------
+        OtherTrainingError
+            It has another network, or other settings or data, as far as it names them.
+        """
+        state = read_checkpoint(path, "not a checkpoint of a training")
+        for name, own in (("training", self.training.model_dump()), ("identity", self.identity)):
+            saved = _as_json(state.get(name, {}))
+            if any(saved.get(key, value) != value for key, value in _as_json(own).items()):
+                raise OtherTrainingError(f"{path}: the saved training has other settings or data")
+        try:
+            self.model.load_state_dict(state["model"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.noise.set_state(state.get("noise", self.noise.get_state()))
+            self.done = int(state["done"])
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OtherTrainingError(f"{path}: not a checkpoint of this network") from error
+        self.curve = state.get("curve", [])
+
+
+def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as JSON has them, with lists for tuples."""
+    plain: dict[str, Any] = json.loads(json.dumps(settings))
+    return plain
+
+
+def on_device(model: M) -> M:
+    """The model on the device it is trained on: CUDA if there, else the CPU."""
+    return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
+
+
+def train(
+    trainer: Trainer[M, L],
+    clouds: Callable[[int], Sequence[Keys]],
+    checkpoint: Path,
+    every: int,
+    report: Callable[[int, L], None],
+) -> None:
+    """Train to the last step, from where a checkpoint stands if there is one.
+
+    Parameters
+    ----------
+    trainer
+        The model in training.
+    clouds
+        The batch of a step. It must depend on the number of the step alone, so that a resumed run
+        sees what an unbroken one would have seen.
+    checkpoint
+        File to save to.
+    every
+        Steps between two checkpoints.
+    report
+        Called with the number and the loss of each step.
+    """
+    if checkpoint.exists():
+        trainer.resume(checkpoint)
+    while trainer.done < trainer.training.steps:
+        loss = trainer.step(clouds(trainer.done))
+        report(trainer.done, loss)
+        if trainer.done % every == 0 or trainer.done == trainer.training.steps:
+            trainer.save(checkpoint)

@@ -1,0 +1,131 @@
+"""Settings of the training of learned codecs, as pydantic models.
+
+A codec that can be trained names in its entry (`training`) a class derived from `Training`, whose
+fields are the options that a configuration and ``puckbench train --options`` may set. PyTorch is
+not loaded to list and check them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
+
+from puckbench.core.models import Model
+
+if TYPE_CHECKING:
+    from puckbench.geometry.cloud import Floats
+    from puckbench.learned.training.examples import Examples
+    from puckbench.learned.training.loop import Trainer
+
+_MIN_VOXELS, _SIZE = 200, 64
+"""Voxels of a cube of this size worth learning from; in smaller cubes in proportion to a face."""
+
+Rates = Mapping[str, Mapping[str, Any]]
+Channels = Annotated[int, Field(gt=0, multiple_of=4)]
+"""Channels of a residual block, whose branches have a quarter of them."""
+
+
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(sorted(set(values)))
+
+
+Lmbdas = Annotated[tuple[PositiveFloat, ...], Field(min_length=1), AfterValidator(_ascending)]
+"""Lagrangian weights, in ascending order without duplicates."""
+
+
+class Training(Model, ABC):
+    """Settings of every training.
+
+    Parameters
+    ----------
+    steps
+        Optimiser steps.
+    batch_size
+        Cubes of a step.
+    cube_size
+        Voxels along an edge of a cube.
+    learning_rate, final_learning_rate
+        Learning rate at the start and at the end; it falls along half a cosine.
+    seed
+        Of the initial weights, of the cubes and of the noise that replaces rounding.
+    """
+
+    steps: PositiveInt = 2000
+    batch_size: PositiveInt = 4
+    cube_size: PositiveInt = 64
+    learning_rate: PositiveFloat = 1e-3
+    final_learning_rate: PositiveFloat = 2e-5
+    seed: Annotated[int, Field(ge=0)] = 1
+
+    @abstractmethod
+    def trainer(self) -> AbstractContextManager[Trainer[Any, Any]]:
+        """A new model with its optimiser; on CUDA if there, else on the CPU."""
+
+    @abstractmethod
+    def examples(self, clouds: Sequence[Floats]) -> Examples:
+        """Batches of cubes of prepared clouds (n, 3)."""
+
+    def begin(self, model: Any, weights: Path) -> None:
+        """Initialise a model with a set of weights; InputError when its shape is another one."""
+        from puckbench.learned.weights_file import initialise
+
+        initialise(model, weights, self.parameters)
+
+    def parameters(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The parameters of a model from the tensors that a set of weights keeps."""
+        return kept
+
+    @abstractmethod
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write the model as a set of weights with its card."""
+
+    def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
+        """The rates at which the set will code, of those that the codec's entry has."""
+        return dict(known)
+
+
+class MultiRateTraining(Training):
+    """Settings of a training for several rates at once.
+
+    Parameters
+    ----------
+    lmbdas
+        Lagrangian weights of the distortion against the rate, one for each rate.
+    channels
+        Channels of the network at its strides.
+    min_kept_fraction
+        Smallest fraction of its voxels that a cube keeps, so that sparser clouds are learned from.
+    mean_occupied_children
+        Mean numbers of occupied children of a voxel; for each, clouds are learned from on the
+        finest grid, by whole octaves, that is as dense.
+    """
+
+    lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
+    channels: tuple[Channels, ...]
+    min_kept_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
+    mean_occupied_children: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
+
+    def examples(self, clouds: Sequence[Floats]) -> Examples:
+        """Cubes of the voxels of clouds (n, 3)."""
+        from puckbench.learned.grid_level import on_dense_grids
+        from puckbench.learned.training.examples import Examples
+
+        voxels = [v for cloud in clouds for v in on_dense_grids(cloud, self.mean_occupied_children)]
+        return Examples(
+            voxels,
+            self.cube_size,
+            self.batch_size,
+            max(1, _MIN_VOXELS * min(self.cube_size, _SIZE) ** 2 // _SIZE**2),
+            self.min_kept_fraction,
+            self.seed,
+        )
+
+    def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
+        """Those of the entry with one of the lambdas; if there are none, one for each lambda."""
+        kept = {name: rate for name, rate in known.items() if rate["lmbda"] in self.lmbdas}
+        return kept or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}

@@ -1,0 +1,276 @@
+"""Sets of trained weights: a safetensors file with a network's parameters, tables and card.
+
+Parameters are kept in half precision. The integer frequency tables of the entropy models are made
+once, when a set is written, since floating-point arithmetic differs between machines: encoder and
+decoder only ever read them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+from torch import Tensor
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_bytes, write_bytes
+from puckbench.learned.catalogue import HEADER_KEY, SUFFIX, Header, Network, header_of
+from puckbench.learned.entropy_bottleneck import FrequencyTable, frequency_tables
+from puckbench.learned.gains import MultiRateNetwork
+
+DIGEST_BYTES = 8
+_LENGTH_BYTES = 8
+"""A safetensors file begins with the length of its JSON header, little endian."""
+_TABLES = ("frequency_tables.lowest", "frequency_tables.length", "frequency_tables.frequencies")
+_MAX_MAGNITUDE = 2**16
+N = TypeVar("N", bound=MultiRateNetwork)
+Tables = tuple[tuple[FrequencyTable, ...], ...]
+"""Frequency tables of each rate, of each channel."""
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class WeightsFile:
+    """A set of weights as it was read.
+
+    Parameters
+    ----------
+    header
+        Its metadata.
+    state
+        Parameters by name, float32.
+    integers
+        Integer tensors by name, int32.
+    digest
+        The 8 bytes by which streams name the set.
+    """
+
+    header: Header
+    state: dict[str, Tensor]
+    integers: dict[str, NDArray[np.int32]]
+    digest: bytes
+
+
+def digest_of(data: bytes) -> bytes:
+    """The 8 bytes by which streams name weights with these bytes."""
+    return hashlib.sha256(data).digest()[:DIGEST_BYTES]
+
+
+def in_half_precision(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Parameters rounded to half precision, as float32."""
+    return {name: value.detach().cpu().half().float() for name, value in state.items()}
+
+
+def write_weights(
+    path: Path,
+    about: Mapping[str, Any],
+    state: Mapping[str, Tensor],
+    integers: Mapping[str, NDArray[np.int32]] | None = None,
+) -> None:
+    """Write a set of weights; `about` holds the fields of its `Header` but `sha256`."""
+    tensors: dict[str, NDArray[Any]] = {
+        name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
+    }
+    tensors |= {
+        name: np.ascontiguousarray(value, "<i4") for name, value in (integers or {}).items()
+    }
+    header = {**about, "sha256": _checksum(save(tensors))}
+    # a single entry, since safetensors writes several in any order
+    metadata = {HEADER_KEY: json.dumps(header, sort_keys=True, allow_nan=False)}
+    write_bytes(path, save(tensors, metadata=metadata))
+
+
+def read_weights(path: Path) -> WeightsFile:
+    """Read a set of weights.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or its parameters are not finite numbers in half precision.
+    """
+    header, data = header_of(path), read_bytes(path)
+    try:
+        arrays = load(data)
+        intact = _checksum(data) == header.sha256
+        digest = bytes.fromhex(header.digest or "") or digest_of(data)
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: damaged weights") from error
+    if not intact or len(digest) != DIGEST_BYTES:
+        raise InputError(f"{path}: damaged weights (check sum)")
+    integers = {name: array for name, array in arrays.items() if array.dtype == np.int32}
+    numbers = {name: array for name, array in arrays.items() if name not in integers}
+    if not all(_is_parameter(array) for array in numbers.values()):
+        raise InputError(f"{path}: damaged weights (not finite, or not in half precision)")
+    state = {name: torch.from_numpy(a.astype(np.float32)) for name, a in numbers.items()}
+    return WeightsFile(header, state, integers, digest)
+
+
+def _checksum(data: bytes) -> str:
+    """SHA-256 of the tensors' bytes in a safetensors file."""
+    start = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
+    return hashlib.sha256(memoryview(data)[start:]).hexdigest()
+
+
+def _is_parameter(array: NDArray[Any]) -> bool:
+    return array.dtype == np.float16 and bool(np.isfinite(array).all())
+
+
+@dataclass(frozen=True)
+class MultiRateWeights(Generic[N]):
+    """A network that codes at several rates, with the tables of its entropy bottlenecks.
+
+    Parameters
+    ----------
+    model
+        The network, for inference.
+    lmbdas
+        Lagrangian weights of its rates, the smallest bitrate first.
+    tables
+        Frequency tables of the entropy bottleneck of each rate.
+    digest
+        The 8 bytes by which streams name these weights and tables.
+    card
+        Model card.
+    """
+
+    model: N
+    lmbdas: tuple[float, ...]
+    tables: Tables
+    digest: bytes
+    card: Mapping[str, Any]
+
+
+def save_multi_rate(
+    path: Path, network: Network, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
+) -> None:
+    """Write a network as a set of weights; its tables are made here, from what is written."""
+    rounded = type(model)(model.shape)
+    rounded.load_state_dict(in_half_precision(model.state_dict()))
+    about = {
+        "network": network.name,
+        "shape": model.shape.model_dump(),
+        "lmbdas": lmbdas,
+        "card": dict(card),
+    }
+    write_weights(path, about, rounded.state_dict(), _packed(_tables_of(rounded)))
+
+
+def load_multi_rate(
+    path: Path,
+    network: Network,
+    build: Callable[[Mapping[str, Any]], N],
+    load_published: Callable[[Path], N],
+) -> MultiRateWeights[N]:
+    """Read a set of ours or a file of the network's authors.
+
+    Parameters
+    ----------
+    path
+        The file.
+    network
+        Which network the file must be of.
+    build
+        Makes a network of given sizes.
+    load_published
+        Reads a file of the authors'.
+
+    Raises
+    ------
+    InputError
+        The file is neither.
+    """
+    if path.suffix == SUFFIX:
+        return _own(path, build)
+    model = load_published(path)
+    tables = _tables_of(model)
+    digest = digest_of(read_bytes(path) + json.dumps(_plain(tables)).encode())
+    card = {"origin": "authors' weights", "file": path.name}
+    return MultiRateWeights(model, network.lmbdas_of(path), tables, digest, card)
+
+
+def _own(path: Path, build: Callable[[Mapping[str, Any]], N]) -> MultiRateWeights[N]:
+    found = read_weights(path)
+    header = found.header
+    try:
+        model = build(header.shape)
+        model.load_state_dict(found.state)
+        tables = _unpacked(found.integers)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: damaged weights") from error
+    if not len(tables) == len(header.lmbdas) == model.shape.rates:
+        raise InputError(f"{path}: damaged weights (rates)")
+    return MultiRateWeights(model.eval(), header.lmbdas, tables, found.digest, header.card)
+
+
+def _tables_of(model: MultiRateNetwork) -> Tables:
+    rates = range(model.shape.rates)
+    return tuple(frequency_tables(model.entropy_bottleneck(rate)) for rate in rates)
+
+
+def _packed(tables: Tables) -> dict[str, NDArray[np.int32]]:
+    """Tables as integer tensors: lowest (rates, channels), length (the same), frequencies (n,)."""
+    every = [table for rate in tables for table in rate]
+    shape = (len(tables), -1)
+    lowest = np.array([table.lowest for table in every], np.int32).reshape(shape)
+    length = np.array([len(table.frequencies) for table in every], np.int32).reshape(shape)
+    frequencies = np.concatenate([table.frequencies for table in every])
+    return dict(zip(_TABLES, (lowest, length, frequencies), strict=True))
+
+
+def _unpacked(arrays: Arrays) -> Tables:
+    """Tables of `_packed`; KeyError or ValueError for anything else."""
+    lowest, length, frequencies = (arrays[name] for name in _TABLES)
+    fits = lowest.ndim == 2 and lowest.shape == length.shape and frequencies.ndim == 1
+    if not fits or (length < 2).any() or length.sum(dtype=np.int64) != len(frequencies):
+        raise ValueError("tables of other sizes")
+    if (frequencies < 1).any() or (np.abs(lowest.astype(np.int64)) > _MAX_MAGNITUDE).any():
+        raise ValueError("tables with impossible numbers")
+    parts = iter(np.split(frequencies, np.cumsum(length.ravel())[:-1]))
+    return tuple(
+        tuple(FrequencyTable(first, next(parts)) for first in row) for row in lowest.tolist()
+    )
+
+
+def _plain(tables: Tables) -> list[list[dict[str, Any]]]:
+    """Tables as JSON, from which the digests of the authors' weights are made."""
+    return [
+        [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
+        for rate in tables
+    ]
+
+
+_UNREADABLE = (
+    OSError, RuntimeError, EOFError, LookupError, ValueError, TypeError, AttributeError
+)  # fmt: skip
+"""What PyTorch raises for bytes that are no checkpoint."""
+
+
+def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
+    """Read a PyTorch checkpoint without running code of it; InputError with `fault` otherwise."""
+    try:
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except (*_UNREADABLE, pickle.UnpicklingError) as error:
+        raise InputError(f"{path}: {fault}") from error
+    if not isinstance(checkpoint, dict):
+        raise InputError(f"{path}: {fault}")
+    return checkpoint
+
+
+def initialise(
+    model: torch.nn.Module, path: Path, parameters: Callable[[Mapping[str, Any]], Mapping[str, Any]]
+) -> None:
+    """Give a model the weights of a set; InputError when they are of another shape."""
+    try:
+        model.load_state_dict(parameters(read_weights(path).state))
+    except RuntimeError as error:
+        raise InputError(f"{path}: weights of another shape") from error

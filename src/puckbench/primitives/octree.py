@@ -1,0 +1,157 @@
+"""Octree over a surface's samples, pruned where a plane costs less than what lies below it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import compiled
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.moments import SIZE, distance_to_fit
+from puckbench.geometry.morton import codes
+from puckbench.primitives.octree_arrays import Ints, Leaves
+
+
+class Level(NamedTuple):
+    """Occupied nodes of one level in Morton order.
+
+    cells: (n, 3) coordinates at this level. moments: (n, 10) of the samples. first_child: (n + 1,)
+    index in the next finer level. is_leaf: (n,).
+    """
+
+    cells: Ints
+    moments: Floats
+    first_child: Ints
+    is_leaf: NDArray[np.bool_]
+
+
+def build_octree(
+    xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
+) -> list[Level]:
+    """Build all levels, from the root (0) to `depth`, whose nodes are single cells.
+
+    Parameters
+    ----------
+    xyz, normals, weights
+        Samples (n, 3) in cells, their unit normals and their weights (n,).
+    radius
+        Radius in cells of the disc that a sample represents.
+    depth
+        Level of the cells.
+    """
+    cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
+    keys = codes(cells, np.arange(3))
+    order = np.argsort(keys, kind="stable")
+    cells, keys = cells[order], keys[order]
+    moments = moments_of(xyz[order], weights[order], normals[order], radius)
+    levels: list[Level] = []
+    for _ in range(depth + 1):
+        starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+        bounds = np.concatenate([starts, [len(cells)]])
+        moments = np.add.reduceat(moments, starts, axis=0)
+        cells, keys = cells[starts], keys[starts] >> 3
+        levels.append(Level(cells, moments, bounds, np.zeros(len(cells), bool)))
+        cells = cells >> 1
+    return levels[::-1]
+
+
+def prune_octree(
+    levels: list[Level],
+    lmbda: float,
+    leaf_bits: float,
+    split_bits: float,
+    coarsest_leaf_level: int,
+    finest_leaf_level: int,
+) -> None:
+    """Mark as leaves the nodes that minimise squared distance + lmbda * bits, from the bottom up.
+
+    leaf_bits, split_bits: estimated bits of a plane and of a split. There are leaves from
+    coarsest_leaf_level to finest_leaf_level.
+    """
+    below = np.zeros(0)
+    for depth in range(finest_leaf_level, -1, -1):
+        level = levels[depth]
+        costs = plane_errors(level.moments) + lmbda * leaf_bits
+        if depth < finest_leaf_level:
+            splitting = np.add.reduceat(below, level.first_child[:-1]) + lmbda * split_bits
+            level.is_leaf[:] = (costs < splitting) & (depth >= coarsest_leaf_level)
+            costs = np.where(level.is_leaf, costs, splitting)
+        else:
+            level.is_leaf[:] = True
+        below = costs
+
+
+def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
+    """The octree's leaves, without planes, and their indices (n,) among the nodes of all levels."""
+    depth = len(levels) - 1
+    corner, side, rows = [], [], []
+    reached, start = np.ones(1, bool), 0
+    for level, down in zip(levels, range(depth, -1, -1), strict=True):
+        chosen = np.flatnonzero(reached & level.is_leaf)
+        corner.append(level.cells[chosen] << down)
+        side.append(np.full(len(chosen), 1 << down))
+        rows.append(start + chosen)
+        start += len(level.cells)
+        reached = (
+            np.repeat(reached & ~level.is_leaf, np.diff(level.first_child)) if down else reached
+        )
+    places = np.concatenate(rows)
+    planes, counts = np.zeros(len(places), np.int64), np.array([len(places), 0])
+    found = (np.concatenate(corner), np.concatenate(side))
+    return places, Leaves(*found, planes, np.empty((0, 4)), counts)
+
+
+def moments_of(
+    xyz: Floats,
+    weights: Floats | float = 1.0,
+    normals: Floats | None = None,
+    radius: float = 0.0,
+) -> Floats:
+    """Moments of points, or of discs around them, from which planes of least squares follow.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) points.
+    weights
+        Weight of all points, or of each (n,).
+    normals, radius
+        Unit normals (n, 3) and radius of the discs; without them, points.
+
+    Returns
+    -------
+    ndarray
+        (n, 10): 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight.
+    """
+    normals = np.zeros((1, 3)) if normals is None else normals
+    return _moments_of(xyz, np.atleast_1d(np.asarray(weights, float)), normals, radius**2 / 4)
+
+
+@compiled
+def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) -> Floats:
+    """Moments of discs, or of points where the variance is 0; one weight or normal may be all's."""
+    moments = np.empty((len(xyz), SIZE))
+    for i in range(len(xyz)):
+        x, y, z = xyz[i]
+        a, b, c = normals[i if len(normals) > 1 else 0]
+        weight = weights[i if len(weights) > 1 else 0]
+        moments[i, 0] = weight
+        moments[i, 1], moments[i, 2], moments[i, 3] = x * weight, y * weight, z * weight
+        moments[i, 4] = (x * x + variance * (1 - a * a)) * weight
+        moments[i, 5] = (x * y - variance * a * b) * weight
+        moments[i, 6] = (x * z - variance * a * c) * weight
+        moments[i, 7] = (y * y + variance * (1 - b * b)) * weight
+        moments[i, 8] = (y * z - variance * b * c) * weight
+        moments[i, 9] = (z * z + variance * (1 - c * c)) * weight
+    return moments
+
+
+@compiled
+def plane_errors(moments: Floats) -> Floats:
+    """Weighted sums (n,) of squared distances to the least-squares planes of moments (n, 10)."""
+    costs: Floats = np.empty(len(moments))
+    for i in range(len(moments)):
+        costs[i] = distance_to_fit(moments[i])
+    return costs

@@ -1,0 +1,326 @@
+"""Cylinders, cones and spheres as surfaces of revolution, unrolled to rows of square columns.
+
+A row is a ring around the axis, one cell high along the profile, with as many columns as cells fit
+around it. All lengths are in cells.
+"""
+
+from __future__ import annotations
+
+import struct
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.core.compiling import compiled, compiled_in_place, inlined
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.vectors import (
+    Vector,
+    cross,
+    dot,
+    length,
+    moved,
+    row_of,
+    scaled,
+    vector,
+)
+from puckbench.primitives.entropy import Coder, code_bit
+from puckbench.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
+from puckbench.primitives.occupancy_map import MIXERS as MAP_MIXERS
+from puckbench.primitives.octree_arrays import Bytes, Ints
+from puckbench.primitives.stream import REVOLUTION_BYTES
+
+CONE, SPHERE = 0, 1
+MAX_COLUMNS = 1 << 22
+"""Columns of all surfaces of revolution of a stream, at most."""
+
+_ADJACENT = MAP_CONTEXTS
+_ABOVE = _ADJACENT + 64
+_WIDE = _ABOVE + 16
+CONTEXTS = _WIDE + 128
+_MIXER = MAP_MIXERS
+MIXERS = _MIXER + 1
+
+_PARAMETERS = struct.Struct("<B5hHhhH")
+_POSITION, _SLOPE, _RADIUS, _ANGLE = 8, 16384, 16, 20000
+
+
+class RevolutionSurface(NamedTuple):
+    """A surface of revolution between two ends.
+
+    kind: CONE (a cylinder where its angle is 0) or SPHERE. origin: (3,) a point of the axis, or a
+    sphere's centre. axis: (3,) unit vector. radius: at the origin. angle: half the opening angle of
+    the cone in radians, > 0 where it widens along the axis. first_row: arc length along the profile
+    at which the first row begins. rows: their number.
+    """
+
+    kind: int
+    origin: Floats
+    axis: Floats
+    radius: float
+    angle: float
+    first_row: int
+    rows: int
+
+    def columns(self) -> Ints:
+        """Number of columns (rows,) of each row."""
+        radii = self.profile(np.arange(self.rows, dtype=np.float64) + self.first_row + 0.5)[0]
+        return np.asarray(np.maximum(np.rint(2 * np.pi * radii), 0).astype(np.int64))
+
+    def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
+        """Radius, and height along the axis over the origin, at arc lengths of the profile."""
+        return _profile(self, arc_length)
+
+    def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
+        """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
+        return _points_at(self, *self.profile(arc_length), azimuth)
+
+    def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
+        return _coordinates(self, xyz)
+
+
+@compiled
+def _profile(surface: RevolutionSurface, arc_length: Floats) -> tuple[Floats, Floats]:
+    """What `RevolutionSurface.profile` tells."""
+    radius, height = np.empty(len(arc_length)), np.empty(len(arc_length))
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(len(arc_length)):
+        if surface.kind == SPHERE:
+            angle = arc_length[i] / surface.radius
+            radius[i] = surface.radius * np.cos(angle) if abs(angle) < np.pi / 2 else 0.0
+            height[i] = surface.radius * np.sin(angle)
+        else:
+            radius[i] = surface.radius + arc_length[i] * sine
+            height[i] = arc_length[i] * cosine
+    return radius, height
+
+
+@compiled
+def _points_at(
+    surface: RevolutionSurface, radius: Floats, height: Floats, azimuth: Floats
+) -> tuple[Floats, Floats]:
+    """What `RevolutionSurface.points_at` tells."""
+    xyz, normals = np.empty((len(radius), 3)), np.empty((len(radius), 3))
+    u, v = orthogonal_axes(surface.axis)
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(len(radius)):
+        along, across = np.cos(azimuth[i]), np.sin(azimuth[i])
+        for a in range(3):
+            radial = along * u[a] + across * v[a]
+            offset = radius[i] * radial + height[i] * surface.axis[a]
+            xyz[i, a] = surface.origin[a] + offset
+            if surface.kind == SPHERE:
+                normals[i, a] = offset / surface.radius
+            else:
+                normals[i, a] = radial * cosine - surface.axis[a] * sine
+    return xyz, normals
+
+
+@compiled
+def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """What `RevolutionSurface.coordinates` tells."""
+    count = len(xyz)
+    arc_length, azimuth, distance = np.empty(count), np.empty(count), np.empty(count)
+    normals = np.empty((count, 3))
+    across = orthogonal_axes(surface.axis)
+    u, v = vector(across[0]), vector(across[1])
+    sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
+    for i in range(count):
+        distance[i], height, radius = distance_to(surface, sine, cosine, xyz[i])
+        out = moved(row_of(xyz, i), -1.0, vector(surface.origin))
+        azimuth[i] = np.arctan2(dot(out, v), dot(out, u))
+        if surface.kind == SPHERE:
+            sine_of_height = height / max(length(out), 1e-9)
+            arc_length[i] = surface.radius * np.arcsin(min(max(sine_of_height, -1.0), 1.0))
+        else:
+            arc_length[i] = (radius - surface.radius) * sine + height * cosine
+        normal = normal_at(surface, sine, cosine, out, height, radius)
+        for a in range(3):
+            normals[i, a] = normal[a]
+    return arc_length, azimuth, distance, normals
+
+
+@compiled_in_place
+def distance_to(
+    surface: RevolutionSurface, sine: float, cosine: float, point: Floats
+) -> tuple[float, float, float]:
+    """Signed distance of a point (3,) from a surface; its height along the axis, distance from it.
+
+    sine, cosine: of the surface's angle.
+    """
+    x, y, z = (
+        point[0] - surface.origin[0],
+        point[1] - surface.origin[1],
+        point[2] - surface.origin[2],
+    )
+    a, b, c = surface.axis[0], surface.axis[1], surface.axis[2]
+    height = x * a + y * b + z * c
+    u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
+    radius = np.sqrt(u * u + v * v + w * w)
+    if surface.kind == SPHERE:
+        distance = max(np.sqrt(x * x + y * y + z * z), 1e-9) - surface.radius
+    else:
+        distance = (radius - surface.radius) * cosine - height * sine
+    return distance, height, radius
+
+
+@inlined
+def normal_at(
+    surface: RevolutionSurface,
+    sine: float,
+    cosine: float,
+    out: Vector,
+    height: float,
+    radius: float,
+) -> Vector:
+    """Unit normal where a surface is nearest to a point, `out` of its origin.
+
+    The others are what `distance_to` takes and returns.
+    """
+    if surface.kind == SPHERE:
+        return scaled(1 / max(length(out), 1e-9), out)
+    axis = vector(surface.axis)
+    outwards = scaled(1 / max(radius, 1e-9), moved(out, -height, axis))
+    return moved(scaled(cosine, outwards), -sine, axis)
+
+
+@compiled
+def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
+    """Two unit vectors (3,) orthogonal to an axis and to each other."""
+    start = np.zeros(3)
+    start[np.abs(axis).argmin()] = 1.0
+    u = cross(vector(axis), vector(start))
+    u = scaled(1 / length(u), u)
+    return np.array(u), np.array(cross(vector(axis), u))
+
+
+def pack_parameters(surface: RevolutionSurface) -> bytes:
+    """The parameters of a surface in `REVOLUTION_BYTES` bytes."""
+    axis = int(np.abs(surface.axis).argmax())
+    direction = surface.axis / surface.axis[axis]
+    slopes = [direction[(axis + 1) % 3] * _SLOPE, direction[(axis + 2) % 3] * _SLOPE]
+    numbers = np.rint([*(surface.origin * _POSITION), *slopes]).clip(-32768, 32767).astype(int)
+    sign = 1 if surface.axis[axis] > 0 else -1
+    radius = min(max(round(surface.radius * _RADIUS), 1), 65535)
+    first_row = surface.first_row if sign > 0 else -surface.first_row - surface.rows
+    angle = round(sign * surface.angle * _ANGLE)
+    kind = surface.kind | axis << 1
+    return _PARAMETERS.pack(kind, *numbers.tolist(), radius, angle, first_row, surface.rows)
+
+
+def is_representable(surface: RevolutionSurface) -> bool:
+    """Whether `pack_parameters` has room for a surface; a fit to few samples may be anything."""
+    if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
+        return False
+    representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
+    representable &= round(surface.radius * _RADIUS) < 1 << 16
+    representable &= abs(round(surface.angle * _ANGLE)) <= _ANGLE * np.pi / 2
+    representable &= abs(surface.first_row) + surface.rows < 1 << 15
+    return bool(representable and int(surface.columns().sum()) <= MAX_COLUMNS // 2)
+
+
+def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
+    """Surfaces from the concatenated bytes of `pack_parameters`; InputError if they are damaged."""
+    found = [
+        _unpack_one(stream[k : k + REVOLUTION_BYTES])
+        for k in range(0, len(stream), REVOLUTION_BYTES)
+    ]
+    if sum(int(surface.columns().sum()) for surface in found) > MAX_COLUMNS:
+        raise InputError("the stream is damaged (its surfaces of revolution are too large)")
+    return found
+
+
+def _unpack_one(stream: bytes) -> RevolutionSurface:
+    kind, *position, radius, angle, first_row, rows = _PARAMETERS.unpack(stream)
+    axis = np.zeros(3)
+    at = kind >> 1
+    if at > 2 or radius == 0 or rows > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
+        raise InputError("the stream is damaged (its surfaces of revolution make no sense)")
+    axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, position[3] / _SLOPE, position[4] / _SLOPE
+    axis /= hypot(*axis)
+    origin = np.array(position[:3]) / _POSITION
+    return RevolutionSurface(
+        kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, rows
+    )
+
+
+@compiled
+def code_unrolled_map(coder: Coder, columns: Ints, bits: Bytes) -> None:
+    """Code the occupancy map of a surface of revolution, row after row.
+
+    columns: (rows,) number of columns of each row. bits: (sum of columns,) the map.
+    """
+    start, above, second = 0, -1, -1
+    for row in range(len(columns)):
+        count = columns[row]
+        for j in range(count):
+            left = bits[start + j - 1] if j > 0 else 0
+            left += 2 * bits[start + j - 2] if j > 1 else 0
+            above_bits = _columns_beside(bits, above, columns[row - 1] if row > 0 else 0, j, count)
+            second_above = _columns_beside(
+                bits, second, columns[row - 2] if row > 1 else 0, j, count
+            )
+            first_of_row = bits[start] if j == count - 1 and j > 0 else 2
+            adjacent = (
+                _ADJACENT + 16 * min(left & 1, 1) + 2 * above_bits + (1 if first_of_row == 1 else 0)
+            )
+            above_context = (
+                _ABOVE + (left & 1) + 2 * ((above_bits >> 1) & 1) + 4 * ((second_above >> 1) & 1)
+            )
+            wide = _WIDE + left + 4 * above_bits
+            bits[start + j] = code_bit(
+                coder, bits[start + j], _MIXER, (adjacent, above_context, wide)
+            )
+        second, above, start = above, start, start + count
+
+
+@compiled
+def _columns_beside(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
+    """Three bits of a row of `count` columns beside column j of a row of `columns`."""
+    if count == 0 or start < 0:
+        return 0
+    at = (j * count) // columns
+    before, after = (at + count - 1) % count, (at + 1) % count
+    return int(4 * bits[start + before] + 2 * bits[start + at] + bits[start + after])
+
+
+def sample_surface(
+    surface: RevolutionSurface, bits: Bytes, points_across: int, column_spacing: int
+) -> tuple[Floats, Floats]:
+    """Points (n, 3) and normals on the occupied columns of a surface.
+
+    points_across, column_spacing: as in `reconstruction.reconstruct_points`.
+    """
+    rows, column, columns_in_row = _occupied_columns(surface, bits)
+    if column_spacing > 1:
+        kept = (rows % column_spacing == column_spacing // 2) & (
+            column % column_spacing == column_spacing // 2
+        )
+        rows, column, columns_in_row = rows[kept], column[kept], columns_in_row[kept]
+    step = (np.arange(points_across) + 0.5) / points_across
+    arc_length = (surface.first_row + rows)[:, None, None] + step[:, None]
+    azimuth = 2 * np.pi * (column[:, None, None] + step) / columns_in_row[:, None, None]
+    shape = (len(rows), points_across, points_across)
+    # Copies: compiled loops would be compiled again for views that may not be written to.
+    return surface.points_at(
+        np.broadcast_to(arc_length, shape).flatten(), np.broadcast_to(azimuth, shape).flatten()
+    )
+
+
+def column_corners(surface: RevolutionSurface, bits: Bytes) -> Floats:
+    """Corners (n, 4, 3) of the occupied columns of a surface."""
+    rows, column, columns_in_row = _occupied_columns(surface, bits)
+    arc_length = (surface.first_row + rows)[:, None] + [0, 0, 1, 1]
+    azimuth = 2 * np.pi * (column[:, None] + [0, 1, 1, 0]) / columns_in_row[:, None]
+    return surface.points_at(arc_length.ravel().astype(float), azimuth.ravel())[0].reshape(-1, 4, 3)
+
+
+def _occupied_columns(surface: RevolutionSurface, bits: Bytes) -> tuple[Ints, Ints, Ints]:
+    """Row and place in it of the occupied columns, and the number of columns of their rows."""
+    columns = surface.columns()
+    rows = np.repeat(np.arange(surface.rows), columns)
+    column = np.arange(len(rows)) - np.repeat(np.cumsum(columns) - columns, columns)
+    kept = bits == 1
+    return rows[kept], column[kept], columns[rows[kept]]

@@ -1,0 +1,87 @@
+"""A sensor's beams as bytes: the name of one that puckbench ships, or all angles."""
+
+from __future__ import annotations
+
+import zlib
+from functools import cache
+
+import numpy as np
+
+from puckbench.coding.byte_io import Reader, base_128
+from puckbench.core.errors import InputError
+from puckbench.lidar.returns import Beams, Firing, Returns
+from puckbench.lidar.sensor import load_sensor, sensor_names
+from puckbench.lidar.turns import Layout
+from puckbench.puck.records import DAMAGED
+
+_QUANTUM_UNIT_M = 1e-7
+_MOST_NAME_BYTES = 255
+_USES: tuple[tuple[Firing, bool], ...] = (
+    ("own_moment", False),
+    ("together", True),
+    ("own_moment", True),
+)
+"""How a shipped sensor is used: real, virtual as BlenSor has it, virtual with firing times."""
+
+
+@cache
+def _shipped() -> dict[tuple[Beams, str], tuple[str, int]]:
+    """Name of the shipped sensor and how it is used, by its beams and title."""
+    return {
+        (_beams(name, use), load_sensor(name).name): (name, use)
+        for name in sensor_names()
+        for use in range(len(_USES))
+    }
+
+
+def _beams(name: str, use: int) -> Beams:
+    firing, is_virtual = _USES[use]
+    return Beams.of(load_sensor(name), firing, is_virtual)
+
+
+def packed_beams(returns: Returns) -> bytes:
+    """The quantum and the beams: a name and a check of the angles, or all of them."""
+    quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
+    known = _shipped().get((returns.beams, returns.sensor))
+    angles = _angles(returns.beams)
+    if known:
+        name, use = known
+        check = zlib.crc32(angles).to_bytes(4, "little")
+        return quantum + bytes([use + 1, len(name)]) + name.encode() + check
+    title = returns.sensor.encode()[:_MOST_NAME_BYTES]
+    head = bytes([0, len(title)]) + title + bytes([returns.beams.clockwise])
+    return quantum + head + angles
+
+
+def _angles(beams: Beams) -> bytes:
+    """Three numbers of each laser; five where any is turned, or passes the axis."""
+    rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
+    if beams.azimuths_deg or beams.sideways_mm:
+        none = (0.0,) * beams.lasers
+        rows += [beams.azimuths_deg or none, beams.sideways_mm or none]
+    return np.array(rows, "<f8").tobytes()
+
+
+def unpacked_beams(body: bytes, layout: Layout) -> Returns:
+    """Returns without turns, with the beams of `packed_beams`."""
+    reader = Reader(body)
+    quantum = reader.number() * _QUANTUM_UNIT_M
+    use, length = reader.take(2)
+    name = reader.take(length).decode("utf-8", "replace")
+    if use:
+        if use > len(_USES) or name not in sensor_names():
+            raise InputError(f"the stream is damaged, or of a sensor that is not known ({name!r})")
+        beams, sensor = _beams(name, use - 1), load_sensor(name).name
+        if zlib.crc32(_angles(beams)).to_bytes(4, "little") != reader.rest():
+            raise InputError(f"the stream was made with other laser angles of the sensor {name}")
+        return Returns(beams, layout, (), quantum, sensor)
+    clockwise = reader.take(1)[0] == 1
+    kept = reader.rest()
+    if len(kept) not in (24 * layout.lasers, 40 * layout.lasers):
+        raise InputError(DAMAGED)
+    angles = np.frombuffer(kept, "<f8").reshape(-1, layout.lasers)
+    if not np.isfinite(angles).all() or not quantum > 0:
+        raise InputError(DAMAGED)
+    elevations, heights, delays, *more = (tuple(row.tolist()) for row in angles)
+    beams = Beams(elevations, heights, delays, clockwise, *more)
+    return Returns(beams, layout, (), quantum, name)

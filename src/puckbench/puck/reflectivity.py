@@ -1,0 +1,249 @@
+"""Reflectivities of a turn: a byte of every firing, also of those that did not return."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.coding.binary_coder import BitCoder, exhausted
+from puckbench.core.compiling import compiled_in_place, inlined
+from puckbench.puck.experts import FINE, Experts, ask, begin, learn, new_experts, tell
+from puckbench.puck.least_squares import (
+    LeastSquares,
+    learn_target,
+    new_least_squares,
+    predicted,
+    solve,
+)
+from puckbench.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
+from puckbench.puck.numbers import halves
+from puckbench.puck.ranges import PAD
+
+_EXPERTS = 4
+_CONTEXTS = 9
+_FEW_CONTEXTS = 5
+"""Of a lean coder, which has no experts either."""
+_LEVELS = 12
+_FEATURES = 14
+_TREE = 256
+
+
+class ByteModel(NamedTuple):
+    """What the coder of reflectivities has learnt.
+
+    same, value: mixers of "as guessed" and of the bits of a byte. empty: of each laser, the byte of
+    its last firing without a return, plus 1. error: of each laser, in 1 / FINE. was_same: of each
+    laser, whether the last guesses were right.
+    """
+
+    same: Mixer
+    value: Mixer
+    starts: Ints
+    experts: Experts
+    linear: LeastSquares
+    empty: Ints
+    error: Ints
+    was_same: Ints
+    memory: Ints
+
+
+class Bytes(NamedTuple):
+    """Reflectivities of a turn and of the turn before: (PAD + columns, lasers) each.
+
+    values, then. held, then_held: the last value of a return of the laser. ranges: 0 where none
+    returned. guesses: 0, or what the value probably is, plus 1.
+    """
+
+    values: Words
+    held: Words
+    ranges: Words
+    then: Words
+    then_ranges: Words
+    guesses: Words
+
+
+def new_byte_model(bits: BitCoder, lasers: int, lean: bool = False) -> ByteModel:
+    """A coder that has learnt nothing.
+
+    A lean one mixes a few contexts alone: it takes a quarter of the time.
+    """
+    sizes = np.array([lasers * 2, 257, 257, 257, 32 * 33, 32 * 33, 256 * 5, 32 * 32, 16 * 33])
+    sizes *= _TREE
+    zeros = np.zeros(lasers, np.int64)
+    level = np.arange(_LEVELS) + 4
+    usual = (1 << level // 2) * (2 + level % 2) * 128
+    experts, contexts, sets = (0, _FEW_CONTEXTS, 1) if lean else (_EXPERTS, _CONTEXTS, 2)
+    return ByteModel(
+        new_mixer(bits, 0, 3, lasers * 32 + lasers * 16 + 1024, 16, 1, (14, 3, 160), [0.4] * 3),
+        new_mixer(bits, experts, contexts, int(sizes.sum()), _TREE + 9 * _LEVELS, sets,
+                  (14, 2, 160), [0.3 if lean else 0.2] * (experts + contexts)),
+        np.cumsum(sizes) - sizes,
+        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
+        new_least_squares(1, _FEATURES),
+        zeros, zeros + 8 * FINE, zeros.copy(),
+        np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
+def bytes_with_bits(model: ByteModel, bits: BitCoder) -> ByteModel:
+    """The model at the beginning of another stream."""
+    return model._replace(
+        same=model.same._replace(bits=bits), value=model.value._replace(bits=bits)
+    )
+
+
+@compiled_in_place
+def code_reflectivities(model: ByteModel, turn: Bytes, places: Ints) -> bool:
+    """Code a turn's reflectivities in place; whether a reader's stream was long enough."""
+    values, held = turn.values, turn.held
+    for c in range(PAD, len(values)):
+        for laser in range(values.shape[1]):
+            returned = turn.ranges[c, laser] > 0
+            guess = int(turn.guesses[c, laser])
+            if guess == 0 and not returned:
+                guess = int(model.empty[laser])
+            is_same = 0
+            if guess > 0:
+                is_same = _code_same(model, turn, c, laser, guess)
+            if is_same == 1:
+                values[c, laser] = guess - 1
+            else:
+                values[c, laser] = _code_byte(model, turn, c, laser, places[c - PAD], guess)
+            if returned:
+                held[c, laser] = values[c, laser] + 1
+            else:
+                held[c, laser] = held[c - 1, laser]
+                model.empty[laser] = values[c, laser] + 1
+        if exhausted(model.same.bits):
+            return False
+    return True
+
+
+@inlined
+def _code_same(model: ByteModel, turn: Bytes, c: int, laser: int, guess: int) -> int:
+    """Code whether a value is what was guessed."""
+    same = model.same
+    returned = 1 if turn.ranges[c, laser] > 0 else 0
+    west = 1 if turn.ranges[c - 1, laser] > 0 else 0
+    history = model.was_same[laser] & 7
+    lasers = turn.values.shape[1]
+    same.at[0] = laser * 32 + history * 4 + returned * 2 + west
+    same.at[1] = lasers * 32 + laser * 16 + history * 2 + returned
+    same.at[2] = lasers * 48 + (guess & 255) * 2 + returned
+    same.rows[0] = history * 2 + returned
+    bit = code_bit(same, 1 if turn.values[c, laser] == guess - 1 else 0, 0, 0)
+    model.was_same[laser] = model.was_same[laser] << 1 & 7 | bit
+    return bit
+
+
+@inlined
+def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess: int) -> int:
+    """Code a value bit by bit, the highest first."""
+    held, mixer, starts = turn.held, model.value, model.starts
+    west, west2 = int(held[c - 1, laser]), int(held[c - 2, laser])
+    below = int(held[c, laser - 1]) if laser > 0 else 0
+    then = 0
+    if t > 0 and turn.then_ranges[t, laser] > 0:
+        then = int(turn.then[t, laser]) + 1
+    returned = 1 if turn.ranges[c, laser] > 0 else 0
+    if len(mixer.contexts) < _CONTEXTS:
+        at = mixer.at
+        at[0] = starts[0] + (laser * 2 + returned) * _TREE
+        at[1] = starts[1] + west * _TREE
+        at[2] = starts[2] + then * _TREE
+        at[3] = starts[4] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((then + 7) >> 3) * _TREE
+        at[4] = starts[7] + ((max(west - 1, 0) >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
+        return _code_lean(mixer, int(turn.values[c, laser]))
+    _find_linear(model, turn, c, laser, t, west)
+    means = model.experts.means
+    first = predicted(model.linear, 0)
+    means[0] = max(FINE * max(west - 1, 0) + first, 1) if west > 0 else 0
+    means[1] = FINE * (then - 1) + 1 if then > 0 else 0
+    means[2] = FINE * (west - 1) + 1 if west > 0 else 0
+    means[3] = FINE * (guess - 1) + 1 if guess > 0 else 0
+    level = min(max(halves(model.error[laser]) - 4, 0), _LEVELS - 1)
+    begin(model.experts, level)
+    change = _change(turn, c, laser)
+    at = mixer.at
+    at[0] = starts[0] + (laser * 2 + returned) * _TREE
+    at[1] = starts[1] + west * _TREE
+    at[2] = starts[2] + then * _TREE
+    at[3] = starts[3] + below * _TREE
+    at[4] = starts[4] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((then + 7) >> 3) * _TREE
+    at[5] = starts[5] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((below + 7) >> 3) * _TREE
+    at[6] = starts[6] + (max(west - 1, 0) * 5 + change) * _TREE
+    at[7] = starts[7] + ((max(west - 1, 0) >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
+    at[8] = starts[8] + (level * 33 + min(max(means[0] // (8 * FINE), 0), 32)) * _TREE
+    node, low, high, depth = 1, 0, 256, 0
+    while high - low > 1:
+        middle = (low + high) >> 1
+        ask(model.experts, FINE * middle - FINE // 2, mixer.inputs)
+        mixer.rows[0] = node
+        mixer.rows[1] = _TREE + depth * _LEVELS + level
+        bit = code_bit(mixer, int(turn.values[c, laser] >= middle), node, 0)
+        tell(model.experts, bit)
+        low, high = (middle, high) if bit == 1 else (low, middle)
+        node, depth = 2 * node + bit, depth + 1
+    learn(model.experts, level, FINE * low, 6)
+    if returned == 1 and west > 0:
+        _learn_linear(model, FINE * (low - west + 1), first, laser)
+    return low
+
+
+@inlined
+def _code_lean(mixer: Mixer, value: int) -> int:
+    """Code a value bit by bit, by contexts alone."""
+    node = 1
+    for depth in range(7, -1, -1):
+        node = 2 * node + code_bit(mixer, value >> depth & 1, node, node)
+    return node - 256
+
+
+@inlined
+def _learn_linear(model: ByteModel, target: int, first: int, laser: int) -> None:
+    error = min(abs(target - first), 4000)
+    model.error[laser] += (error - model.error[laser]) >> 2
+    if error < 60 * FINE:
+        damp = max(halves(error) - 6, 0) >> 1
+        learn_target(model.linear, 0, target, damp, 11)
+        model.memory[0] += 1
+        if model.memory[0] % 8 == 0:
+            solve(model.linear, 0)
+
+
+@inlined
+def _change(turn: Bytes, c: int, laser: int) -> int:
+    """How the range changed from the column before: 0 unknown, to 4 a jump."""
+    now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
+    if now == 0 or before == 0:
+        return 0
+    change = abs(now - before)
+    return 1 if change < 4 else 2 if change < 10 else 3 if change < 40 else 4
+
+
+@inlined
+def _find_linear(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, west: int) -> None:
+    """Find differences to the laser's last value, that the prediction is linear in."""
+    x, held = model.linear.features, turn.held
+    for k in range(4):
+        x[k] = _difference(held[c - 2 - k, laser], west)
+    for k in range(4, _FEATURES):
+        x[k] = 0
+    if laser > 0:
+        x[4] = _difference(held[c, laser - 1], west)
+        x[5] = _difference(held[c - 1, laser - 1], west)
+    if laser + 1 < held.shape[1]:
+        x[6] = _difference(held[c - 1, laser + 1], west)
+    if t > 0:
+        for k in range(5):
+            if turn.then_ranges[t - 2 + k, laser] > 0:
+                x[7 + k] = _difference(turn.then[t - 2 + k, laser] + 1, west)
+        if laser > 0 and turn.then_ranges[t, laser - 1] > 0 and turn.ranges[c, laser - 1] > 0:
+            x[12] = _difference(held[c, laser - 1], turn.then[t, laser - 1] + 1)
+    x[13] = 4
+
+
+@inlined
+def _difference(later: int, earlier: int) -> int:
+    return FINE * min(max(later - earlier, -60), 60) if later > 0 and earlier > 0 else 0

@@ -1,0 +1,129 @@
+"""Second returns of beams that were asked for two: mostly the first ones again."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from puckbench.coding.binary_coder import BitCoder, exhausted
+from puckbench.core.compiling import compiled_in_place, inlined
+from puckbench.puck.experts import FINE, Experts, begin, learn, new_experts
+from puckbench.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
+from puckbench.puck.numbers import FARTHEST, NODES, code_number, halves
+from puckbench.puck.ranges import PAD
+
+_SAME_ROWS = 8
+_FIRST_SCALE = 60 * FINE * 256
+
+
+class SecondModel(NamedTuple):
+    """What the coder has learnt; other: of each laser, its last range that was not the first's."""
+
+    same: Mixer
+    value: Mixer
+    experts: Experts
+    other: Ints
+    step: int
+
+
+def new_second_model(bits: BitCoder, lasers: int, step: int) -> SecondModel:
+    """A coder that has learnt nothing."""
+    same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), [0.4] * 3)
+    value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), [0.3] * 4 + [0.2] * 2)
+    scales = np.full((4, 1), _FIRST_SCALE, np.int32)
+    return SecondModel(
+        same, value, new_experts(scales, len(scales)), np.zeros(lasers, np.int64), step
+    )
+
+
+def second_with_bits(model: SecondModel, bits: BitCoder) -> SecondModel:
+    """The model at the beginning of another stream."""
+    return model._replace(
+        same=model.same._replace(bits=bits), value=model.value._replace(bits=bits)
+    )
+
+
+@compiled_in_place
+def code_second(
+    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, places: Ints,
+    source: Words, source_first: Words,
+) -> bool:  # fmt: skip
+    """Code second ranges, given the first ones; whether a reader's stream was long enough.
+
+    All arrays (PAD + columns, lasers); 0 for no return. A writer codes `source`, whose first ranges
+    are `source_first`; in both directions `ranges` and `first` are what a reader has.
+    """
+    step = model.step
+    for c in range(PAD, len(ranges)):
+        for laser in range(ranges.shape[1]):
+            t = places[c - PAD]
+            is_same = 1 if source[c, laser] == source_first[c, laser] else 0
+            if _code_same(model, ranges, first, then, then_first, c, laser, t, is_same) == 1:
+                ranges[c, laser] = first[c, laser]
+                continue
+            number = (source[c, laser] + step // 2) // step + 1 if source[c, laser] > 0 else 0
+            number = _code_other(model, ranges, first, then, then_first, c, laser, t, number)
+            ranges[c, laser] = min(max((number - 1) * step, 1), FARTHEST) if number > 0 else 0
+            if number > 0:
+                model.other[laser] = ranges[c, laser]
+        if exhausted(model.same.bits):
+            return False
+    return True
+
+
+@inlined
+def _differs(ranges: Words, first: Words, row: int, laser: int) -> int:
+    return 1 if ranges[row, laser] != first[row, laser] else 0
+
+
+@inlined
+def _code_same(
+    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
+    laser: int, t: int, is_same: int,
+) -> int:  # fmt: skip
+    west = _differs(ranges, first, c - 1, laser) + 2 * _differs(ranges, first, c - 2, laser)
+    below, above, past = 0, 0, 0
+    if laser > 0:
+        below = _differs(ranges, first, c, laser - 1)
+    if laser + 1 < ranges.shape[1]:
+        above = _differs(ranges, first, c - 1, laser + 1)
+    if t > 0:
+        for k in range(3):
+            past += _differs(then, then_first, t - 1 + k, laser) << k
+    returned = 1 if first[c, laser] > 0 else 0
+    jump = min(halves(abs(first[c, laser] - first[c - 1, laser])), 31)
+    same, lasers = model.same, ranges.shape[1]
+    around = (west * 2 + below) * 2 + above
+    same.at[0] = (around * 8 + past) * 2 + returned
+    same.at[1] = 1024 + laser * 8 + returned * 4 + west
+    same.at[2] = 1024 + lasers * 8 + (jump * 2 + returned) * 2 + below
+    same.rows[0] = returned * 4 + min(west, 1) * 2 + below
+    return code_bit(same, is_same, 0, 0)
+
+
+@inlined
+def _code_other(
+    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
+    laser: int, t: int, number: int,
+) -> int:  # fmt: skip
+    """Code a range that is not the first's, as a number of steps plus 1; 0 for no return."""
+    means, step = model.experts.means, model.step
+    means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
+    means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0
+    means[2], means[3] = 0, 0
+    if t > 0 and _differs(then, then_first, t, laser) == 1:
+        means[2] = FINE * (then[t, laser] + step)
+    if laser > 0 and _differs(ranges, first, c, laser - 1) == 1:
+        means[3] = FINE * (ranges[c, laser - 1] + step)
+    begin(model.experts, 0)
+    m = model.value
+    known = (
+        int(means[1] > 0) + 2 * int(means[2] > 0) + 4 * int(means[3] > 0) + 8 * int(means[0] > 0)
+    )
+    m.at[0], m.at[1], m.rows[0] = 0, (1 + known) * NODES, 0
+    centre = 1
+    found = code_number(m, model.experts, number, centre, max(16 // step, 1), step)
+    if found > 0:
+        learn(model.experts, 0, FINE * step * found, 4)
+    return found

@@ -1,0 +1,114 @@
+"""The kit of conformance streams, on decoders that are right, wrong, absent or end badly."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.gpcc.conformance import conformance_streams, digest, program, verdicts
+
+STREAMS = conformance_streams()
+SMALL = [stream for stream in STREAMS if stream.name in {"one_ctc", "spin_one", "trees_two"}]
+
+
+def test_every_stream_is_listed_and_there() -> None:
+    files = {path.stem for path in STREAMS[0].path.parent.glob("*.bin")}
+    assert {stream.name for stream in STREAMS} == files
+    kinds = {stream.name: stream.tools for stream in STREAMS}
+    assert kinds["one_ctc"] == "octree"
+    assert kinds["spin"] == "angular octree"
+    assert kinds["trees_two"] == "trees"
+    assert kinds["turn_0"] == "angular trees"
+
+
+def test_the_digest_does_not_depend_on_the_order() -> None:
+    points = np.array([[1.0, 2, 3], [-0.0, 5, 6], [0, 4, 6]])
+    assert digest(points) == digest(points[[2, 0, 1]])
+    assert digest(points) != digest(points + 1)
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome", "why"),
+    [
+        (
+            "import shutil, sys; shutil.copy(sys.argv[1] + '.none', sys.argv[2])",
+            "refused",
+            "status",
+        ),
+        ("print('no such tool'); raise SystemExit('later lines count')", "refused", "later lines"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "failed", "signal 9"),
+        ("pass", "refused", "points.ply"),
+        (
+            "import sys; open(sys.argv[2], 'w').write('ply\\nformat ascii 1.0\\nelement vertex '"
+            "'1\\nproperty float x\\nproperty float y\\nproperty float z\\nend_header\\n1 2 3\\n')",
+            "failed",
+            "other points",
+        ),
+    ],
+)
+def test_a_program_is_judged_by_what_it_writes(code: str, outcome: str, why: str) -> None:
+    command = f'{sys.executable} -c "{code}" {{stream}} {{points}}'
+    (verdict,) = verdicts(program(command), SMALL[:1])
+    assert verdict.outcome == outcome
+    assert why in verdict.why
+
+
+def test_a_program_that_is_not_there_is_said_so() -> None:
+    with pytest.raises(InputError, match="no codec and no program 'nowhere'"):
+        program("nowhere")
+
+
+def test_our_decoder_passes_but_for_the_tools_that_it_does_not_have(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["conformance", "gpcc", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["failed"] == 0
+    assert answer["streams"] == len(STREAMS) == answer["decoded"] + answer["refused"]
+    refused = {name for name, row in answer["not decoded"].items() if row["outcome"] == "refused"}
+    assert refused == {"bytewise_minimal", "trisoup", "quantised_in_loop"}
+
+
+def test_a_decoder_that_is_wrong_gives_status_1(capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = f'{sys.executable} -c "import os; os.abort()" {{stream}} {{points}}'
+    assert main(["conformance", wrong, "--tools", "angular trees"]) == 1
+    assert "failed" in capsys.readouterr().out
+
+
+def test_a_manifest_may_be_a_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = []
+    for stream, wrong in zip(SMALL, ("", "", "0"), strict=True):
+        shutil.copy(stream.path, tmp_path / f"my.{stream.name}.bin")
+        rows.append(
+            {
+                "name": f"my.{stream.name}",
+                "options": list(stream.options),
+                "points_in": 7,
+                "points_out": stream.points,
+                "decoded_sorted_float64_sha256": wrong or stream.digest,
+            }
+        )
+    (tmp_path / "manifest.json").write_text(json.dumps(rows))
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path), "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["streams"], answer["decoded"], answer["failed"]) == (3, 2, 1)
+    assert answer["not decoded"]["my.trees_two"]["why"] == "other points"
+    assert answer["not decoded"]["my.trees_two"]["tools"] == "trees"
+    del rows[0]["decoded_sorted_float64_sha256"]
+    (tmp_path / "manifest.json").write_text(json.dumps(rows))
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path)]) == 2
+    assert "not a manifest of streams" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_manifest_is_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path)]) == 2
+    assert "manifest.json" in capsys.readouterr().err
+    (tmp_path / "manifest.json").write_text('{"a": {}}')
+    assert main(["conformance", "gpcc", "--streams", str(tmp_path)]) == 2

@@ -1,0 +1,167 @@
+"""Learned codecs on a CUDA device: its code is run here on the CPU, and on CUDA where there is one.
+
+What runs on a device is the models' own layers by PyTorch's functions, whatever the device is.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from benchmarks.performance import gpu
+from scipy.spatial import cKDTree
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
+from puckbench.learned.octree_net import coder as octree_coder
+from puckbench.learned.octree_net.device_inference import DeviceNetwork
+from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
+from puckbench.learned.pcgcv1.device_inference import DeviceInference
+from puckbench.learned.pcgcv2.coder import Coder
+from tests.support.learned_codecs import changes, save_tiny, shell
+
+CODECS = ("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus", "sparse_octree_net")
+SHIPPED = ("pcgcv1_plus", "pcgcv2_plus", "pcgcv2_plus_rooms", "sparse_octree_net")
+"""Codecs whose weights come with the program."""
+cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("weights")
+    for codec in CODECS:
+        save_tiny(codec, path / f"{codec}.safetensors")
+    return path
+
+
+@pytest.fixture
+def opened(folder: Path) -> Callable[..., Codec]:
+    def open_one(name: str, **options: object) -> Codec:
+        return open_codec(name, changes(name, folder / f"{name}.safetensors", **options))
+
+    return open_one
+
+
+@pytest.fixture
+def own_layers(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Take the code of a device for codecs that are opened from then on, on the CPU."""
+
+    def take() -> None:
+        monkeypatch.setattr(octree_coder, "network_of", DeviceNetwork)
+        monkeypatch.setattr(Coder, "_on_cpu", lambda _: False)
+        monkeypatch.setattr(pcgcv1_weights, "Inference", DeviceInference)
+
+    return take
+
+
+def _alike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether as many points lie where the other has one; few voxels are chosen by rounding."""
+    near, _ = cKDTree(other).query(one)
+    return len(one) == len(other) and bool(np.quantile(near, 0.98) < 0.01)
+
+
+def _check_alike(
+    name: str, stream: bytes, again: bytes, expected: np.ndarray, decoded: np.ndarray
+) -> None:
+    """That two ways of computing give the same stream and points, but for roundings."""
+    found = np.unique(decoded, axis=0)
+    if name == "sparse_octree_net":  # exact on every device
+        assert again == stream
+        assert np.array_equal(found, expected)
+    else:  # sums are rounded in another order
+        assert abs(len(again) - len(stream)) <= max(2, 0.01 * len(stream))
+        assert _alike(found, expected)
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_the_models_own_layers_code_as_the_fused_ones_do(
+    name: str, opened: Callable[..., Codec], own_layers: Callable[[], None]
+) -> None:
+    points, fused = 40 + shell(), opened(name)
+    streams = [fused.encode(points, rate) for rate in fused.rates]
+    decoded = [np.unique(fused.decode(stream), axis=0) for stream in streams]
+    own_layers()
+    other = opened(name)
+    for stream, expected, rate in zip(streams, decoded, other.rates, strict=True):
+        _check_alike(name, stream, other.encode(points, rate), expected, other.decode(stream))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_weights_code_by_the_models_own_layers(
+    name: str, own_layers: Callable[[], None]
+) -> None:
+    """At the lowest and the highest rate; the streams of either decode to the same surface."""
+    points, fused = 40 + shell(), open_codec(name)
+    rates = [next(iter(fused.rates)), list(fused.rates)[-1]]
+    streams = [fused.encode(points, rate) for rate in rates]
+    decoded = [np.unique(fused.decode(stream), axis=0) for stream in streams]
+    own_layers()
+    other = open_codec(name)
+    for stream, expected, rate in zip(streams, decoded, rates, strict=True):
+        _check_alike(name, stream, other.encode(points, rate), expected, other.decode(stream))
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
+@pytest.mark.parametrize("name", CODECS)
+def test_where_there_is_no_cuda_the_codec_says_so(name: str, opened: Callable[..., Codec]) -> None:
+    codec = opened(name, device="cuda")
+    assert codec.available() == (False, "device cuda: PyTorch finds no CUDA device here")
+    with pytest.raises(InputError, match="no CUDA device"):
+        codec.encode(40 + shell(), "r1")
+
+
+@cuda
+@pytest.mark.parametrize("name", CODECS)
+def test_streams_decode_on_either_side(name: str, opened: Callable[..., Codec]) -> None:
+    points, here, there = 40 + shell(), opened(name), opened(name, device="cuda")
+    for rate in here.rates:
+        stream, again = here.encode(points, rate), there.encode(points, rate)
+        for made in (stream, again):
+            one, other = (np.unique(codec.decode(made), axis=0) for codec in (here, there))
+            if name == "sparse_octree_net":
+                assert stream == again
+                assert np.array_equal(one, other)
+            else:
+                assert _alike(one, other)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
+def test_the_benchmark_of_a_gpu_says_in_one_line_that_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["gpu"])
+    with pytest.raises(SystemExit) as ended:
+        gpu.main()
+    assert ended.value.code == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "device cuda: PyTorch finds no CUDA device here\n")
+
+
+def test_the_benchmark_of_a_gpu_compares_both_sides(
+    opened: Callable[..., Codec], own_layers: Callable[[], None]
+) -> None:
+    """Its lines, with the code of a device on the CPU in the place of the device."""
+    points, here = 40 + shell(), opened("sparse_octree_net")
+    own_layers()
+    there = opened("sparse_octree_net")
+    found = list(gpu.lines(here, there, "shell", points, repeats=1))
+    assert [line[:3] for line in found] == [
+        ["sparse_octree_net", "shell", rate] for rate in here.rates
+    ]
+    for line, rate in zip(found, here.rates, strict=True):
+        assert len(line) == len(gpu.HEADS)
+        assert line[3] == line[4] == str(len(here.encode(points, rate)))
+        assert line[9:] == ["same", "same"]
+
+
+def test_points_that_a_device_lacks_are_counted() -> None:
+    points = np.arange(12.0).reshape(4, 3)
+    assert gpu.agreement(points, points[::-1]) == "same"
+    assert gpu.agreement(points, points[:3]) == "75.00%"
+    moved = points + np.array([[0], [0], [0], [1]])
+    assert gpu.agreement(points, moved) == "75.00%"
