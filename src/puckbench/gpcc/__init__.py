@@ -1,7 +1,18 @@
-"""G-PCC geometry (ISO/IEC 23090-9, first edition): octree coding that TMC13 reads and writes.
+"""G-PCC geometry (ISO/IEC 23090-9): octree and predictive coding that TMC13 reads and writes.
 
-`coder` encodes and decodes whole streams, `lossless` codes voxels for other codecs; below them are
-`slices` (geometry data units), `octree` (levels, with `planar`, `idcm`, `neighbours` and
-`occupancy`), `arithmetic` (entropy coder) and `syntax` (parameter sets and headers). Names are the
-standard's, or those of its reference software TMC13 release-v14.0.
+Names are those of the standard and of its reference software, TMC13 release-v14.0.
 """
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.gpcc.coder import DecodedGeometry as DecodedGeometry
+    from puckbench.gpcc.coder import decode_geometry as decode_geometry
+    from puckbench.gpcc.coder import encode_geometry as encode_geometry
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    coder=("DecodedGeometry", "decode_geometry", "encode_geometry"),
+)
