@@ -13,7 +13,6 @@ import pytest
 
 from puckbench.planning.config import checked, read_config
 from puckbench.planning.plan import Plan
-from puckbench.planning.roles import verdict_options
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import (
     FAILS,
@@ -27,6 +26,7 @@ from puckbench.thesis.claims.parts import (
 )
 from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.claims.table import claims, thesis_evidence
+from puckbench.thesis.representatives import verdict_options
 
 ROOT = Path(__file__).parents[2]
 

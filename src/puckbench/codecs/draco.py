@@ -126,5 +126,4 @@ class Draco(DracoCodec):
     marker = "o"
     rank = 0
     rates = DRACO_RATES
-    thesis_role = "draco"
     keeps_order = False

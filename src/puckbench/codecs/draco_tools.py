@@ -37,7 +37,6 @@ class DracoCli(ExternalCodec):
     Options = DracoToolOptions
     options: DracoToolOptions
     magic = b"DRACO"
-    thesis_role = "draco"
 
     @property
     def programs(self) -> tuple[str, ...]:

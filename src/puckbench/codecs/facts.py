@@ -128,11 +128,6 @@ class CodecFacts:
         """Whether rates are steps of a scaled cloud's grid: not where an option `unit` is given."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
-    @property
-    def thesis_role(self) -> str:
-        """Which of the thesis's codecs it is (see `puckbench.thesis.claims.roles`), if any."""
-        return ""
-
     def weights_of(self, rate: str) -> str:
         """Which trained weights code at a rate, for the results table; most codecs have none."""
         return ""

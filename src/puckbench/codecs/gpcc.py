@@ -90,11 +90,6 @@ class GridCodec(Codec):
         self.grid = self.options.step / finest
         self.shifts_far_clouds = not self.options.raw
 
-    @property
-    def thesis_role(self) -> str:
-        """G-PCC as the thesis ran it where coordinates are truncated, else G-PCC."""
-        return "gpcc_as_run" if self.options.rounding == "truncate" else "gpcc"
-
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return self._encoded(points, parameters)
 

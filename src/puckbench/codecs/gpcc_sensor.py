@@ -17,11 +17,6 @@ class SensorCodec(OwnCodec):
 
     takes: ClassVar[Takes] = "either"
 
-    @property
-    def thesis_role(self) -> str:
-        """None: the thesis ran octrees alone, without a sensor."""
-        return ""
-
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
         """Code a spinning sensor's returns at a named rate; InputError as for `encode`."""
         parameters, points = self.parameters_of(rate), returns.points()

@@ -79,11 +79,6 @@ class GpccNoSensor(Gpcc):
     Options = NoSensorOptions
     options: NoSensorOptions
 
-    @property
-    def thesis_role(self) -> str:
-        """None: the thesis ran other options."""
-        return ""
-
     def _options(self, parameters: Parameters) -> GpccOptions:
         lossy = {"inferred_direct_coding_mode": 1} if self._loses(parameters) else {}
         merged = {"merge_duplicates": self._merges(parameters)}

@@ -250,7 +250,6 @@ class Improved(LearnedByLambda[R]):
 
     options: ImprovedOptions
     pace = Pace(0.3, 16.0)
-    thesis_role = ""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)

@@ -65,7 +65,6 @@ class Pcgcv1(LearnedByLambda["Weights"]):
     options: Pcgcv1Options
     magic = b"PCG1"
     training = "puckbench.learned.pcgcv1.training_settings:Training"
-    thesis_role = "pcgcv1"
     version = "PCGCv1, stream version 4"
     network = PCGCV1
 

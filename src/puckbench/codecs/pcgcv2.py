@@ -56,7 +56,6 @@ class Pcgcv2(LearnedByLambda["Weights"]):
     }
     magic = b"PCG2"
     training = "puckbench.learned.pcgcv2.training_settings:Training"
-    thesis_role = "pcgcv2"
     version = "PCGCv2, stream version 6"
     network = PCGCV2
     grid = 1.0

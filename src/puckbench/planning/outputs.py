@@ -44,10 +44,10 @@ from puckbench.planning.coding import CodingJobs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
-from puckbench.planning.roles import codec_roles, verdict_options
 from puckbench.report.contents import Contents, add_own
 from puckbench.report.page import assets_version
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
+from puckbench.thesis.representatives import codec_roles, verdict_options
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Drawn as soon as the first codec is through."""

@@ -1,0 +1,131 @@
+"""Which data sets and codecs of a run represent those of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.draco import Draco
+from puckbench.codecs.draco_tools import DracoCli
+from puckbench.codecs.gpcc import Gpcc
+from puckbench.codecs.gpcc_variants import GpccNoSensor
+from puckbench.codecs.pcgcv1 import Pcgcv1
+from puckbench.codecs.pcgcv2 import Pcgcv2
+from puckbench.codecs.registry import open_codec
+from puckbench.codecs.tmc13 import Tmc13
+from puckbench.thesis.claims.roles import (
+    DRACO,
+    GPCC,
+    GPCC_AS_RUN,
+    PCGCV1,
+    PCGCV2,
+    RATES,
+    SAMPLED,
+)
+from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
+
+if TYPE_CHECKING:
+    from puckbench.planning.config import DataSetConfig
+    from puckbench.planning.plan import Plan, ScenePlan
+
+
+_CLASSES: dict[str, tuple[type[Codec], ...]] = {
+    DRACO: (Draco, DracoCli),
+    PCGCV1: (Pcgcv1,),
+    PCGCV2: (Pcgcv2,),
+}
+
+
+def dataset_roles(plan: Plan) -> dict[str, str]:
+    """Return the role of each data set that is like one of the thesis's.
+
+    A scan is clean where its error model is ``none``, else noisy. Recorded clouds are rooms.
+    Sampled clouds are rooms too where another data set scans the same scenes, else objects.
+    Clouds in metres have no role.
+    """
+    sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
+    scaled = {
+        name: data.settings for name, data in plan.datasets.items() if not data.settings.is_metric
+    }
+    scanned = [sources[name] for name, settings in scaled.items() if settings.is_scan]
+    return {
+        name: _dataset_role(settings, sources[name] in scanned) for name, settings in scaled.items()
+    }
+
+
+def _source(scenes: ScenePlan) -> tuple[str, int, dict[str, Any]]:
+    return scenes.loader, scenes.seed, scenes.options
+
+
+def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
+    if settings.is_scan:
+        return CLEAN if settings.errors == "none" else NOISY
+    if settings.make == "cloud":
+        return ROOMS
+    return SAMPLED if is_scanned else OBJECTS
+
+
+def codec_role(codec: Codec) -> str:
+    """Return which of the thesis's codecs a codec is; empty if it is none of them.
+
+    G-PCC means its octree alone: without a sensor, and without the options of spinning sensors.
+    The thesis ran it on truncated coordinates (`GPCC_AS_RUN`); rounded to the nearest, it is
+    `GPCC`. A codec that changes another one (`Codec.based_on`) has no role.
+    """
+    if codec.based_on or isinstance(codec, GpccNoSensor):
+        return ""
+    if isinstance(codec, (Gpcc, Tmc13)):
+        return GPCC_AS_RUN if codec.options.rounding == "truncate" else GPCC
+    return next((role for role, classes in _CLASSES.items() if isinstance(codec, classes)), "")
+
+
+def codec_roles(plan: Plan) -> dict[str, str]:
+    """Return for each role the first codec of a plan that has it."""
+    return _first({name: codec_role(codec) for name, codec in plan.opened.items()})
+
+
+def stand_in_roles(plan: Plan) -> dict[str, str]:
+    """Return for each role the first codec that is based on the codec of this role."""
+    bases = {name: codec.based_on for name, codec in plan.opened.items()}
+    return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
+
+
+def _first(roles: Mapping[str, str]) -> dict[str, str]:
+    """Return for each role the first name that has it; some names have none."""
+    names: dict[str, str] = {}
+    for name, role in roles.items():
+        if role:
+            names.setdefault(role, name)
+    return names
+
+
+def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
+    """Return the options of the tables that compare a run with the thesis, by the table's name.
+
+    A table is left out where the plan has nothing to compare: ``claims`` needs a data set like one
+    of the thesis's or a sensor study, ``gpcc_scales`` also G-PCC, and ``thesis_medians`` a codec
+    with a rate of the thesis's name.
+    """
+    datasets, codecs, scales = dataset_roles(plan), codec_roles(plan), grid_scales(plan)
+    roles = {"datasets": datasets, "codecs": codecs}
+    if plan.datasets and not datasets and plan.study is None:
+        return {}
+    options: dict[str, dict[str, Any]] = {"claims": {**roles, "stand_ins": stand_in_roles(plan)}}
+    if datasets and scales:
+        gpcc = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
+        options["gpcc_scales"] = {"codecs": gpcc, "scales": scales}
+    if datasets and any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
+        options["thesis_medians"] = roles
+    return options
+
+
+def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
+    """Return the scale of each rate of each G-PCC codec that codes a data set with a role."""
+    return {
+        name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
+        for name, codec in plan.opened.items()
+        if codec_role(codec) in (GPCC, GPCC_AS_RUN)
+        and all("scale" in values for values in codec.rates.values())
+        and any(plan.codes(name, dataset) for dataset in dataset_roles(plan))
+    }
