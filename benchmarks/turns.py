@@ -11,7 +11,7 @@ import numpy as np
 
 from puckbench.core.seeding import generator
 from puckbench.geometry.morton import Ints
-from puckbench.gpcc.sensor import SensorDescription, described
+from puckbench.gpcc.sensor import SensorDescription, describe_sensor
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings import read_recording
 from puckbench.lidar.returns import Beams
@@ -44,7 +44,7 @@ def virtual_turn(
     x, y, z = position.tolist()
     steps = round(360 / (step_deg or sensor.azimuth_step_deg))
     beams = Beams.of(sensor, is_virtual=True)
-    return Turn(f"virtual {name}", points, described(beams, UNIT_M, steps, (x, y, z)))
+    return Turn(f"virtual {name}", points, describe_sensor(beams, UNIT_M, steps, (x, y, z)))
 
 
 def recorded_turns(path: Path) -> Iterator[Turn]:
@@ -52,7 +52,7 @@ def recorded_turns(path: Path) -> Iterator[Turn]:
     table = read_recording(path)
     points = np.stack([table[axis] for axis in "xyz"], axis=1)
     hertz = 1 / np.median(np.diff([table["timestamp"][table["turn"] == t][0] for t in (1, 2, 3)]))
-    sensor = described(Beams.of(load_sensor("vlp16")), UNIT_M, round(1e6 / 55.296 / hertz))
+    sensor = describe_sensor(Beams.of(load_sensor("vlp16")), UNIT_M, round(1e6 / 55.296 / hertz))
     for number in range(1, int(table["turn"].max())):
         chosen = (table["turn"] == number) & (table["return_kind"] % 2 == 0)
         grid = np.rint(points[chosen] / UNIT_M).astype(np.int64)
@@ -64,7 +64,7 @@ def odd_turns() -> Iterator[Turn]:
     random = np.random.default_rng(0)
     data_sheet = load_sensor("hdl32e")
     steps = round(360 / data_sheet.azimuth_step_deg)
-    sensor = described(Beams.of(data_sheet), UNIT_M, steps)
+    sensor = describe_sensor(Beams.of(data_sheet), UNIT_M, steps)
     one = SensorDescription((0.1,), (30.0,), 900, (40, -30, 10))
     two = SensorDescription((0.2, -0.1), (0.0, 5.0), 360)
     cube = random.integers(-3000, 3000, (3000, 3))

@@ -32,7 +32,7 @@ from benchmarks.tmc3 import (
 from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
 
 from puckbench.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.gpcc.grid import Frame, quantised
+from puckbench.gpcc.grid import InputGrid, quantise
 from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.gpcc.sensor import SensorDescription
 
@@ -103,7 +103,7 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     x, y, z = (int(place * scale) for place in sensor.position)
     heights = tuple(height * scale for height in sensor.height)
     here = SensorDescription(sensor.tan_elevation, heights, sensor.steps_per_turn, (x, y, z))
-    positions, origin = quantised(points, Frame(), scale, "truncate")
+    positions, origin = quantise(points, InputGrid(), scale, "truncate")
     mine = encode_geometry(positions, options, scale, origin.tolist(), here)
     wanted = reference.decode(theirs)
     faults = {

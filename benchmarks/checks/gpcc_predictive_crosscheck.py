@@ -33,7 +33,7 @@ from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_t
 
 from puckbench.core.errors import InputError
 from puckbench.gpcc.coder import decode_geometry
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from puckbench.gpcc.sensor import SensorDescription
 
 AS_TMC3: dict[str, Any] = {"slice_qp_interval_log2": 0}
@@ -116,7 +116,7 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     if sensor is None:  # the reference orders by azimuth around the origin of the coordinates
         points -= turn.sensor.position
     theirs = reference.encode(points, tmc3_options(options, sensor))
-    mine = encode_predictive(points.astype(np.int64), options, sensor)
+    mine = encode_predictive_geometry(points.astype(np.int64), options, sensor=sensor)
     ours = decode_geometry(mine).positions()
     faults = {
         "TMC3 decodes ours otherwise": differ(reference.decode(mine), ours),

@@ -23,7 +23,7 @@ from benchmarks.turns import Turn, virtual_turn
 
 from puckbench.geometry.cloud import Floats
 from puckbench.gpcc.coder import decode_geometry
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 
 MOST = 1 << 24
 LEAST = 0.001
@@ -57,7 +57,7 @@ def row(reference: Reference, turn: Turn, mode: str, repeats: int) -> str:
     options = PredictiveOptions(**MODES[mode], tree_max_points=MOST, slice_max_points=MOST)
     sensor = turn.sensor if "sensor" in mode else None
     points, words = turn.points.astype(np.float64), {**tmc3_options(options, sensor), **WHOLE}
-    mine = encode_predictive(turn.points, options, sensor)
+    mine = encode_predictive_geometry(turn.points, options, sensor=sensor)
     decode_geometry(mine)
     theirs, ours = np.full((2, 2, 2), np.inf)
     for _ in range(repeats):
@@ -65,7 +65,9 @@ def row(reference: Reference, turn: Turn, mode: str, repeats: int) -> str:
         least(theirs, 0, printed(reference))
         reference.decode(stream)
         least(theirs, 1, printed(reference))
-        least(ours, 0, timed(lambda: encode_predictive(turn.points, options, sensor)))
+        least(
+            ours, 0, timed(lambda: encode_predictive_geometry(turn.points, options, sensor=sensor))
+        )
         least(ours, 1, timed(lambda: decode_geometry(mine).positions()))
     pairs = zip(theirs.flat, ours.flat, strict=True)
     times = [f"{a:.3f} / {b:.3f} ({b / max(a, LEAST):.2f})" for a, b in pairs]

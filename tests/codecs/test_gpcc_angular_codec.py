@@ -6,7 +6,7 @@ import pytest
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.gpcc.container import unpacked
+from puckbench.gpcc.container import unwrap
 from puckbench.gpcc.options import PROFILES
 from puckbench.gpcc.sensor import SensorDescription
 from tests.support.returns import EXAMPLES, recorded
@@ -66,7 +66,7 @@ def test_a_stream_is_one_that_gpcc_decodes() -> None:
     returns = recorded(60)
     stream = open_codec("gpcc_angular").encode_returns(returns, "2mm")
     assert np.array_equal(
-        decode_geometry(unpacked(stream).stream).positions() * 0.002,
+        decode_geometry(unwrap(stream).stream).positions() * 0.002,
         open_codec("gpcc").decode(stream),
     )
 

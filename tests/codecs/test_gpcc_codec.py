@@ -8,7 +8,7 @@ from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 from puckbench.gpcc import syntax
 from puckbench.gpcc.bits import Reader
-from puckbench.gpcc.container import MAGIC, unpacked
+from puckbench.gpcc.container import MAGIC, unwrap
 
 SCALES = {"r": {"scale": 1.0}, "half": {"scale": 0.5}, "odd": {"scale": 0.7}, "fine": {"scale": 4}}
 
@@ -122,7 +122,7 @@ def test_faults_of_options_are_one_line(options: dict[str, Any], fault: str) -> 
 def test_without_a_sensor_options_are_those_of_papers_on_lidar(rate: str, direct: int) -> None:
     """As in SparsePCGC's and OctAttention's kitti.cfg with loss, in Unicorn's ford.cfg without."""
     stream = open_codec("gpcc_no_sensor").encode(_cloud() / 100, rate)
-    units = dict(syntax.payloads(unpacked(stream).stream))
+    units = dict(syntax.payloads(unwrap(stream).stream))
     gps = syntax.GeometryParameterSet()
     syntax.geometry_parameter_set(Reader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
     assert gps.inferred_direct_coding_mode == direct

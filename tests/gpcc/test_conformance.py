@@ -10,7 +10,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
-from puckbench.gpcc.conformance import conformance_streams, digest, program, verdicts
+from puckbench.gpcc.conformance import conformance_streams, digest, program_decoder, verdicts
 
 STREAMS = conformance_streams()
 SMALL = [stream for stream in STREAMS if stream.name in {"one_ctc", "spin_one", "trees_two"}]
@@ -53,14 +53,14 @@ def test_the_digest_does_not_depend_on_the_order() -> None:
 )
 def test_a_program_is_judged_by_what_it_writes(code: str, outcome: str, why: str) -> None:
     command = f'{sys.executable} -c "{code}" {{stream}} {{points}}'
-    (verdict,) = verdicts(program(command), SMALL[:1])
+    (verdict,) = verdicts(program_decoder(command), SMALL[:1])
     assert verdict.outcome == outcome
     assert why in verdict.why
 
 
 def test_a_program_that_is_not_there_is_said_so() -> None:
     with pytest.raises(InputError, match="no codec and no program 'nowhere'"):
-        program("nowhere")
+        program_decoder("nowhere")
 
 
 def test_our_decoder_passes_but_for_the_tools_that_it_does_not_have(

@@ -16,7 +16,7 @@ from puckbench.gpcc.coder import decode_geometry
 from puckbench.gpcc.conformance import FOLDER
 from puckbench.gpcc.prediction_search import add_position, empty_search, nearest
 from puckbench.gpcc.prediction_tree import nearest_tree
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.spherical import Sphere, cartesian, cosine, sine, spherical
 from tests.support.small_turn import SENSOR, small_turn
@@ -72,7 +72,7 @@ def test_encoding_gives_the_bytes_of_tmc13(name: str) -> None:
     sensor = {"turn": SENSOR, "turn_one_laser": ONE_LASER}.get(
         name if name == "turn_one_laser" else name.partition("_")[0]
     )
-    stream = encode_predictive(_source(name), options, sensor)
+    stream = encode_predictive_geometry(_source(name), options, sensor=sensor)
     assert stream == (FOLDER / f"{name}.bin").read_bytes()
 
 
@@ -80,7 +80,7 @@ def test_trees_that_the_reference_reads_otherwise_than_it_writes_come_back() -> 
     """Here TMC13's own options have a QP for each slice, or it cuts slices where we do not."""
     points = _points("turn_0")
     for changes in ({"slice_max_points": 500}, {"base_qp": 0, "qp_multiplier_log2": 2}):
-        stream = encode_predictive(points, PredictiveOptions(**changes), SENSOR)
+        stream = encode_predictive_geometry(points, PredictiveOptions(**changes), sensor=SENSOR)
         decoded = decode_geometry(stream)
         assert _sorted(decoded.positions()) == _sorted(points)
 
@@ -100,21 +100,25 @@ CUBE = np.random.default_rng(1).integers(-9, 10, (400, 3))
     ids=["cube", "one", "repeated", "line", "wide"],
 )
 def test_points_come_back(points: np.ndarray, order: Any, sensor: Any) -> None:
-    stream = encode_predictive(points, PredictiveOptions(order=order), sensor, origin=(5, -6, 7))
+    stream = encode_predictive_geometry(
+        points, PredictiveOptions(order=order), sensor=sensor, origin=(5, -6, 7)
+    )
     decoded = decode_geometry(stream)
     assert _sorted(decoded.positions()) == _sorted(points + np.array([5, -6, 7]))
 
 
 def test_equal_points_can_be_merged() -> None:
     points = np.repeat(CUBE, 3, axis=0)
-    stream = encode_predictive(points, PredictiveOptions(merge_duplicates=True), SENSOR)
+    stream = encode_predictive_geometry(
+        points, PredictiveOptions(merge_duplicates=True), sensor=SENSOR
+    )
     assert len(decode_geometry(stream).points) == len(np.unique(CUBE, axis=0))
 
 
 def test_a_sensor_saves_a_third_of_the_bits() -> None:
     points = _points("turn_0")
     plain, angular = (
-        len(encode_predictive(points, PredictiveOptions(), s)) for s in (None, SENSOR)
+        len(encode_predictive_geometry(points, sensor=sensor)) for sensor in (None, SENSOR)
     )
     assert angular < 0.67 * plain
 
@@ -123,7 +127,9 @@ def test_coarser_steps_of_radius_and_azimuth_stay_near() -> None:
     points = _points("turn_0")
     sizes, worst = [], []
     for radius, azimuth in ((1, 12), (4, 9), (8, 7)):
-        stream = encode_predictive(points, PredictiveOptions(**_lossy(radius, azimuth)), SENSOR)
+        stream = encode_predictive_geometry(
+            points, PredictiveOptions(**_lossy(radius, azimuth)), sensor=SENSOR
+        )
         decoded = decode_geometry(stream).positions()
         off = np.abs(decoded[:, None] - points[None]).max(axis=2).min(axis=1)
         sizes.append(len(stream))
@@ -215,19 +221,19 @@ def test_spherical_coordinates_lead_back_to_the_point() -> None:
 )
 def test_what_cannot_be_coded_is_refused(points: np.ndarray, sensor: Any, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        encode_predictive(points, PredictiveOptions(), sensor)
+        encode_predictive_geometry(points, PredictiveOptions(), sensor=sensor)
 
 
 def test_residuals_wider_than_expected_are_given_more_bits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(predictive_coder, "_residual_bits", lambda *_: (1, 0, 0))
-    stream = encode_predictive(CUBE, PredictiveOptions(), SENSOR)
+    stream = encode_predictive_geometry(CUBE, PredictiveOptions(), sensor=SENSOR)
     assert _sorted(decode_geometry(stream).positions()) == _sorted(CUBE)
 
 
 def test_many_small_slices_take_little_time_each() -> None:
-    stream = encode_predictive(CUBE[:1], PredictiveOptions(), SENSOR)
+    stream = encode_predictive_geometry(CUBE[:1], PredictiveOptions(), sensor=SENSOR)
     units = [syntax.encapsulate(*unit) for unit in syntax.payloads(stream)]
     assert len(decode_geometry(b"".join(units[:-1]) + units[-1] * 1000).points) == 1000
     with pytest.raises(InputError, match="more than 16384 octree levels"):
@@ -243,7 +249,7 @@ def test_many_small_slices_take_little_time_each() -> None:
     ],
 )
 def test_fields_beyond_what_can_be_computed_are_refused(field: str, value: int, said: str) -> None:
-    stream = encode_predictive(CUBE, PredictiveOptions(base_qp=8), SENSOR)
+    stream = encode_predictive_geometry(CUBE, PredictiveOptions(base_qp=8), sensor=SENSOR)
     units = dict(syntax.payloads(stream))
     gps = syntax.GeometryParameterSet()
     syntax.geometry_parameter_set(Reader(units[1]), gps)

@@ -6,7 +6,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.gpcc.coder import encode_geometry
 from puckbench.gpcc.options import PROFILES, SPINNING
-from puckbench.gpcc.sensor import SensorDescription, described
+from puckbench.gpcc.sensor import SensorDescription, describe_sensor
 from puckbench.gpcc.syntax import Laser
 from puckbench.lidar.returns import Beams
 from puckbench.lidar.sensor import load_sensor
@@ -29,12 +29,12 @@ def test_lasers_are_those_that_tmc13_writes() -> None:
 
 def test_a_data_sheet_gives_the_same_lasers_upwards() -> None:
     beams = Beams.of(load_sensor("vlp16"))
-    lasers = described(beams, 0.001, 3600).lasers()
+    lasers = describe_sensor(beams, 0.001, 3600).lasers()
     assert [laser.z for laser in lasers[:8]] == list(ZS)
     # TMC13 was given tangents of six decimals.
     assert np.abs(np.subtract([laser.theta for laser in lasers[:8]], THETAS)).max() <= 1
     assert {laser.num_phi_per_turn for laser in lasers} == {3600}
-    coarse = described(beams, 0.002, 1809).lasers()
+    coarse = describe_sensor(beams, 0.002, 1809).lasers()
     assert coarse[0].z == -45
     assert coarse[0].num_phi_per_turn == 1809
 
@@ -49,17 +49,17 @@ def _hdl64e() -> Beams:
 def test_the_head_is_where_the_upper_beams_cross_the_axis() -> None:
     """To 50 mm, in steps of the grid; VLP-16's and HDL-32E's cross it at their origin."""
     for unit_m, raised, heights in ((0.001, 200, (-80, 10)), (0.002, 100, (-40, 5))):
-        sensor = described(_hdl64e(), unit_m, 4000, (7, -5, 30))
+        sensor = describe_sensor(_hdl64e(), unit_m, 4000, (7, -5, 30))
         assert sensor.position == (7, -5, 30 + raised)
         assert sensor.height[::63] == pytest.approx(heights)
     for name in ("vlp16", "hdl32e", "puck_hires"):
-        other = described(Beams.of(load_sensor(name)), 0.001, 1800, (7, -5, 30))
+        other = describe_sensor(Beams.of(load_sensor(name)), 0.001, 1800, (7, -5, 30))
         assert other.position == (7, -5, 30)
 
 
 def test_an_octree_takes_fewer_bits_from_the_raised_head() -> None:
     """A node's laser is found by its angle from the head: as with KITTI's frame (13 %)."""
-    raised = described(_hdl64e(), 0.001, 360)
+    raised = describe_sensor(_hdl64e(), 0.001, 360)
     low = SensorDescription(
         raised.tan_elevation, tuple(height + 200 for height in raised.height), 360
     )

@@ -22,12 +22,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode every stream; count those decoded, refused and failed, and list the last two."""
     from puckbench.codecs.registry import codecs, open_codec
-    from puckbench.gpcc.conformance import FOLDER, conformance_streams, program, verdicts
+    from puckbench.gpcc.conformance import FOLDER, conformance_streams, program_decoder, verdicts
 
     streams = conformance_streams(options.streams or FOLDER)
     chosen = [stream for stream in streams if not options.tools or stream.tools in options.tools]
     known = options.decoder in codecs()
-    decode = open_codec(options.decoder).decode if known else program(options.decoder)
+    decode = open_codec(options.decoder).decode if known else program_decoder(options.decoder)
     found = list(verdicts(decode, chosen))
     counts = {
         outcome: sum(verdict.outcome == outcome for verdict in found)

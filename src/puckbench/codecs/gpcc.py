@@ -15,8 +15,16 @@ from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.container import packed, unpacked
-from puckbench.gpcc.grid import MOST_BITS, Frame, Rounding, frame_of, in_frame, quantised
+from puckbench.gpcc.container import unwrap, wrap
+from puckbench.gpcc.grid import (
+    DEFAULT_GRID,
+    MOST_BITS,
+    InputGrid,
+    Rounding,
+    input_coordinates,
+    input_grid,
+    quantise,
+)
 from puckbench.gpcc.options import PROFILES, GpccOptions
 
 if TYPE_CHECKING:
@@ -97,17 +105,17 @@ class GridCodec(Codec):
         self, points: Floats, parameters: Parameters, returns: Returns | None = None
     ) -> bytes:
         step = float(parameters.get("step_m", self.options.step))
-        frame = frame_of(points, step, scale_of(parameters))
-        if self.options.raw and frame != Frame():
+        grid = input_grid(points, step, scale_of(parameters))
+        if self.options.raw and grid != DEFAULT_GRID:
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):
-            stream = self._code(points, frame, parameters, returns)
-        return stream if self.options.raw else packed(stream, frame)
+            stream = self._code(points, grid, parameters, returns)
+        return stream if self.options.raw else wrap(stream, grid)
 
     def _decode(self, stream: bytes) -> Floats:
         with naming(f"codec {self.name}"):
-            bare, frame = unpacked(stream)
-            return in_frame(self._units(bare), frame)
+            bare, grid = unwrap(stream)
+            return input_coordinates(self._units(bare), grid)
 
     def _merges(self, parameters: Parameters) -> bool:
         """Whether points of one grid position are merged at a rate."""
@@ -123,7 +131,7 @@ class GridCodec(Codec):
 
     @abstractmethod
     def _code(
-        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
         """The bare stream of points (n, 3); returns: those that the points are of, where given."""
 
@@ -156,16 +164,16 @@ class OwnCodec(GridCodec):
             self._units(self._stream(OnGrid(points, np.zeros(3, np.int64), sensor=sensor), {}))
 
     def _code(
-        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
-        from puckbench.gpcc.sensor import described
+        from puckbench.gpcc.sensor import describe_sensor
 
         scale = scale_of(parameters)
-        positions, origin = quantised(points, frame, scale, self.options.rounding)
+        positions, origin = quantise(points, grid, scale, self.options.rounding)
         sensor = None
         if returns is not None:
-            x, y, z = (round(-offset / frame.unit) for offset in frame.offset)
-            sensor = described(returns.beams, frame.unit, returns.columns_per_turn, (x, y, z))
+            x, y, z = (round(-offset / grid.unit) for offset in grid.offset)
+            sensor = describe_sensor(returns.beams, grid.unit, returns.columns_per_turn, (x, y, z))
         return self._stream(OnGrid(positions, origin, scale, sensor), parameters)
 
     def _units(self, stream: bytes) -> Floats:

@@ -58,11 +58,11 @@ class GpccPredictive(SensorCodec):
     options: TreeOptions
 
     def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
-        from puckbench.gpcc.predictive_coder import encode_predictive
+        from puckbench.gpcc.predictive_coder import encode_predictive_geometry
 
         positions, origin, scale, sensor = given
         tools = self._tools(parameters, angular=sensor is not None)
-        return encode_predictive(positions, tools, sensor, scale, origin)
+        return encode_predictive_geometry(positions, tools, scale, origin, sensor)
 
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> PredictiveOptions:
         from puckbench.gpcc.predictive_coder import PredictiveOptions

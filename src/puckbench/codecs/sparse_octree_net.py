@@ -18,7 +18,7 @@ from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.grid import frame_of, in_frame, quantised
+from puckbench.gpcc.grid import input_coordinates, input_grid, quantise
 from puckbench.learned.catalogue import OCTREE_NET
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ class SparseOctreeNet(Learned["Weights"]):
         from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
         scale = float(parameters.get("scale", 1.0))
-        frame = frame_of(points, float(parameters.get("step_m", self.options.step)), scale)
-        positions, origin = quantised(points, frame, scale, "nearest")
+        grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
+        positions, origin = quantise(points, grid, scale, "nearest")
         if positions.max() >= 2**AXIS_BITS:
             raise InputError(
                 f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}{NARROWER}"
@@ -84,7 +84,7 @@ class SparseOctreeNet(Learned["Weights"]):
         coder = Coder(weights.model, self.options.threads)
         parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
         x, y, z = origin.tolist()
-        return Coded(weights.digest, scale, (x, y, z), frame, parts)
+        return Coded(weights.digest, scale, (x, y, z), grid, parts)
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.learned.octree_net.coder import Coder
@@ -95,7 +95,7 @@ class SparseOctreeNet(Learned["Weights"]):
         coder = Coder(self._made_with(coded.digest).model, self.options.threads)
         keys = np.concatenate([coder.decode(part) for part in coded.parts])
         units = (morton_voxels(keys) + np.array(coded.origin)) / coded.scale
-        return in_frame(units, coded.frame)
+        return input_coordinates(units, coded.grid)
 
     def _read(self, path: Path) -> Weights:
         from puckbench.learned.octree_net.weights import load_weights

@@ -12,7 +12,7 @@ from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
 from puckbench.core.files import read_bytes
 from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.grid import Frame, quantised
+from puckbench.gpcc.grid import InputGrid, quantise
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -73,15 +73,15 @@ class Tmc13(ExternalCodec, GridCodec):
         return said.decode(errors="replace").partition("\n")[0]
 
     def _code(
-        self, points: Floats, frame: Frame, parameters: Parameters, returns: Returns | None
+        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
         scale = scale_of(parameters)
         with folder() as at:
             if self.options.rounding == "truncate":  # the program does that by itself
-                write_points(at / "in.ply", (points - frame.offset) / frame.unit, "float64")
+                write_points(at / "in.ply", (points - grid.offset) / grid.unit, "float64")
                 scaling = [f"--positionQuantizationScale={scale!r}"]
             else:
-                positions, origin = quantised(points, frame, scale, self.options.rounding)
+                positions, origin = quantise(points, grid, scale, self.options.rounding)
                 write_points(at / "in.ply", positions + origin, "float64")
                 scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
             merge = f"--mergeDuplicatedPoints={int(self._merges(parameters))}"

@@ -89,7 +89,7 @@ class DecodedGeometry:
 
 def encode_geometry(
     points: NDArray[Any],
-    options: GpccOptions,
+    options: GpccOptions = PROFILES["ctc"],
     scale: Fraction | float = 1,
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,

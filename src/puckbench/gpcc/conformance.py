@@ -111,7 +111,7 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
                 yield Verdict(stream, "decoded")
 
 
-def program(words: str) -> Decode:
+def program_decoder(words: str) -> Decode:
     """A decoder that is a program.
 
     Parameters

@@ -13,48 +13,56 @@ from puckbench.geometry.cloud import Floats, bounds
 Rounding = Literal["nearest", "truncate"]
 ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
 MOST_BITS = 21
-"""Bits of a coordinate, at most: the bounding box of the reference's default level."""
+"""Maximum bits of a coordinate: the largest bounding box of the profiles' default level."""
 _FARTHEST = 2.0**30
-"""Coordinates beyond it do not fit the origin that a stream signals."""
+"""Coordinates beyond this do not fit in the sequence origin of a stream."""
 
 
-class Frame(NamedTuple):
-    """Step of the input's grid, and the point of the input that is its origin."""
+class InputGrid(NamedTuple):
+    """The grid of the input coordinates: its step and the position of its origin."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+DEFAULT_GRID = InputGrid()
+
+
 class Quantised(NamedTuple):
-    """Grid positions (n, 3) int64 from 0 on, and the origin (3,) to be added to them."""
+    """Positions (n, 3) int64 of at least 0, and the origin (3,) int64 to add to them."""
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
-def frame_of(points: Floats, unit: float, scale: float) -> Frame:
-    """The input's own frame, or one moved to a cloud that is too far away."""
+def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
+    """Return the grid for a cloud; its origin moves only if the cloud is too far from zero."""
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
-        return Frame(unit)
+        return InputGrid(unit)
     x, y, z = ends[0]
-    return Frame(unit, (float(x), float(y), float(z)))
+    return InputGrid(unit, (float(x), float(y), float(z)))
 
 
-def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) -> Quantised:
-    """Quantise points to the grid whose step is unit / scale.
+def quantise(
+    points: Floats,
+    grid: InputGrid = DEFAULT_GRID,
+    scale: float = 1.0,
+    rounding: Rounding = "nearest",
+) -> Quantised:
+    """Quantise points to a grid with the step ``grid.unit / scale``.
 
     Parameters
     ----------
     points
         (n, 3) coordinates.
-    frame
-        Unit and offset.
+    grid
+        Grid of the input.
     scale
-        Grid positions per unit.
+        Steps of the quantised grid per step of the input grid.
     rounding
-        ``nearest`` rounds once, to that grid. ``truncate`` does what TMC13 does with floating-point
-        files: towards zero on the unit's grid, then rounding in single precision.
+        ``nearest`` rounds once. ``truncate`` does what TMC13 does with floating-point files: it
+        truncates to the input grid, then rounds in single precision.
 
     Raises
     ------
@@ -62,7 +70,7 @@ def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) ->
         If the cloud spans more than `MOST_BITS` bits.
     """
     with np.errstate(over="ignore"):
-        units = points if frame == Frame() else (points - frame.offset) / frame.unit
+        units = points if grid == DEFAULT_GRID else (points - grid.offset) / grid.unit
         ends = bounds(units)
         widest = float(np.ptp(ends, axis=0).max()) * scale
     if not widest < 2**MOST_BITS - 1:
@@ -74,7 +82,7 @@ def quantised(points: Floats, frame: Frame, scale: float, rounding: Rounding) ->
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
-    """Halves go away from zero, as in C's ``round``."""
+    """Halves are rounded away from zero, as by C's ``round``."""
     if rounding == "nearest":
         scaled = units * scale
     else:
@@ -83,15 +91,15 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
     return scaled.astype(np.int64)
 
 
-def in_frame(units: Floats, frame: Frame) -> Floats:
-    """Points (m, 3) given in units, in the coordinates of the input.
+def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
+    """Convert points (m, 3) from steps of the input grid to input coordinates.
 
-    InputError for a frame in which double precision cannot hold them.
+    Raises InputError if the results are not finite.
     """
-    if frame == Frame():
+    if grid == DEFAULT_GRID:
         return units
     with np.errstate(over="ignore", invalid="ignore"):
-        points = np.asarray(units * frame.unit + np.asarray(frame.offset))
+        points = np.asarray(units * grid.unit + np.asarray(grid.offset))
     if not np.isfinite(points).all():
-        raise InputError("the stream is damaged (its frame)")
+        raise InputError("the stream is damaged (its grid)")
     return points

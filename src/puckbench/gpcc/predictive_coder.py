@@ -74,12 +74,15 @@ class PredictiveOptions(Model):
     )
 
 
-def encode_predictive(
+DEFAULT_OPTIONS = PredictiveOptions()
+
+
+def encode_predictive_geometry(
     points: NDArray[Any],
-    options: PredictiveOptions,
-    sensor: SensorDescription | None = None,
+    options: PredictiveOptions = DEFAULT_OPTIONS,
     scale: Fraction | float = 1,
     origin: Sequence[int] | Ints = (0, 0, 0),
+    sensor: SensorDescription | None = None,
 ) -> bytes:
     """Code points as a stream of prediction trees that TMC13 decodes.
 

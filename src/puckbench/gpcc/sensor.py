@@ -82,7 +82,7 @@ class SensorDescription:
         }
 
 
-def described(
+def describe_sensor(
     beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
     """A sensor's description for points in steps of `unit_m` metres.

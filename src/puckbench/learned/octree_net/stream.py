@@ -1,7 +1,7 @@
 """The stream of the learned octree coder: identity of the weights, grid, and parts of the cloud.
 
 magic "PBON", version, CRC-32 of all that follows
-digest of the weights (8 bytes), scale (float64), origin (3 int32), frame: 0, or 1 and unit and
+digest of the weights (8 bytes), scale (float64), origin (3 int32), grid: 0, or 1 and unit and
     offset (4 float64); number of parts (uint8)
 each part: voxels, levels that the network codes, bytes of the top level and of the symbols
     (uint32, uint8, uint16, uint32), the top level, the symbols
@@ -17,7 +17,7 @@ import numpy as np
 
 from puckbench.coding.framing import Framing
 from puckbench.core.errors import InputError
-from puckbench.gpcc.grid import Frame
+from puckbench.gpcc.grid import InputGrid
 from puckbench.learned.sparse.voxels import AXIS_BITS
 
 MAGIC, VERSION = b"PBON", 3
@@ -35,7 +35,7 @@ _MIN_SCALE = 2.0**-400
 """With a smaller scale and the largest unit coordinates could exceed double precision."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
 _HEADER = struct.Struct("<8sd3iB")
-_FRAME = struct.Struct("<4d")
+_GRID = struct.Struct("<4d")
 _COUNT = struct.Struct("<B")
 _PART = struct.Struct("<IBHI")
 
@@ -57,7 +57,7 @@ class Coded:
     digest: bytes
     scale: float
     origin: tuple[int, int, int]
-    frame: Frame
+    grid: InputGrid
     parts: tuple[Part, ...]
 
 
@@ -66,10 +66,10 @@ def write_stream(coded: Coded) -> bytes:
     if sum(part.count for part in coded.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
     _check(coded.parts)
-    framed = coded.frame != Frame()
+    framed = coded.grid != InputGrid()
     body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
     if framed:
-        body.append(_FRAME.pack(coded.frame.unit, *coded.frame.offset))
+        body.append(_GRID.pack(coded.grid.unit, *coded.grid.offset))
     body.append(_COUNT.pack(len(coded.parts)))
     for part in coded.parts:
         sizes = (len(part.top), len(part.symbols))
@@ -94,20 +94,20 @@ def read_stream(stream: bytes) -> Coded:
 def _read(stream: bytes) -> Coded:
     _, body = _FRAMING.unframed(stream)
     digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
-    frame, at = _read_frame(body, _HEADER.size, framed)
+    grid, at = _read_grid(body, _HEADER.size, framed)
     parts = _read_parts(body, at)
     if not _MIN_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
-    return Coded(digest, scale, (x, y, z), frame, parts)
+    return Coded(digest, scale, (x, y, z), grid, parts)
 
 
-def _read_frame(body: bytes, at: int, framed: int) -> tuple[Frame, int]:
+def _read_grid(body: bytes, at: int, framed: int) -> tuple[InputGrid, int]:
     if not framed:
-        return Frame(), at
-    unit, *offset = _FRAME.unpack_from(body, at)
+        return InputGrid(), at
+    unit, *offset = _GRID.unpack_from(body, at)
     if not (0 < unit < 2.0**500 and np.abs(offset).max() < 2.0**500):
-        raise InputError("the stream is damaged (its frame)")
-    return Frame(unit, (offset[0], offset[1], offset[2])), at + _FRAME.size
+        raise InputError("the stream is damaged (its grid)")
+    return InputGrid(unit, (offset[0], offset[1], offset[2])), at + _GRID.size
 
 
 def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
