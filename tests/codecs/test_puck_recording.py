@@ -13,6 +13,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.datasets.recordings import decompressed
 from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
 from puckbench.lidar.recordings.reading import read_packets
 from puckbench.puck import recording, stream
@@ -341,10 +342,14 @@ def test_a_compressed_recording_within_another_is_not_read(tmp_path: Path) -> No
     """Each layer would multiply what the file unpacks to."""
     (tmp_path / "a.pcap").write_bytes(pcap(recorded()))
     compress(tmp_path / "a.pcap", tmp_path / "b.puck")
-    assert len(read_packets(tmp_path / "b.puck")) == 50
+    with decompressed(tmp_path / "b.puck") as whole:
+        assert len(read_packets(whole)) == 50
     compress(tmp_path / "b.puck", tmp_path / "c.puck")
-    with pytest.raises(InputError, match="a compressed recording within another"):
-        read_packets(tmp_path / "c.puck")
+    with (
+        pytest.raises(InputError, match=r"c\.puck: a compressed recording within another"),
+        decompressed(tmp_path / "c.puck"),
+    ):
+        pass
 
 
 def test_turns_of_a_stream_are_refused_before_they_are_decoded(

@@ -240,8 +240,8 @@ CAPTURES = [
     Returns(
         "notes.xyzw",
         content("nothing of the kind"),
-        line=r"xyzw: not a packet capture \(.pcap, .pcapng\), ROS bag \(.bag, .db3, .mcap\) or "
-        r"compressed recording \(.puck\); clouds and tables go by their suffixes$",
+        line=r"xyzw: not a packet capture \(.pcap, .pcapng\) or ROS bag \(.bag, .db3, .mcap\); "
+        r"clouds and tables go by their suffixes$",
     ),
     Returns(
         "packed.pcap.gz",

@@ -33,9 +33,11 @@ def _read(case: Case, path: Path) -> tuple[Any, Any]:
 
         table = read_recording(path, **case.options)
         return table.xyz, table.columns
+    from puckbench.datasets.recordings import decompressed
     from puckbench.lidar.recordings.reading import read_turns
 
-    returns, counts = read_turns(path, **case.options)
+    with decompressed(path) as recording:
+        returns, counts = read_turns(recording, **case.options, source=path)
     return returns.points(), counts
 
 

@@ -29,11 +29,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode and write the table."""
+    from puckbench.datasets.recordings import decompressed
     from puckbench.lidar import load_sensor
     from puckbench.lidar.recordings import read_recording, write_returns
 
     sensor = load_sensor(options.sensor) if options.sensor else None
-    interval = options.start, options.end
-    table = read_recording(options.capture, sensor, *interval, options.stream, options.time_unit)
+    interval, stream = (options.start, options.end), options.stream
+    with decompressed(options.capture) as path:
+        table = read_recording(
+            path, sensor, *interval, stream, options.time_unit, source=options.capture
+        )
     write_returns(options.out, table)
     return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}

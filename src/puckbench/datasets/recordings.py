@@ -6,14 +6,17 @@ import glob
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, PositiveInt
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import unreadable
 from puckbench.datasets.base import DataSet, found
 from puckbench.datasets.files import distinct, is_file_or_lost, scene_names
 from puckbench.datasets.registry import LOADERS
@@ -182,6 +185,42 @@ def _is_copy(path: Path) -> bool:
     return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
 
 
+@contextmanager
+def decompressed(path: Path) -> Iterator[Path]:
+    """Yield a recording that can be read: a temporary copy if `path` is compressed, else `path`.
+
+    A file is compressed if it begins as streams of `puckbench.puck` do, whatever its name.
+
+    Raises
+    ------
+    InputError
+        The compressed recording is damaged, or holds another compressed recording.
+    """
+    if not _is_compressed(path):
+        yield path
+        return
+    from puckbench.puck.recording import decompress
+
+    with TemporaryDirectory() as folder:
+        copy = Path(folder, "recording")
+        decompress(path, copy)
+        if _is_compressed(copy):
+            raise InputError(f"{path}: a compressed recording within another; decompress it first")
+        yield copy
+
+
+def _is_compressed(path: Path) -> bool:
+    from puckbench.puck.records import MAGIC
+
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(MAGIC)) == MAGIC
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
 _State = tuple[tuple[str, int, int], ...]
 _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int]]] = {}
 """Recordings that were read, the last one at the end."""
@@ -193,7 +232,8 @@ def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict
 
     key = (path, start_s, stream, _state(path))
     if key not in _kept:
-        _kept[key] = read_turns(path, start_s, stream)
+        with decompressed(path) as recording:
+            _kept[key] = read_turns(recording, start_s, stream, path)
         sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, _ in _kept.values()]
         while len(_kept) > 1 and sum(sizes) > _MOST_KEPT:
             del _kept[next(iter(_kept))]

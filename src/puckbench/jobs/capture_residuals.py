@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
+from puckbench.datasets.recordings import decompressed
 from puckbench.jobs.registry import JOBS, Job
 
 
@@ -26,6 +27,8 @@ class CaptureResiduals(Job):
         )
         from puckbench.lidar.walls.statistics import recording_summary
 
-        planes = recorded_planes(capture, recording_options(self.options))
+        options = recording_options(self.options)
+        with decompressed(capture) as recording:
+            planes = recorded_planes(recording, options, source=capture)
         write_residuals(table, recording_residuals(planes))
         return {"model": REAL, **recording_summary(planes)}

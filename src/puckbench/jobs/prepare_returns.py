@@ -11,7 +11,7 @@ from pydantic import Field
 
 from puckbench.core.content import plain_suffix, read_content
 from puckbench.core.errors import InputError, naming
-from puckbench.datasets.recordings import RECORDING_SUFFIXES
+from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
@@ -156,7 +156,8 @@ def _read_returns(
     if not is_recording(path):
         returns = read_firings(path)
         return returns, (0, len(returns.turns) - 1), {}
-    returns, left_out = read_turns(path, stream=stream)
+    with decompressed(path) as recording:
+        returns, left_out = read_turns(recording, stream=stream, source=path)
     first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
     return returns, (first, first), left_out
 

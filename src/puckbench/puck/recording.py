@@ -31,7 +31,6 @@ from puckbench.lidar.recordings.packet_turns import (
     turn_of,
 )
 from puckbench.lidar.recordings.packets import PACKET_BYTES
-from puckbench.lidar.recordings.reading import RECORDING_COMPRESSIONS
 from puckbench.puck.layout import packed, unpacked
 from puckbench.puck.records import Kind, Record, read_records, start
 from puckbench.puck.stream import most_ranges, ranges_of
@@ -161,7 +160,6 @@ def _silent(done: int, size: int) -> None:
     """Tell nothing."""
 
 
-@RECORDING_COMPRESSIONS.register("PUCK")
 def decompress(
     path: Path, out: Path, tell: Tell | None = None, *, trusted: bool = False
 ) -> Account:

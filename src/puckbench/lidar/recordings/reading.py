@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Protocol
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.core.registry import Registry
 from puckbench.io.recordings.frames import is_capture
 from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
@@ -46,17 +43,6 @@ _PACKED = {
 """First bytes of files that other programs packed."""
 
 
-class Restore(Protocol):
-    """What restores a compressed recording."""
-
-    def __call__(self, path: Path, out: Path) -> object:
-        """Write the recording of `path` to `out`; InputError where it is damaged."""
-
-
-RECORDING_COMPRESSIONS: Registry[Restore] = Registry("recording compression", "puck")
-"""Functions that restore compressed recordings, by the letters that these begin with."""
-
-
 def read_recording(
     path: Path,
     sensor: Sensor | None = None,
@@ -64,6 +50,7 @@ def read_recording(
     end_s: float = math.inf,
     stream: str | None = None,
     time_unit: TimeUnit | None = None,
+    source: Path | None = None,
 ) -> RecordedReturns:
     """Read the returns of a packet capture, a ROS bag, a decoded cloud or a table of returns.
 
@@ -81,6 +68,8 @@ def read_recording(
         As of `read_packets`.
     time_unit
         Of a cloud's times; None where they tell it.
+    source
+        The file that messages and `about` name, where `path` is a temporary copy of it.
 
     Returns
     -------
@@ -94,6 +83,7 @@ def read_recording(
         One line that names the file, when it holds no readable data of a VLP-16 or a
         Puck Hi-Res.
     """
+    source = source or path
     try:
         is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
         if stream is not None and (is_cloud or is_table):
@@ -105,24 +95,24 @@ def read_recording(
         elif is_cloud:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         else:
-            log = _interval(read_packets(path, stream), start_s, end_s)
+            log = _interval(read_packets(path, stream, source), start_s, end_s)
             decoded = decode_packets(log.payloads, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
             raise InputError("no return in the recording")
     except InputError as error:
-        raise error if str(path) in str(error) else InputError(f"{path}: {error}") from error
-    return replace(table, about={**table.about, "source": path.name})
+        raise error if str(source) in str(error) else InputError(f"{source}: {error}") from error
+    return replace(table, about={**table.about, "source": source.name})
 
 
 def read_turns(
-    path: Path, start_s: float = 0.0, stream: str | None = None
+    path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
     """The turns of a recording, and counts above 0 of what was left out (`LEFT_OUT`).
 
     Parameters
     ----------
-    path, stream
+    path, stream, source
         As of `read_packets`.
     start_s
         Seconds to leave out at the start.
@@ -132,14 +122,14 @@ def read_turns(
     InputError
         One line that names the file, when it holds no turns of one known sensor and return mode.
     """
-    with naming(path):
-        log = _interval(read_packets(path, stream), start_s, math.inf)
+    with naming(source or path):
+        log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
         return returns_of_packets(log.payloads), left_out
 
 
-def read_packets(path: Path, stream: str | None = None) -> PacketLog:
-    """Whole data packets of a recording, compressed or not; a remark says what was left out.
+def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
+    """Read the whole data packets of a recording, and log what was left out.
 
     Parameters
     ----------
@@ -148,29 +138,18 @@ def read_packets(path: Path, stream: str | None = None) -> PacketLog:
     stream
         Of a packet capture with several senders or receivers, the one to read, such as
         ``192.168.1.201:2368``; None for the only one.
+    source
+        The file that messages name, where `path` is a temporary copy of it.
     """
-    with naming(path):
+    source = source or path
+    with naming(source):
         log = _packets_of_bag(path, stream) if path.is_dir() else _packets_of_file(path, stream)
-    remark(path, log.about)
+    remark(source, log.about)
     return log
 
 
 def _packets_of_file(path: Path, stream: str | None) -> PacketLog:
     data = read_bytes(path)
-    letters = data[:4].decode("ascii", "replace")
-    if not letters.isalpha() or letters not in RECORDING_COMPRESSIONS:
-        return _packets_of(path, data, stream)
-    with TemporaryDirectory() as folder:
-        restored = Path(folder, "recording")
-        RECORDING_COMPRESSIONS.get(letters)(path, restored)
-        content = read_bytes(restored)
-        if content.startswith(data[: len(letters)]):
-            raise InputError("a compressed recording within another; decompress it first")
-        return _packets_of(restored, content, stream)
-
-
-def _packets_of(path: Path, data: bytes, stream: str | None) -> PacketLog:
-    """Data packets of a bag, or of a capture with these bytes."""
     if bag_format(data):
         return _packets_of_bag(path, stream)
     if not is_capture(data):
@@ -180,9 +159,8 @@ def _packets_of(path: Path, data: bytes, stream: str | None) -> PacketLog:
 
 def _what_is_read(data: bytes) -> str:
     packer = next((name for start, name in _PACKED.items() if data.startswith(start)), None)
-    read = "a packet capture (.pcap, .pcapng), ROS bag (.bag, .db3, .mcap) or compressed recording"
     hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
-    return f"not {read} (.puck); {hint}"
+    return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
 
 
 def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:

@@ -130,10 +130,13 @@ class RecordedPlanes:
     rejected: list[Rejected]
 
 
-def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
+def recorded_planes(
+    path: Path, options: RecordingOptions, source: Path | None = None
+) -> RecordedPlanes:
     """Read a recording, choose its still interval, and find its planes (or crop to those given).
 
     Of a dual recording only the beams with a single return count: the others straddle an edge.
+    Messages name the file `source`, where `path` is a temporary copy of it.
 
     Raises
     ------
@@ -147,9 +150,9 @@ def recorded_planes(path: Path, options: RecordingOptions) -> RecordedPlanes:
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
-    table = read_recording(path, sensor, start, end, options.stream, options.time_unit)
+    table = read_recording(path, sensor, start, end, options.stream, options.time_unit, source)
     still = None
-    with naming(path):
+    with naming(source or path):
         if options.still_s is None:
             table, still = still_rows(table, options.most_shift_m)
         table = table.select(table["turn"] < table["turn"].min() + options.most_turns)
