@@ -1,6 +1,10 @@
-"""G-PCC geometry (ISO/IEC 23090-9): octree and predictive coding that TMC13 reads and writes.
+"""G-PCC geometry (ISO/IEC 23090-9:2023): octree and predictive coding, compatible with TMC13.
 
-Names are those of the standard and of its reference software, TMC13 release-v14.0.
+Streams, syntax elements and coding tools have the names of the standard and of its reference
+software, TMC13 release-v14.0. `encode_geometry` and `encode_predictive_geometry` make a stream of
+integer points, `decode_geometry` decodes both kinds. `encode_voxels` codes a set of voxels with the
+same octree, but without the standard's headers. Damaged streams and points that cannot be coded
+raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING
@@ -11,8 +15,37 @@ if TYPE_CHECKING:
     from puckbench.gpcc.coder import DecodedGeometry as DecodedGeometry
     from puckbench.gpcc.coder import decode_geometry as decode_geometry
     from puckbench.gpcc.coder import encode_geometry as encode_geometry
+    from puckbench.gpcc.conformance import ConformanceStream as ConformanceStream
+    from puckbench.gpcc.conformance import Verdict as Verdict
+    from puckbench.gpcc.conformance import conformance_streams as conformance_streams
+    from puckbench.gpcc.conformance import program_decoder as program_decoder
+    from puckbench.gpcc.conformance import verdicts as verdicts
+    from puckbench.gpcc.grid import InputGrid as InputGrid
+    from puckbench.gpcc.grid import quantise as quantise
+    from puckbench.gpcc.lossless import decode_voxels as decode_voxels
+    from puckbench.gpcc.lossless import encode_voxels as encode_voxels
+    from puckbench.gpcc.options import PROFILES as PROFILES
+    from puckbench.gpcc.options import SPINNING as SPINNING
+    from puckbench.gpcc.options import GpccOptions as GpccOptions
+    from puckbench.gpcc.predictive_coder import PredictiveOptions as PredictiveOptions
+    from puckbench.gpcc.predictive_coder import (
+        encode_predictive_geometry as encode_predictive_geometry,
+    )
+    from puckbench.gpcc.sensor import SensorDescription as SensorDescription
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     coder=("DecodedGeometry", "decode_geometry", "encode_geometry"),
+    conformance=(
+        "ConformanceStream",
+        "Verdict",
+        "conformance_streams",
+        "program_decoder",
+        "verdicts",
+    ),
+    grid=("InputGrid", "quantise"),
+    lossless=("decode_voxels", "encode_voxels"),
+    options=("PROFILES", "SPINNING", "GpccOptions"),
+    predictive_coder=("PredictiveOptions", "encode_predictive_geometry"),
+    sensor=("SensorDescription",),
 )
