@@ -11,7 +11,6 @@ from puckbench.codecs.registry import (
     codec_of,
     codecs,
     entry,
-    memory_mb,
 )
 from puckbench.core.errors import InputError
 from puckbench.core.registry import load, trust
@@ -71,7 +70,7 @@ def test_rates_are_chosen_in_the_tables_order() -> None:
 def test_pcc_arenas_draco_rates() -> None:
     bits = [rate["quantization_bits"] for rate in codec_class("draco").rates.values()]
     assert bits == [4, 5, 6, 7, 8, 9, 10, 11]
-    assert entry("draco")["options"] == {"compression_level": 10}
+    assert entry("draco")["options"] == {"compression_level": 10, "method": "kd_tree"}
 
 
 @pytest.mark.parametrize(
@@ -88,7 +87,7 @@ def test_pcc_arenas_draco_rates() -> None:
         ("draco", {"options": {"compression_level": 11}}, "compression_level is 11, but must"),
         ("gpcc", {"options": {"profile": "fast"}}, "profile is 'fast', but must be .*'ctc'"),
         ("mine", {"class": "pathlib:Path"}, "not a class derived from Codec"),
-        ("mine", {"class": "nothing"}, "not of the form"),
+        ("mine", {"class": "nothing"}, "unknown codec 'nothing'"),
         ("mine", {"class": "no.such.module:Thing"}, "cannot load"),
         ("mine", {"class": "puckbench.codecs.draco:Dracco"}, "cannot load"),
         ("mine", {"class": "missing.py:Thing"}, "cannot load"),
@@ -100,7 +99,7 @@ def test_faults_are_one_line(name: str, changes: dict[str, object], fault: str) 
 
 
 def test_a_foreign_stream_has_no_codec() -> None:
-    with pytest.raises(InputError, match="no known codec"):
+    with pytest.raises(InputError, match="no codec recognises"):
         codec_of(b"\x89PNG")
 
 
@@ -135,5 +134,5 @@ def test_codecs_are_listed_and_opened_without_heavy_packages() -> None:
 
 
 def test_the_memory_estimate_grows_with_the_points() -> None:
-    for name in codecs():
-        assert memory_mb(name, 2_000_000) > memory_mb(name, 0) >= 400
+    for codec in codecs().values():
+        assert codec.memory.of(2_000_000) > codec.memory.of(0) >= 400

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from puckbench.codecs import packets, range_image
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import ReturnsCodec
 from puckbench.coding.byte_io import Reader, base_128
@@ -19,6 +18,8 @@ from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.returns import range_errors
 from puckbench.puck import stream
+from puckbench.storage import packets
+from puckbench.storage import range_images as range_image
 from tests.support.returns import dual, homemade, recorded
 from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, spin
 

@@ -482,9 +482,9 @@ def draco(streams: Sequence[bytes], random: Random) -> bytes:
 
 def laz(streams: Sequence[bytes], random: Random) -> bytes:
     """Points, scales and chunks at their limits, before points of a stream or any."""
-    from puckbench.codecs import laz as codec
+    from puckbench.storage import laz as codec
 
-    plain = [each for each in streams if each.startswith(codec.Laz.magic)]
+    plain = [each for each in streams if each.startswith(codec.MAGIC)]
     stream = bytearray(plain[random.integers(len(plain))])
     if random.random() < 0.5:
         begin = struct.unpack_from("<I", stream, codec._STARTS_AT + 2)[0] + 8

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from puckbench.codecs.learned import Learned
-from puckbench.codecs.registry import codec_class, codecs, memory_mb
+from puckbench.codecs.registry import codec_class, codecs
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 PROFILE = yaml.safe_load((WORKFLOW / "profiles" / "slurm" / "config.yaml").read_text())
@@ -48,4 +48,6 @@ def test_another_attempt_gets_more_memory() -> None:
 
 @pytest.mark.parametrize("codec", codecs())
 def test_a_network_gets_most_memory(codec: str) -> None:
-    assert (memory_mb(codec, 1_000_000) > 2000) == issubclass(codec_class(codec), Learned)
+    assert (codec_class(codec).memory.of(1_000_000) > 2000) == issubclass(
+        codec_class(codec), Learned
+    )

@@ -1,8 +1,8 @@
-"""Draco's point-cloud coders, through DracoPy: the kd-tree, and what its two methods share.
+"""Draco's two point-cloud coders, through DracoPy: the kd-tree and the sequential method.
 
 Geometry alone is coded, over the cloud's bounding cube, in single precision as Draco stores it. By
-the kd-tree, points whose float32 coordinates are equal are coded once (DracoPy does so; Debian's
-``draco_encoder`` keeps them). Points that quantisation brings together are kept, as in Draco.
+the kd-tree, points with equal float32 coordinates are coded once (DracoPy merges them; Debian's
+``draco_encoder`` keeps them). Points that quantisation moves to one position are kept.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from importlib.metadata import version
-from typing import Any, ClassVar
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 
 def _most_points(stream: bytes) -> int:
-    """Largest believable point count; a damaged header must not make the decoder fill memory."""
+    """The largest plausible point count: a damaged header must not make the decoder fill memory."""
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
@@ -40,6 +40,11 @@ class DracoOptions(Model):
     """Options of Draco."""
 
     compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
+    method: Literal["kd_tree", "sequential"] = Field(
+        "kd_tree",
+        description="the kd-tree reorders points; the sequential method keeps their order and "
+        "duplicates",
+    )
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
@@ -58,17 +63,25 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     }  # fmt: skip
 
 
-class DracoCodec(Codec):
-    """What Draco's methods have in common; each decodes the other's streams."""
+@CODECS.register("draco")
+class Draco(Codec):
+    """Draco (Google), by default with its kd-tree; either method decodes the other's streams.
 
-    keeps_order: ClassVar[bool]
-    """Whether points are coded in their order, which takes the sequential method."""
+    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
+    """
+
+    title = "Draco"
+    use = "a fast baseline that everybody has"
+    colour = "#0072B2"
+    marker = "o"
+    rank = 0
+    rates = DRACO_RATES
+    metric_rates = lengths()
+    Options: type[DracoOptions] = DracoOptions
+    options: DracoOptions
     is_single_precision = True
     most_steps = float(2**_MOST_BITS - 3)
     pace = Pace(0.02, 1.1)
-    metric_rates = lengths()
-    Options = DracoOptions
-    options: DracoOptions
     magic = b"DRACO"
     version = f"DracoPy {version('dracopy')}"
 
@@ -85,7 +98,7 @@ class DracoCodec(Codec):
             points.astype(np.float32),
             **_quantisation(points, parameters),
             compression_level=self.options.compression_level,
-            preserve_order=self.keeps_order,
+            preserve_order=self.options.method == "sequential",
         )
         if len(points) > _most_points(stream):
             raise InputError(f"codec {self.name}: {len(points)} points fall on too few positions")
@@ -111,19 +124,3 @@ class DracoCodec(Codec):
             raise InputError(f"codec {self.name}: not a Draco point-cloud stream")
         if points > _most_points(stream):
             raise InputError(f"codec {self.name}: the stream is damaged (claims {points} points)")
-
-
-@CODECS.register("draco")
-class Draco(DracoCodec):
-    """Draco (Google), kd-tree method.
-
-    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
-    """
-
-    title = "Draco"
-    use = "a fast baseline that everybody has"
-    colour = "#0072B2"
-    marker = "o"
-    rank = 0
-    rates = DRACO_RATES
-    keeps_order = False

@@ -7,18 +7,22 @@ import shutil
 from functools import cached_property
 from pathlib import Path
 
+from pydantic import Field
+
 from puckbench.codecs.base import Parameters
-from puckbench.codecs.draco import DRACO_RATES, DracoOptions
+from puckbench.codecs.draco import DRACO_RATES
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
+from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 
 
-class DracoToolOptions(DracoOptions):
-    """Draco's options, and the names or paths of its two command-line tools."""
+class DracoToolOptions(Model):
+    """Effort, and the names or paths of Draco's two command-line tools."""
 
+    compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
     encoder: str = "draco_encoder"
     decoder: str = "draco_decoder"
 

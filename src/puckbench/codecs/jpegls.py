@@ -1,17 +1,18 @@
 """Range images by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-Cells of several quanta are coded at their ends in quanta, near-lossless with half a cell to either
-side, from which the cell follows without loss: fewer bits than cells by themselves, whose small
-numbers JPEG-LS's contexts tell apart less well.
+Steps of several quanta are multiplied by their quanta and coded near-lossless with an error of half
+a step at most, from which the steps follow exactly. This takes fewer bits than the steps alone,
+whose small values JPEG-LS's contexts distinguish less well.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from puckbench.codecs.range_image import Image, RangeImageCodec
+from puckbench.codecs.range_image import RangeImageCodec
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
+from puckbench.storage.range_images import Image
 
 _MOST_NEAR = 255
 _END = b"\xff\xd9"
@@ -41,11 +42,11 @@ class JpegLs(RangeImageCodec):
         from imagecodecs import jpegls_decode
 
         level, coded = stream[:1], stream[1:]
-        found = np.zeros(shape, np.uint16)
+        pixels = np.zeros(shape, np.uint16)
         try:
-            jpegls_decode(coded + _END, out=found)
+            jpegls_decode(coded + _END, out=pixels)
         except (RuntimeError, ValueError, TypeError, MemoryError) as error:
             raise InputError("the stream is damaged (JPEG-LS)") from error
         if level in (b"", b"\0"):
-            return found
-        return ((found.astype(np.int64) + level[0]) // quanta).astype(np.uint16)
+            return pixels
+        return ((pixels.astype(np.int64) + level[0]) // quanta).astype(np.uint16)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.range_image import Image, RangeImageCodec
+from puckbench.codecs.range_image import RangeImageCodec
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
+from puckbench.storage.range_images import Image
 
 _BOX = b"jxlc"
 
@@ -21,7 +22,7 @@ class JpegXlOptions(Model):
 
 @CODECS.register("jpegxl")
 class JpegXl(RangeImageCodec):
-    """Range images by JPEG XL; with loss, the numbers of cells are coded without any further."""
+    """Range images by JPEG XL, which codes the steps of lossy rates without further loss."""
 
     title = "Range image, JPEG XL"
     use = "turns of spinning sensors by a codec of images: few bits"
@@ -43,9 +44,9 @@ class JpegXl(RangeImageCodec):
     def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image:
         from imagecodecs import jpegxl_decode
 
-        found = np.zeros(shape, np.uint16)
+        pixels = np.zeros(shape, np.uint16)
         try:
-            jpegxl_decode(stream, numthreads=1, out=found)
+            jpegxl_decode(stream, numthreads=1, out=pixels)
         except (RuntimeError, ValueError, TypeError, MemoryError) as error:
             raise InputError("the stream is damaged (JPEG XL)") from error
-        return found
+        return pixels

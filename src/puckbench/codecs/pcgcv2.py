@@ -21,10 +21,10 @@ from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import PCGCV2
-from puckbench.learned.pcgcv2.stream import Coded, Tools, read_stream, write_coded, write_raw
 
 if TYPE_CHECKING:
     from puckbench.learned.pcgcv2.coder import Coder
+    from puckbench.learned.pcgcv2.stream import Tools
     from puckbench.learned.pcgcv2.weights import Weights
 
 _MAX_RAW_POINTS = 64
@@ -61,11 +61,14 @@ class Pcgcv2(LearnedByLambda["Weights"]):
     grid = 1.0
 
     def _tools(self) -> Tools:
-        """Coding tools in use that the authors' program does not have."""
+        """Return the coding tools in use that the authors' program does not have."""
+        from puckbench.learned.pcgcv2.stream import Tools
+
         return Tools(0)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.grid_level import voxelised
+        from puckbench.learned.pcgcv2.stream import write_coded, write_raw
 
         if len(points) <= _MAX_RAW_POINTS:
             return write_raw(np.unique(points, axis=0))
@@ -90,6 +93,7 @@ class Pcgcv2(LearnedByLambda["Weights"]):
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.learned.pcgcv2.coder import Coder
+        from puckbench.learned.pcgcv2.stream import Coded, read_stream
 
         coded = read_stream(stream)
         if not isinstance(coded, Coded):
@@ -137,24 +141,6 @@ class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
     version = "PCGCv2+, stream version 6"
 
     def _tools(self) -> Tools:
+        from puckbench.learned.pcgcv2.stream import Tools
+
         return Tools.CHILD_PER_PARENT | (Tools.CONTEXT_MIXING if self.context_mixing else Tools(0))
-
-
-class Pcgcv2PlusRoomsOptions(Pcgcv2PlusOptions):
-    """Options of PCGCv2+ for scans of rooms."""
-
-    weights: str = Field("pcgcv2_rooms", description="a shipped set's name, a file, or a folder")
-
-
-@CODECS.register("pcgcv2_plus_rooms")
-class Pcgcv2PlusRooms(Pcgcv2Plus):
-    """PCGCv2+ with weights that were trained on noisy scans of rooms."""
-
-    title = "PCGCv2+ (rooms)"
-    use = "noisy scans of rooms, in few bits"
-    colour = "#882255"
-    marker = "d"
-    line: Line = "--"
-    rank = 130
-    Options = Pcgcv2PlusRoomsOptions
-    options: Pcgcv2PlusRoomsOptions

@@ -1,63 +1,133 @@
-"""The codecs by name: puckbench's own, those of installed packages, and a user's own files."""
+"""The codecs by name: ours, those of installed packages, those of a user's files, and variants.
+
+A variant is a codec with other options, rates or looks under a name of its own: an entry of
+``variants.yaml`` beside this module, or of a configuration.
+"""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.codecs.base import Codec, Pace
+from pydantic import create_model
+
+from puckbench.codecs.base import Codec
 from puckbench.coding.shift import unshifted
 from puckbench.coding.unit import without_unit
 from puckbench.core.errors import InputError
-from puckbench.core.models import among, parsed
-from puckbench.core.registry import Registry, load, trust
+from puckbench.core.models import Model, among, parsed
+from puckbench.core.registry import Registry, is_place, load, trust
+from puckbench.core.yaml_files import read_yaml
 
 if TYPE_CHECKING:
     from puckbench.learned.training.settings import Training
 
 Entry = Mapping[str, Any]
+"""A configuration's entry of a codec: class, options, rates, metric_rates, and `LOOKS`."""
+LOOKS = ("title", "use", "colour", "marker", "line", "rank")
+"""Class attributes that an entry may change."""
 
 CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
-"""Every codec is registered here, above its class: ``@CODECS.register("name")``."""
+"""Every codec class is registered here: ``@CODECS.register("name")`` above it."""
+
+
+@cache
+def variants() -> dict[str, Entry]:
+    """Return the entries of the variants that ship, by name."""
+    entries: dict[str, Entry] = read_yaml(Path(__file__).with_name("variants.yaml"))
+    return entries
 
 
 def codecs() -> dict[str, type[Codec]]:
-    """The codecs of puckbench and of installed packages by name, in the order of their ranks."""
-    found = {name: CODECS.get(name) for name in CODECS.names()}
-    return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))
+    """Return ours, those of installed packages and the variants by name, in the order of ranks."""
+    classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
+    return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
 
 
-def codec_class(name: str, changes: Entry | None = None) -> type[Codec]:
-    """The class of a codec; InputError when there is none.
+def is_codec(name: str) -> bool:
+    """Whether a codec has this name, without a configuration's entry."""
+    return name in CODECS or name in variants()
+
+
+def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
+    """Return the class of a codec.
 
     Parameters
     ----------
     name
-        Of a codec, or ``module:Class`` or ``path/to/file.py:Class`` that is trusted
+        Name of the codec, or ``module:Class`` or ``path/to/file.py:Class`` that is trusted
         (`puckbench.core.registry.trust`).
-    changes
-        A configuration's entry for it, which may name another ``class``.
+    entry
+        A configuration's entry, whose ``class`` may be another codec's name or place.
+
+    Raises
+    ------
+    InputError
+        There is no such codec.
     """
-    place = (changes or {}).get("class")
-    found = CODECS.get(name) if place is None else load(place, f"codec {name}")
-    if not (isinstance(found, type) and issubclass(found, Codec)):
-        raise InputError(f"codec {name}: {found!r} is not a class derived from Codec")
-    trust([found.training])  # code that runs may name more code
-    return found
+    entry = entry or {}
+    base = entry.get("class", name)
+    if base in variants():
+        codec = _variant(base)
+    elif base in CODECS:
+        codec = CODECS.get(base)
+    elif is_place(base):
+        codec = load(base, f"codec {name}")
+    else:
+        raise InputError(f"unknown codec '{base}'{among(base, codecs())}")
+    if not (isinstance(codec, type) and issubclass(codec, Codec)):
+        raise InputError(f"codec {name}: {codec!r} is not a class derived from Codec")
+    trust([codec.training])  # code that runs may name more code
+    return _with_looks(codec, entry)
+
+
+def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
+    """Derive a class with the looks of an entry; the class itself where it has none."""
+    looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
+    return _derived(codec, looks) if looks else codec
+
+
+def _derived(codec: type[Codec], attributes: Entry) -> type[Codec]:
+    derived: type[Codec] = type(
+        codec.__name__, (codec,), {"__module__": codec.__module__, **attributes}
+    )
+    return derived
+
+
+@cache
+def _variant(name: str) -> type[Codec]:
+    """Derive the class of a variant that ships."""
+    entry = variants()[name]
+    base = codec_class(name, {"class": entry["class"]})
+    rates = {key: entry[key] for key in ("rates", "metric_rates") if key in entry}
+    options = _with_defaults(base.Options, entry.get("options", {}))
+    about = {"__doc__": entry["what"], "Options": options, **rates}
+    return _with_looks(_derived(base, about), entry)
+
+
+def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
+    """Derive a model of options with other defaults."""
+    fields: dict[str, Any] = {}
+    for name, default in defaults.items():
+        field = copy.copy(options.model_fields[name])
+        field.default = default
+        fields[name] = (field.annotation, field)
+    return create_model(options.__name__, __base__=options, **fields) if fields else options
 
 
 def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
-    """The class, options and rates of a codec, complete and checked.
+    """Return the class, options and rates of a codec, complete and checked.
 
     Parameters
     ----------
     name
-        Of the codec.
+        Name of the codec.
     changes
-        What a configuration says of it: ``options``, ``rates`` and ``metric_rates`` (names of those
-        to keep, or a table of others) and, for a codec of one's own, ``class`` (``module:Class`` or
-        ``file.py:Class``).
+        A configuration's entry: ``options``, ``rates`` and ``metric_rates`` (names of those to
+        keep, or a table of others) and ``class``.
 
     Raises
     ------
@@ -65,41 +135,47 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
         The codec, an option or a rate is unknown, or the codec has no rates.
     """
     codec, changes = open_codec(name, changes), changes or {}
-    place = changes.get("class") or f"{CODECS.module_of(name)}:{type(codec).__name__}"
+    place = place_of(name, changes)
     trust([place])  # that of a class that is loaded already
     options = {**changes.get("options", {}), **codec.options.model_dump()}
-    found = {"class": place, "options": options, "rates": dict(codec.rates)}
-    return {**found, **({"metric_rates": codec.metric_rates} if codec.metric_rates else {})}
+    complete = {"class": place, "options": options, "rates": dict(codec.rates)}
+    if codec.metric_rates:
+        complete["metric_rates"] = codec.metric_rates
+    return complete
 
 
-def entries() -> dict[str, dict[str, Any]]:
-    """The entries of the codecs that are known by name."""
-    return {name: entry(name) for name in codecs()}
+def place_of(name: str, changes: Entry | None = None) -> str:
+    """Return ``module:Class`` of a codec, or ``file.py:Class`` for a user's file."""
+    base = (changes or {}).get("class", name)
+    base = variants().get(base, {}).get("class", base)
+    if base not in CODECS:
+        return str(base)
+    return f"{CODECS.module_of(base)}:{CODECS.get(base).__name__}"
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
-    """The codec of a name with a configuration's changes, as `entry` reads them."""
-    own_class, changes = codec_class(name, changes), changes or {}
-    own = {"rates": own_class.rates, "metric_rates": own_class.metric_rates}
-    rates = {key: _rates(name, known, changes.get(key)) for key, known in own.items()}
+    """Return the codec of a name with the changes of a configuration's entry."""
+    codec, changes = codec_class(name, changes), changes or {}
+    offered = {"rates": codec.rates, "metric_rates": codec.metric_rates}
+    rates = {key: _rates(name, table, changes.get(key)) for key, table in offered.items()}
     if not any(rates.values()):
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     if not rates["metric_rates"]:
-        del rates["metric_rates"]  # older classes do not take them
+        del rates["metric_rates"]  # a user's class may not take them
     try:
-        return own_class(name=name, **rates, **changes.get("options", {}))
+        return codec(name=name, **rates, **changes.get("options", {}))
     except TypeError as error:
         raise InputError(f"codec {name}: {error}") from error
 
 
-def _rates(name: str, known: Entry, wanted: Entry | Sequence[str] | None) -> dict[str, Any]:
-    """The rates wanted of those that the class has, or instead of them."""
-    if isinstance(wanted, Mapping):
-        return dict(wanted)
-    unknown = [rate for rate in wanted or () if rate not in known]
+def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -> dict[str, Any]:
+    """Return the requested rates: a table of others, some of those on offer, or all of them."""
+    if isinstance(requested, Mapping):
+        return dict(requested)
+    unknown = [rate for rate in requested or () if rate not in offered]
     if unknown:
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], known)}")
-    return {rate: values for rate, values in known.items() if wanted is None or rate in wanted}
+        raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], offered)}")
+    return {key: rate for key, rate in offered.items() if requested is None or key in requested}
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
@@ -108,34 +184,29 @@ def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
 
 
 def training_class(name: str, changes: Entry | None = None) -> str:
-    """``module:Class`` of the settings of a codec's training; InputError if it cannot learn."""
-    found = _training(name, changes)
-    if not found:
-        known = ", ".join(other for other in codecs() if has_weights(other))
-        raise InputError(f"codec {name}: there is nothing to train (trainable: {known})")
-    return found
-
-
-def open_training(
-    codec: str, entry: Mapping[str, Any] | None, settings: Mapping[str, Any]
-) -> Training:
-    """The training of a codec.
-
-    Parameters
-    ----------
-    codec
-        Name of the codec.
-    entry
-        A user's changes to the codec's entry.
-    settings
-        Options of the training by name.
+    """Return ``module:Class`` of the settings of a codec's training.
 
     Raises
     ------
     InputError
-        The codec has no training, or an option is unknown or out of range.
+        The codec has nothing to train.
     """
-    training: type[Training] = load(training_class(codec, entry), f"codec {codec}")
+    place = _training(name, changes)
+    if not place:
+        trainable = ", ".join(other for other in codecs() if has_weights(other))
+        raise InputError(f"codec {name}: there is nothing to train (trainable: {trainable})")
+    return place
+
+
+def open_training(codec: str, changes: Entry | None, settings: Entry) -> Training:
+    """Return the training of a codec with its settings by name.
+
+    Raises
+    ------
+    InputError
+        The codec has no training, or a setting is unknown or out of range.
+    """
+    training: type[Training] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
 
 
@@ -148,33 +219,26 @@ def _training(name: str, changes: Entry | None) -> str:
     return str((changes or {}).get("training", codec_class(name, changes).training))
 
 
-def weights_files(name: str, changes: Entry | None = None) -> list[Path]:
-    """The files of a codec's weights, for the fingerprint of its streams; InputError if missing."""
-    return open_codec(name, changes).weights_files()
-
-
-def memory_mb(name: str, points: int, changes: Entry | None = None) -> int:
-    """Estimate of the memory in MB that a codec takes for a number of points."""
-    return codec_class(name, changes).memory.of(points)
-
-
-def pace(name: str, changes: Entry | None = None) -> Pace:
-    """Estimate of the time that a codec takes."""
-    return codec_class(name, changes).pace
-
-
 def codec_of(stream: bytes) -> str:
-    """Name of the first codec by rank whose magic the stream begins with; else InputError."""
+    """Return the first codec by rank whose magic a stream begins with.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
     stream = without_unit(unshifted(stream).stream).stream
-    for name, found in codecs().items():
-        if found.magic and stream.startswith(found.magic):
+    for name, codec in codecs().items():
+        if codec.magic and stream.startswith(codec.magic):
             return name
-    for name, found in codecs().items():
-        if found.bare_magic and stream.startswith(found.bare_magic):
-            raise InputError(f"if it is a bare stream of {found.title}, say so (--codec {name})")
-    raise InputError("no known codec recognises the stream: name its codec (--codec)")
+    for name, codec in codecs().items():
+        if codec.bare_magic and stream.startswith(codec.bare_magic):
+            raise InputError(
+                f"the stream may be a bare one of {codec.title}: name the codec (--codec {name})"
+            )
+    raise InputError("no codec recognises the stream: name its codec (--codec)")
 
 
-def module_of(class_name: str) -> str:
-    """The module (or file) that holds a codec's class, for the fingerprint of its code."""
-    return class_name.rpartition(":")[0]
+def module_of(place: str) -> str:
+    """Return the module or file in a place (``module:Class``), for the fingerprint of its code."""
+    return place.rpartition(":")[0]

@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 
 from puckbench.codecs.facts import CodecFacts, Line
-from puckbench.codecs.registry import CODECS
+from puckbench.codecs.registry import codec_class, is_codec
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def codec_rank(codec: str) -> tuple[int, str]:
 
 
 def _registered(codec: str) -> type[CodecFacts] | None:
-    return CODECS.get(codec) if codec in CODECS else None
+    return codec_class(codec) if is_codec(codec) else None
 
 
 def _of_name(codec: str) -> PlotStyle:

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import CODECS, codec_of, open_codec
+from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.core.errors import InputError, naming
 from puckbench.core.registry import is_place
 from puckbench.jobs.curve import Coded, read_coded
@@ -60,7 +60,7 @@ class CodecJob(Job):
             if "codec" not in coded.record:
                 raise
             name = str(coded.record["codec"])
-        if name not in CODECS and "class" not in self.changes:
+        if not is_codec(name) and "class" not in self.changes:
             code = repr(name) if is_place(name) else "path/to/file.py:Class"
             raise InputError(
                 f"codec {name!r} is not registered, and data name no code to run: "

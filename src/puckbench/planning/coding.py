@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs.facts import Pace
-from puckbench.codecs.registry import memory_mb, module_of, pace
+from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
@@ -131,7 +131,7 @@ class CodingJobs:
 
     def pace(self, codec: str) -> Pace:
         """Estimate of the time that a codec takes at one rate."""
-        return pace(codec, self.plan.config.codec(codec))
+        return codec_class(codec, self.plan.config.codec(codec)).pace
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
@@ -281,7 +281,10 @@ class CodingJobs:
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
-        return max(memory_mb(codec, self._most_points, changes), self._cloud_memory_mb) + pictures
+        return (
+            max(codec_class(codec, changes).memory.of(self._most_points), self._cloud_memory_mb)
+            + pictures
+        )
 
     @cached_property
     def _cloud_memory_mb(self) -> int:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
+from puckbench.codecs.facts import Line
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.core.models import Model, among, checked_model
@@ -189,8 +190,15 @@ class CodecConfig(Model):
     class_: str | None = Field(
         None,
         alias="class",
-        description="Class of a codec of your own: `module:Class` or `path/to/file.py:Class`.",
+        description="Codec that it is a variant of, by name, or the class of your own: "
+        "`module:Class` or `path/to/file.py:Class`.",
     )
+    title: str | None = Field(None, description="Title in legends and tables.")
+    colour: str | None = Field(
+        None, pattern="^#[0-9A-Fa-f]{6}$", description="Colour of its curves, `#rrggbb`."
+    )
+    marker: str | None = Field(None, description="Marker of its points, one of Matplotlib's.")
+    line: Line | None = Field(None, description="Style of its lines.")
     training: str | None = Field(
         None, description="Class of the settings of its training, if it has a network."
     )

@@ -255,7 +255,7 @@ class Plan:
     @cached_property
     def opened(self) -> dict[str, Codec]:
         """The codecs themselves, opened with what the configuration says of them."""
-        return {name: codecs.open_codec(name, entry) for name, entry in self.codecs.items()}
+        return {name: codecs.open_codec(name, self.config.codec(name)) for name in self.codecs}
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:
@@ -440,7 +440,7 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
     """Files of a codec's weights; none for a codec without. InputError names those missing."""
     with naming(f"codecs.{name}"):
-        return codecs.weights_files(name, changes)
+        return codecs.open_codec(name, changes).weights_files()
 
 
 _CAPTURED_POINTS = 1_500_000

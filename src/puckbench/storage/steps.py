@@ -1,4 +1,4 @@
-"""Points in whole numbers of a step, and how many points a stream may hold."""
+"""Points in integer multiples of a step, and the number of points that a stream may hold."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from puckbench.geometry.cloud import Floats
 _POINTS_PER_BYTE = 256
 _FEW_POINTS = 65536
 MOST_STEPS = float(2**30)
-"""Extent of a cloud that `in_steps` takes, as it lies within a kilometre of the origin."""
+"""Largest extent of a cloud for `in_steps`, if it lies within a kilometre of the origin."""
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
-    """Points (n, 3) rounded to whole steps; InputError beyond 31 bits, which formats hold."""
+    """Round points (n, 3) to integer steps; InputError beyond 31 bits."""
     if np.abs(points).max() / step >= 2**31 - 1:
         raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m{NARROWER}")
     return np.rint(points / step).astype(np.int64)
 
 
 def check_points_of(count: int, stream: bytes) -> None:
-    """Refuse a number of points that no stream of the length holds, before memory is taken.
+    """Refuse an implausible number of points before memory is allocated for them.
 
-    Encoders ask too, so that they write nothing that a decoder refuses.
+    Encoders call this too, so that they write nothing that a decoder refuses.
     """
     few = _FEW_POINTS + _POINTS_PER_BYTE * len(stream)
     if not 0 < count <= min(few, most_points(len(stream))):

@@ -1,0 +1,113 @@
+"""LAZ, the compressed form of LAS 1.2 (point format 0), by laspy and lazrs: geometry alone."""
+
+from __future__ import annotations
+
+import struct
+from datetime import date
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.storage.steps import check_points_of, in_steps
+
+MAGIC = b"LASF"
+_DATE = date(2000, 1, 1)
+"""The same points give the same bytes on any day."""
+_HEADER_BYTES = 227
+_STARTS = struct.Struct("<HIIBHI")
+"""At byte 94: bytes of the header, where points begin, further records, format, bytes of a point,
+points."""
+_POINT_FORMAT, _POINT_BYTES, _COMPRESSED = 0, 20, 128
+_STARTS_AT, _SCALES_AT = 94, 131
+_RECORD_HEADER_BYTES = 54
+_MOST_SCALE = 1e290
+_CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
+"""Before the points: where the table of chunks is. At its start: its version, and their number."""
+
+
+def encode_laz(points: Floats, step: float) -> bytes:
+    """Encode points (n, 3) in m, rounded to a step, in their order.
+
+    Raises
+    ------
+    InputError
+        The points reach beyond 31 bits, or are more than a stream of their length may hold.
+    """
+    import laspy
+
+    packed = BytesIO()
+    _las(points, step).write(packed, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+    stream = packed.getvalue()
+    check_points_of(len(points), stream)
+    return stream
+
+
+def _las(points: Floats, step: float) -> Any:
+    import laspy
+
+    steps = in_steps(points, step).astype(np.int32)
+    header = laspy.LasHeader(point_format=_POINT_FORMAT, version="1.2")
+    header.scales, header.offsets = np.full(3, step), np.zeros(3)
+    header.creation_date, header.system_identifier = _DATE, "OTHER"
+    header.generating_software = "puckbench"
+    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(steps), header=header))
+    las.X, las.Y, las.Z = steps.T
+    return las
+
+
+def decode_laz(stream: bytes) -> Floats:
+    """Decode the points (n, 3) of a stream of `encode_laz`.
+
+    Other headers are refused: `puckbench.io.las` reads files of other programs.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, or not one of `encode_laz`.
+    """
+    import lazrs
+
+    vlr = lazrs.LazVlr.new_for_compression(_POINT_FORMAT, 0)
+    begin = _HEADER_BYTES + _RECORD_HEADER_BYTES + len(vlr.record_data())
+    count, scale = _checked_header(stream, begin, vlr.record_data())
+    _check_chunks(stream, begin, -(-count // vlr.chunk_size()))
+    records = bytearray(_POINT_BYTES * count)
+    source = BytesIO(stream)
+    source.seek(begin)
+    try:
+        selection = lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL)
+        decoder = lazrs.LasZipDecompressor(source, vlr.record_data(), selection)
+        decoder.decompress_many(records)
+    except (lazrs.LazrsError, OSError, ValueError) as error:
+        raise InputError("the stream is damaged (LAZ)") from error
+    steps = np.frombuffer(records, np.dtype("<i4")).reshape(count, -1)[:, :3]
+    return steps * scale
+
+
+def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
+    """Return the number of points and the scales (3,) of a header that `_las` makes.
+
+    The points begin at byte `begin`, after the record `vlr` of their compression.
+    """
+    if len(stream) < begin + _CHUNKS_AT.size:
+        raise InputError("the stream is truncated")
+    *starts, count = _STARTS.unpack_from(stream, _STARTS_AT)
+    scale, offset = np.frombuffer(stream, "<f8", 6, _SCALES_AT).reshape(2, 3)
+    made = [_HEADER_BYTES, begin, 1, _POINT_FORMAT | _COMPRESSED, _POINT_BYTES]
+    is_ours = stream[begin - len(vlr) : begin] == vlr and not offset.any()
+    if stream[:4] != MAGIC or starts != made or not is_ours:
+        raise InputError("not LAZ as puckbench writes it: points without attributes")
+    check_points_of(count, stream)
+    if not ((scale > 0) & (scale < _MOST_SCALE)).all():
+        raise InputError("the stream is damaged (its scale)")
+    return count, scale
+
+
+def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
+    """Refuse a table with a wrong number of chunks: lazrs would allocate memory for them."""
+    (at,) = _CHUNKS_AT.unpack_from(stream, begin)
+    if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
+        raise InputError("the stream is damaged (its table of chunks)")

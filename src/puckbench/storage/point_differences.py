@@ -1,0 +1,65 @@
+"""Differences between successive points, as variable-length integers compressed by Zstandard.
+
+This is the scheme of Cloudini, by which the ROS community stores ``PointCloud2`` messages; code and
+stream are ours. A body is:
+
+    float64  the step, m
+    the number of points, base 128
+    a Zstandard frame: x, y and z of each point minus those of the previous one, zigzag, base 128
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from puckbench.coding.byte_io import Reader, base_128
+from puckbench.coding.varints import packed_signed, unpacked_signed
+from puckbench.coding.zstandard import compressed, decompressed
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats
+from puckbench.storage.steps import check_points_of, in_steps
+
+_STEP = struct.Struct("<d")
+_MAX_BYTES_PER_POINT = 15
+
+
+def encode_differences(points: Floats, step: float, level: int) -> bytes:
+    """Encode points (n, 3), rounded to a step, in their order.
+
+    Parameters
+    ----------
+    points
+        (n, 3) coordinates, m.
+    step
+        Of the grid, m.
+    level
+        Of Zstandard, 1 to 22.
+
+    Raises
+    ------
+    InputError
+        The points reach beyond 31 bits, or are more than a body of their length may hold.
+    """
+    steps = in_steps(points, step)
+    differences = np.diff(steps, axis=0, prepend=np.zeros((1, 3), np.int64))
+    frame = compressed(packed_signed(differences.ravel()), level)
+    check_points_of(len(points), frame)
+    return _STEP.pack(step) + base_128(len(points)) + frame
+
+
+def decode_differences(body: bytes) -> Floats:
+    """Decode the points (n, 3) of a body; InputError where it is damaged."""
+    reader = Reader(body)
+    (step,) = _STEP.unpack(reader.take(_STEP.size))
+    count = reader.number()
+    frame = reader.rest()
+    check_points_of(count, frame)
+    data = decompressed(frame, _MAX_BYTES_PER_POINT * count)
+    steps = np.cumsum(unpacked_signed(data, 3 * count).reshape(-1, 3), axis=0)
+    with np.errstate(all="ignore"):
+        points: Floats = steps * step
+    if not np.isfinite(points).all():
+        raise InputError("the stream is damaged (its step)")
+    return points

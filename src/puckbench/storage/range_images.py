@@ -1,0 +1,138 @@
+"""Turns of a spinning sensor as range images: a row for each laser, a column for each firing.
+
+Rows are ordered from the highest laser down. Pixels have 16 bits and count steps of the range; 0
+says that no return came. Times and reflectivities are left out. A body has these parts, each with
+its length in front, base 128:
+
+    the layout (`puck.layout`)
+    the beams and the quantum (`puck.beams`)
+    the quanta of a step, the number of turns, the blocks of each turn, base 128
+    differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
+    an image for each turn and kind of return, by an image codec
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.byte_io import Reader, base_128
+from puckbench.coding.most_points import most_points
+from puckbench.coding.zstandard import compressed, decompressed
+from puckbench.core.errors import InputError
+from puckbench.lidar.returns import Returns
+from puckbench.lidar.turns import Layout, Turn
+from puckbench.puck.beams import packed_beams, unpacked_beams
+from puckbench.puck.layout import packed, unpacked
+
+Image = NDArray[np.uint16]
+EncodeImage = Callable[[Image, int], bytes]
+"""Encode the pixels (rows, columns), steps of a number of quanta, without loss."""
+DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
+"""Decode an image of a shape; InputError for a damaged stream or another shape."""
+_MAX_QUANTA = 1 << 15
+_PIXELS_PER_BYTE = 4096
+_FEW_PIXELS = 1 << 20
+
+
+def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
+    """Encode returns with ranges in steps of a number of quanta.
+
+    Where a beam has two returns, a pixel of the second image is 0 where both are equal.
+    """
+    layout, turns = returns.layout, returns.turns
+    quanta = min(quanta, _MAX_QUANTA)
+    numbers = [quanta, len(turns), *(len(turn.azimuths) for turn in turns)]
+    images = [image for turn in turns for image in _images(turn, layout, quanta)]
+    parts = [
+        packed(layout),
+        packed_beams(returns),
+        b"".join(base_128(number) for number in numbers),
+        _packed_azimuths(np.concatenate([turn.azimuths for turn in turns])),
+        *(encode_image(image, quanta) for image in images),
+    ]
+    body = b"".join(base_128(len(part)) + part for part in parts)
+    _check_pixels(sum(image.size for image in images), body)
+    return body
+
+
+def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
+    """Decode the returns of a body; InputError where it is damaged."""
+    reader = Reader(body)
+    layout = unpacked(_part(reader))[0]
+    bare = unpacked_beams(_part(reader), layout)
+    quanta, blocks = _numbers(Reader(_part(reader)))
+    if any(not 0 < count <= layout.max_blocks for count in blocks):
+        raise InputError("the stream is damaged (its turns)")
+    columns = [count * layout.columns_per_block for count in blocks]
+    _check_pixels(sum(columns) * layout.lasers * layout.kinds, reader.body)
+    azimuths = np.split(_unpacked_azimuths(_part(reader), sum(blocks)), np.cumsum(blocks)[:-1])
+    turns = []
+    for width, azimuth in zip(columns, azimuths, strict=True):
+        shape = (layout.lasers, width)
+        images = [decode_image(_part(reader), shape, quanta) for _ in range(layout.kinds)]
+        turns.append(_turn(images, azimuth, layout, quanta))
+    if reader.rest():
+        raise InputError("the stream is damaged (bytes at its end)")
+    return replace(bare, turns=tuple(turns))
+
+
+def _part(reader: Reader) -> bytes:
+    return reader.take(reader.number())
+
+
+def _numbers(reader: Reader) -> tuple[int, list[int]]:
+    """Return the quanta of a step, and the number of blocks of each turn."""
+    quanta, turns = reader.number(), reader.number()
+    if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
+        raise InputError("the stream is damaged (its numbers)")
+    return quanta, [reader.number() for _ in range(turns)]
+
+
+def _check_pixels(pixels: int, body: bytes) -> None:
+    """Refuse an implausible number of pixels before memory is allocated for them."""
+    if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
+        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
+
+
+def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
+    """Return an image (lasers, columns) for each kind of return."""
+    ranges = turn.ranges.astype(np.int64)[:, :, list(layout.order)[::-1]].transpose(0, 2, 1)
+    steps = np.where(ranges > 0, (ranges - 1) // quanta + 1, 0).astype(np.uint16)
+    images = [np.ascontiguousarray(steps[0])]
+    if layout.kinds == 2:
+        images.append(_swapped(steps[1], steps[0]))
+    return images
+
+
+def _swapped(image: Image, first: Image) -> Image:
+    """Exchange 0 and the pixel of the first image in the second one; this is its own inverse."""
+    return np.where(image == first, 0, np.where(image == 0, first, image)).astype(np.uint16)
+
+
+def _turn(images: list[Image], azimuths: NDArray[np.uint16], layout: Layout, quanta: int) -> Turn:
+    """Return the turn of its images, with ranges in the middle of their steps."""
+    steps = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
+    middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
+    ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.uint16)
+    pixels = np.where(steps > 0, np.minimum(middle, 0xFFFF), 0).astype(np.uint16)
+    ranges[:, :, list(layout.order)[::-1]] = pixels.transpose(0, 2, 1)
+    return Turn(ranges, azimuths)
+
+
+def _packed_azimuths(azimuths: NDArray[np.uint16]) -> bytes:
+    rises = np.diff(azimuths, prepend=np.uint16(0)).astype(np.int16).astype(np.int64)
+    zigzag = np.where(rises >= 0, 2 * rises, -2 * rises - 1).astype("<u2")
+    return compressed(np.ascontiguousarray(zigzag.view(np.uint8).reshape(-1, 2).T).tobytes())
+
+
+def _unpacked_azimuths(data: bytes, count: int) -> NDArray[np.uint16]:
+    planes = np.frombuffer(decompressed(data, 2 * count), np.uint8)
+    if len(planes) != 2 * count:
+        raise InputError("the stream is damaged (its azimuths)")
+    zigzag = planes.reshape(2, -1).T.copy().view("<u2")[:, 0].astype(np.int64)
+    rises = (zigzag >> 1) ^ -(zigzag & 1)
+    return np.cumsum(rises).astype(np.uint16)
