@@ -9,7 +9,6 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.draco import Draco
 from puckbench.codecs.draco_tools import DracoCli
 from puckbench.codecs.gpcc import Gpcc
-from puckbench.codecs.gpcc_variants import GpccNoSensor
 from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
 from puckbench.codecs.registry import open_codec
@@ -73,9 +72,11 @@ def codec_role(codec: Codec) -> str:
     The thesis ran it on truncated coordinates (`GPCC_AS_RUN`); rounded to the nearest, it is
     `GPCC`. A codec that changes another one (`Codec.based_on`) has no role.
     """
-    if codec.based_on or isinstance(codec, GpccNoSensor):
+    if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
     if isinstance(codec, (Gpcc, Tmc13)):
+        if codec.options.profile == "spinning":
+            return ""
         return GPCC_AS_RUN if codec.options.rounding == "truncate" else GPCC
     return next((role for role, classes in _CLASSES.items() if isinstance(codec, classes)), "")
 
