@@ -39,7 +39,7 @@ COLUMNS = (
 def printed_seconds(codec: ExternalCodec) -> list[float]:
     """Wall-clock and user seconds that the program says it took."""
     kinds = (r"Processing time \(wall\): (\S+) s", r"^Processing time \(user\): (\S+) s")
-    found = [re.search(kind, codec.said, re.MULTILINE) for kind in kinds]
+    found = [re.search(kind, codec.output, re.MULTILINE) for kind in kinds]
     return [float(match[1]) for match in found if match]
 
 

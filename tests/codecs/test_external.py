@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.base import Codec, Cost
-from puckbench.codecs.external import ExternalCodec
+from puckbench.codecs.external import ExternalCodec, folder
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 
@@ -45,6 +45,25 @@ def test_the_cost_is_that_of_the_program_alone(python: Python, tmp_path: Path) -
     assert 50 <= cost.peak_mib < 100
     assert 0.2 <= cost.seconds <= passed
     assert ballast.size
+
+
+class Twice(Python):
+    def _encode(self, points: np.ndarray, parameters: object) -> bytes:
+        with folder() as path:
+            self.do("import time; time.sleep(0.1)", path)
+            self.do("import time; time.sleep(0.1); x = bytearray(50 * 2**20)", path)
+        return points.tobytes()
+
+
+def test_a_call_costs_what_all_its_programs_cost_and_nothing_of_earlier_calls() -> None:
+    codec = Twice(name="twice", rates={"r1": {}})
+    for _ in range(2):
+        codec.encode(np.ones((3, 3)), "r1")
+        cost = codec.cost(Cost(1e9, 1e9))
+        assert 0.2 <= cost.seconds < 2
+        assert 50 <= cost.peak_mib < 100
+    codec.decode(np.ones((3, 3)).tobytes())
+    assert codec.cost(Cost(1.0, 2.0)) == Cost(1.0, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_other_peoples_laz_is_refused_in_one_line() -> None:
     las.x = las.y = las.z = np.arange(10.0)
     packed = BytesIO()
     las.write(packed, do_compress=True)
-    with pytest.raises(InputError, match="not LAZ of bare points"):
+    with pytest.raises(InputError, match="not LAZ as puckbench writes it"):
         open_codec("laz").decode(packed.getvalue())
 
 

@@ -1,11 +1,8 @@
-"""Codecs that are programs of others: run under limits, timed and weighed on their own."""
+"""Codecs that run other people's programs on files in a temporary folder."""
 
 from __future__ import annotations
 
-import json
 import shutil
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,29 +12,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.codecs import launch
-from puckbench.codecs.base import Availability, Codec, Cost
-from puckbench.core.errors import InputError
+from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
+from puckbench.core.errors import InputError, naming
+from puckbench.core.programs import run_program
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 
-_MEMORY_BYTES = 2**31
-_SECONDS = 30
-"""What a tool may take, and more for each byte of its input."""
-_MEMORY_PER_BYTE = 400
-_SECONDS_PER_BYTE = 1e-4
+_MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400
+_SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
+"""Limits of a program, and what each byte of its input adds to them."""
 
 
 class ExternalCodec(Codec):
-    """A codec that runs other people's programs on files in a temporary folder.
+    """A codec that runs programs; a subclass names them, and calls `run` to encode and decode.
 
-    A class names its `programs`, and its `_encode` and `_decode` call `run` with a command line.
-    The cost is that of the programs' processes, from their start to their end, with their own
-    reading and writing of files, and without the memory of this process.
+    The cost of a call is that of its programs' processes, which read and write their own files.
     """
 
-    said: str = ""
-    """What the program that ran last printed."""
+    output: str = ""
+    """What the last program printed."""
+    _cost: Cost | None = None
 
     @property
     def programs(self) -> tuple[str, ...]:
@@ -45,15 +39,23 @@ class ExternalCodec(Codec):
         return ()
 
     def available(self) -> Availability:
-        """Whether the programs are there."""
+        """Whether the programs are installed."""
         missing = [name for name in self.programs if shutil.which(name) is None]
         return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
 
-    def cost(self, here: Cost) -> Cost:
-        """Time and memory of the program that ran last."""
-        return self._cost or here
+    def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
+        """As `Codec.encode`."""
+        self._cost = None
+        return super().encode(points, rate, shared)
 
-    _cost: Cost | None = None
+    def decode(self, stream: bytes) -> Floats:
+        """As `Codec.decode`."""
+        self._cost = None
+        return super().decode(stream)
+
+    def cost(self, here: Cost) -> Cost:
+        """Return time and memory of the programs that the last call ran."""
+        return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
         """Run a program under limits of time and memory that grow with its input.
@@ -63,46 +65,33 @@ class ExternalCodec(Codec):
         command
             Program and arguments.
         source
-            The file that the program reads, whose size sets the limits.
+            The file that the program reads.
 
         Raises
         ------
         InputError
-            The program fails or exceeds its limits; its last line is in the message.
+            The program fails or exceeds its limits.
         """
         size = source.stat().st_size
-        limits = (_MEMORY_BYTES + size * _MEMORY_PER_BYTE, _SECONDS + size * _SECONDS_PER_BYTE)
-        words = [sys.executable, "-I", "-S", launch.__file__, *(str(int(x)) for x in limits)]
-        ran = subprocess.run([*words, *map(str, command)], capture_output=True, check=False)
-        self.said = ran.stderr.decode(errors="replace").strip()
-        ended: dict[str, Any] = {"status": "not started"}
-        if ran.returncode == 0:
-            ended = json.loads(ran.stdout)
-        if ended["status"] != 0:
-            last = self.said.rpartition("\n")[2][:80]
-            failed = f"{Path(command[0]).name} failed"
-            raise InputError(f"codec {self.name}: {failed} ({ended['status']}: {last})")
-        self._cost = Cost(ended["seconds"], ended["peak_kib"] / 1024)
+        memory_bytes = _MEMORY_BYTES + size * _MEMORY_PER_BYTE
+        with naming(f"codec {self.name}"):
+            cost, self.output = run_program(
+                command, memory_bytes, _SECONDS + size * _SECONDS_PER_BYTE
+            )
+        self._cost = self._cost.plus(cost) if self._cost else cost
 
 
 @contextmanager
 def folder() -> Iterator[Path]:
-    """A temporary folder for one call's files."""
+    """Make a temporary folder for the files of one call."""
     with tempfile.TemporaryDirectory(prefix="puckbench-") as path:
         yield Path(path)
 
 
 def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
-    """Write points as binary PLY without any other property.
+    """Write points (n, 3) as a binary PLY file of coordinates alone.
 
-    Parameters
-    ----------
-    path
-        Of the file.
-    points
-        (n, 3) coordinates.
-    kind
-        ``float32`` or ``float64``, the names that programs read.
+    kind: type of the coordinates, ``float32`` or ``float64``, by the names that programs read.
     """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {kind} {axis}" for axis in "xyz"]
@@ -111,24 +100,12 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 
 
 def read_points(path: Path, what: str) -> Floats:
-    """Read the points that a program wrote.
-
-    Parameters
-    ----------
-    path
-        Of a PLY file.
-    what
-        The codec and its program, for the message.
-
-    Returns
-    -------
-    Floats
-        (m, 3) coordinates.
+    """Read the points (m, 3) of the PLY file that a program wrote.
 
     Raises
     ------
     InputError
-        There is no such file, or it holds no points.
+        There is no such file, or it holds no points; the message begins with `what`.
     """
     try:
         return read_cloud(path, keep_missing=True).xyz

@@ -1,11 +1,10 @@
-"""Runs one command under limits and prints what it cost, as a process with next to no memory.
+"""Run one command under limits and print its cost, from a process that uses hardly any memory.
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the process that started a command as the command's own, so a
-benchmark that held clouds would find them in every tool's peak. This process holds nothing.
-It prints seconds, peak in KiB and exit status (negative: a signal) as JSON; the command's own
-output goes to standard error.
+The kernel counts the memory of the process that starts a command as the command's own, so that a
+benchmark's clouds would be part of every program's peak. It prints seconds, peak in KiB and exit
+status (negative: a signal) as JSON; the output of the command goes to standard error.
 """
 
 import json
@@ -17,7 +16,6 @@ import time
 
 
 def main() -> None:
-    """Start the command, wait for it, print its cost."""
     memory, seconds, *command = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
     start = time.perf_counter()

@@ -1,0 +1,49 @@
+"""Run other people's programs under limits of time and memory, and measure what they cost."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from puckbench.core import launch
+from puckbench.core.errors import InputError
+from puckbench.core.measurement import Cost
+
+_MAX_WORDS = 80
+"""Characters of a program's last line in a message."""
+
+
+def run_program(
+    command: Sequence[str | Path], memory_bytes: float, seconds: float
+) -> tuple[Cost, str]:
+    """Run a program to its end.
+
+    Parameters
+    ----------
+    command
+        Program and arguments.
+    memory_bytes, seconds
+        Limits: of its address space, and of its time.
+
+    Returns
+    -------
+    tuple[Cost, str]
+        The cost of its process, and what it printed.
+
+    Raises
+    ------
+    InputError
+        The program fails or exceeds a limit; the message ends with the last line that it printed.
+    """
+    limits = (str(int(memory_bytes)), str(int(seconds)))
+    words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]
+    process = subprocess.run(words, capture_output=True, check=False)
+    output = process.stderr.decode(errors="replace").strip()
+    end = json.loads(process.stdout) if process.returncode == 0 else {"status": "not started"}
+    if end["status"] != 0:
+        last_line = output.rpartition("\n")[2][:_MAX_WORDS]
+        raise InputError(f"{Path(command[0]).name} failed ({end['status']}: {last_line})")
+    return Cost(end["seconds"], end["peak_kib"] / 1024), output
