@@ -83,9 +83,9 @@ TESTS = {
     "lidar/walls/range_image": "lidar/test_wall_range_image",
     "lidar/walls/stillness": "lidar/test_stillness",
     "metrics": "metrics/test_seen",
-    "metrics/frames": "metrics/test_frames",
+    "metrics/coordinate_frames": "metrics/test_coordinate_frames",
     "metrics/geometry": "metrics/test_geometry metrics/test_truth",
-    "metrics/registry": "metrics/test_registry thesis/test_tables",
+    "metrics/table_registry": "metrics/test_table_registry thesis/test_tables",
     "metrics/rate_deltas": "metrics/test_bjontegaard",
     "thesis/claims": "thesis/test_claim_rules thesis/test_claims",
 }

@@ -13,7 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.metrics.returns import range_errors
+from puckbench.metrics.sensor_metrics import range_errors
 from puckbench.puck.smoothing import (
     _eliminate,
     _solve,

@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.turns import Turn
-from puckbench.metrics.returns import range_errors
+from puckbench.metrics.sensor_metrics import range_errors
 from tests.support.returns import EXAMPLES, homemade, recorded
 
 NAMES = [

@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.metrics.returns import range_errors
+from puckbench.metrics.sensor_metrics import range_errors
 from puckbench.puck import stream
 from puckbench.storage import packets
 from puckbench.storage import range_images as range_image

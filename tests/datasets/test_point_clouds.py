@@ -12,8 +12,8 @@ import trimesh
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.datasets.files import scene_names
 from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.user_files import scene_names
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.scaling import far_shift
 from puckbench.io.clouds import read_cloud, write_cloud

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.metrics.psnr import PEAK_M
-from puckbench.metrics.returns import keeping_up, range_errors_of_points
+from puckbench.metrics.sensor_metrics import keeping_up, range_errors_of_points
 from puckbench.metrics.units import in_square_millimetres
 
 PAGE = (Path(__file__).parents[2] / "docs" / "explanation" / "metrics.md").read_text("utf-8")

@@ -11,7 +11,7 @@ import pytest
 from puckbench.cli import main
 from puckbench.core.registry import trust
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
-from puckbench.metrics.registry import TABLES, table_entry
+from puckbench.metrics.table_registry import TABLES, table_entry
 
 FIGURE = '''
 from __future__ import annotations
@@ -39,7 +39,7 @@ def draw(clouds: "pd.DataFrame", style):
     return figure
 '''
 TABLE = '''
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 @TABLES.register("counts", title="Counts")
 def counts(clouds: "pd.DataFrame", metrics: "pd.DataFrame | None" = None, *, factor: float = 1):
     """How many points."""

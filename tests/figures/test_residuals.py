@@ -137,7 +137,7 @@ def test_an_unknown_model_looks_the_same_everywhere_and_stands_last() -> None:
 
 def test_listing_tables_imports_nothing_heavy() -> None:
     code = (
-        "import sys; from puckbench.metrics.registry import table_entries; table_entries(); "
+        "import sys; from puckbench.metrics.table_registry import table_entries; table_entries(); "
         "print([m for m in ('matplotlib', 'pandas', 'scipy', 'numba') if m in sys.modules])"
     )
     printed = subprocess.run(

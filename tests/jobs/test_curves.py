@@ -28,7 +28,7 @@ from puckbench.metrics import geometry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.workflow import Workflow
 from puckbench.primitives import mode_decision
-from puckbench.report.quantities import is_time
+from puckbench.report.column_labels import is_time
 
 RATES = ("r1", "r4", "r8")
 NAME = "airplane_01"

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from puckbench.geometry.cloud import PointCloud
+from puckbench.metrics.cloud_metrics import measures
 from puckbench.metrics.lossless import lossless_rows, rounding, with_lossless_best, without_lossless
-from puckbench.metrics.measures import measures
 
 METRIC = {"size": 0, "scale": 1.0, "peak": 30.0, "offset": [0.0, 0, 0]}
 

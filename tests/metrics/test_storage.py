@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.frames import in_frame
+from puckbench.metrics.coordinate_frames import in_frame
 from puckbench.metrics.storage import bits_at_error, storage
 
 

@@ -23,9 +23,18 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.rate_deltas import bd_rate
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
+from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
-from puckbench.report.clouds import (
+from puckbench.report.column_labels import headed, measured
+from puckbench.report.contents import Contents
+from puckbench.report.findings import findings
+from puckbench.report.page import whole_page
+from puckbench.report.pictures import MOST_BYTES, embedded
+from puckbench.report.plot_data import curves
+from puckbench.report.run_record import RunRecord, duration_text
+from puckbench.report.tables import MOST_ROWS, table_html, text_of
+from puckbench.report.viewer_data import (
     Shown,
     cloud_payload,
     error_range,
@@ -36,15 +45,6 @@ from puckbench.report.clouds import (
     shown_original,
     subsampled,
 )
-from puckbench.report.contents import Contents
-from puckbench.report.curves import curves
-from puckbench.report.deltas import delta_text
-from puckbench.report.findings import findings
-from puckbench.report.page import whole_page
-from puckbench.report.pictures import MOST_BYTES, embedded
-from puckbench.report.quantities import headed, measured
-from puckbench.report.run_record import RunRecord, duration_text
-from puckbench.report.tables import MOST_ROWS, table_html, text_of
 
 
 def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
@@ -479,7 +479,7 @@ def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
 
 
 def test_units_are_those_of_the_clouds_frames() -> None:
-    from puckbench.report.quantities import unit_in
+    from puckbench.report.column_labels import unit_in
 
     assert unit_in("grid units²", {"scaled"}) == "grid units²"
     assert unit_in("grid units²", {"metric"}) == "m²"

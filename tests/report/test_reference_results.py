@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Frame
-from puckbench.metrics.frames import in_frame
+from puckbench.metrics.coordinate_frames import in_frame
 from puckbench.planning.config import read_config
 from puckbench.report.leaderboard import study_findings, write_study
 from puckbench.report.reference_results import (

@@ -9,7 +9,7 @@ from scipy.stats import wasserstein_distance
 
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
-from puckbench.metrics.registry import table_entries, table_entry
+from puckbench.metrics.table_registry import table_entries, table_entry
 from puckbench.thesis import published
 from puckbench.thesis.numbers import FAR, MOVED, NEAR, distance_to_normal, thesis_numbers
 from puckbench.thesis.printed_tables import table_4_1, table_4_2, table_5_1

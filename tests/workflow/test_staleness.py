@@ -12,7 +12,7 @@ from tests.support.bench import ROOT, Bench
 
 TABLE = '''"""One more table."""
 
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 
 
 @TABLES.register("streams", title="Streams")

@@ -212,7 +212,7 @@ def _range(row: Mapping[str, Any], name: str, form: str) -> str:
 
 
 def _delta(row: Mapping[str, Any] | None) -> str:
-    from puckbench.report.deltas import delta_text
+    from puckbench.report.bd_rate_text import delta_text
 
     return "" if row is None else delta_text(row)
 

@@ -89,7 +89,7 @@ def _studies() -> list[str]:
 
 
 def _tables() -> list[str]:
-    from puckbench.metrics.registry import TABLES
+    from puckbench.metrics.table_registry import TABLES
 
     return TABLES.names()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from puckbench.cli.types import json_object
 from puckbench.core.registry import trust
-from puckbench.datasets.counts import Counted
+from puckbench.datasets.published_counts import Counted
 from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 
 

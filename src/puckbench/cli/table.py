@@ -8,7 +8,7 @@ from typing import Any
 
 from puckbench.cli.types import chosen, files_by_name, json_object
 from puckbench.jobs.table import Table
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

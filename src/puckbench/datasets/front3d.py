@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import DataSet, chosen, existing_folder, found
-from puckbench.datasets.counts import Count
 from puckbench.datasets.front3d_house import Room, build_room, read_rooms
+from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 

@@ -22,7 +22,7 @@ from pydantic import PositiveInt
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.datasets.base import FolderSet, Provenance, chosen
-from puckbench.datasets.counts import Count
+from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from puckbench.datasets.base import MeshFolderSet, Provenance, chosen, existing_folder
-from puckbench.datasets.counts import Count
+from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 

@@ -7,9 +7,9 @@ from typing import ClassVar, Literal
 
 from puckbench.core.content import plain_suffix
 from puckbench.datasets.captured_rooms import is_capture, read_capture
-from puckbench.datasets.files import FileSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
+from puckbench.datasets.user_files import FileSet
 from puckbench.geometry.mesh import scaled_mesh
 from puckbench.io.meshes import SUFFIXES, read_mesh_report, remark_skipped
 from puckbench.io.ply import has_faces

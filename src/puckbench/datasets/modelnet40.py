@@ -9,7 +9,7 @@ from typing import Any, Literal
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
 from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
-from puckbench.datasets.counts import Count
+from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
 from puckbench.geometry.mesh import Mesh

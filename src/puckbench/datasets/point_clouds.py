@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from puckbench.core.content import plain_suffix
-from puckbench.datasets.files import FileSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
+from puckbench.datasets.user_files import FileSet
 from puckbench.geometry.cloud import check_extent
 from puckbench.io.clouds import SUFFIXES, check_cloud, counted, read_points
 from puckbench.io.ply import has_faces

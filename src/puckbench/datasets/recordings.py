@@ -18,9 +18,9 @@ from pydantic import Field, PositiveInt
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
 from puckbench.datasets.base import DataSet, found
-from puckbench.datasets.files import distinct, is_file_or_lost, scene_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
+from puckbench.datasets.user_files import distinct, is_file_or_lost, scene_names
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns

@@ -11,7 +11,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.base import FolderSet, Provenance, chosen
-from puckbench.datasets.counts import Count
+from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import TextCloud, read_xyzrgb

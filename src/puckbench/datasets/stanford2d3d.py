@@ -15,13 +15,13 @@ from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_
 from puckbench.datasets.base import DataSet, chosen, existing_folder, found
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.s3dis import S3DIS, room_type
-from puckbench.datasets.scene import Scene
-from puckbench.datasets.tripods import (
+from puckbench.datasets.scanner_positions import (
     camera_position,
     listed_file,
     listed_positions,
     pose_files,
 )
+from puckbench.datasets.scene import Scene
 from puckbench.geometry.cloud import Floats
 
 AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")

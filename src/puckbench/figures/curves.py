@@ -24,7 +24,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, Quantity
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.geometry.cloud import Floats
 

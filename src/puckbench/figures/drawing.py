@@ -74,7 +74,7 @@ def read_input(kind: str, path: Path, frame: Frame = "scaled") -> Any:
     """
     from puckbench.io.tables import read_table
     from puckbench.lidar.returns import with_returns
-    from puckbench.metrics.frames import in_frame
+    from puckbench.metrics.coordinate_frames import in_frame
 
     if kind == "DataFrame":
         return in_frame(read_table(path), frame)

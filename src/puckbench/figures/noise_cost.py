@@ -13,7 +13,7 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.noise_bits import noise_bits
-from puckbench.metrics.registry import SEVERAL_NOISES
+from puckbench.metrics.table_registry import SEVERAL_NOISES
 
 if TYPE_CHECKING:
     import pandas as pd

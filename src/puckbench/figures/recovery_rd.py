@@ -14,7 +14,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, Quantity
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 

@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import label_rates, log_limits, panel_grid, set_log, set_title
-from puckbench.figures.quantities import CD_PLANE
+from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.geometry.cloud import Floats

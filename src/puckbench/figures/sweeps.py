@@ -10,10 +10,10 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
-from puckbench.figures.quantities import Quantity
+from puckbench.figures.plotted_metrics import Quantity
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.registry import SPINS_OR_RECORDINGS
+from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS
 
 if TYPE_CHECKING:
     import pandas as pd

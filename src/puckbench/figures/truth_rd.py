@@ -22,7 +22,7 @@ from puckbench.figures.panels import (
     scan_handle,
     set_title,
 )
-from puckbench.figures.quantities import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
+from puckbench.figures.plotted_metrics import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 

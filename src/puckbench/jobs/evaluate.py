@@ -20,10 +20,10 @@ from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns
-from puckbench.metrics.frames import FRAME
-from puckbench.metrics.further import further_metrics
-from puckbench.metrics.measures import measures, picture_measures
-from puckbench.metrics.returns import keeping_up, range_errors, range_errors_of_points
+from puckbench.metrics.cloud_metrics import measures, picture_measures
+from puckbench.metrics.coordinate_frames import FRAME
+from puckbench.metrics.metric_registry import further_metrics
+from puckbench.metrics.sensor_metrics import keeping_up, range_errors, range_errors_of_points
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns

@@ -15,7 +15,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, ready
 from puckbench.jobs.curve import read_curve
 from puckbench.jobs.encode import measured_encoding
-from puckbench.metrics.measures import measures
+from puckbench.metrics.cloud_metrics import measures
 
 if TYPE_CHECKING:
     import pandas as pd

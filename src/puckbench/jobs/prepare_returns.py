@@ -110,7 +110,7 @@ class PrepareReturns(Job):
         """As `_read`, of a scan table."""
         from puckbench.lidar.scan_returns import returns_of_scan, true_points
         from puckbench.lidar.scan_table import read_scan
-        from puckbench.metrics.returns import entropy_bits
+        from puckbench.metrics.sensor_metrics import entropy_bits
 
         table = read_scan(path)
         if self.turns:

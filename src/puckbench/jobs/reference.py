@@ -34,13 +34,13 @@ class Reference(Job):
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents
-        from puckbench.report.facts import this_machine
         from puckbench.report.reference_results import (
             plain_rows,
             why_not_timed,
             without_times,
             write_reference,
         )
+        from puckbench.report.run_description import this_machine
         from puckbench.report.run_record import RunRecord
 
         contents = Contents.from_json(self.contents)

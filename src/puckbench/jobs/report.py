@@ -34,7 +34,7 @@ class Report(Job):
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents
-        from puckbench.report.facts import this_machine
+        from puckbench.report.run_description import this_machine
         from puckbench.report.run_record import RunRecord
 
         contents = Contents.from_json(self.contents)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.jobs.curve import read_rows
-from puckbench.metrics.frames import FRAME
+from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import (
     LOSSLESS,
     lossless_rows,
@@ -17,7 +17,7 @@ from puckbench.metrics.lossless import (
     without_lossless,
 )
 from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

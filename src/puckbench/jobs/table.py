@@ -11,7 +11,7 @@ from pydantic import Field
 
 from puckbench.core.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.metrics.registry import TableEntry, table_entry
+from puckbench.metrics.table_registry import TableEntry, table_entry
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.frames import in_frame
-from puckbench.metrics.registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
+from puckbench.metrics.coordinate_frames import in_frame
 from puckbench.metrics.storage import bits_at_error, rounding_mm
+from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

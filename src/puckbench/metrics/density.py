@@ -7,7 +7,7 @@ import numpy as np
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.spatial_order import distinct_points
-from puckbench.metrics.further import METRICS
+from puckbench.metrics.metric_registry import METRICS
 
 NEIGHBOURS = 16
 QUERIES = 100_000

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.frames import FRAME
+from puckbench.metrics.coordinate_frames import FRAME
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -25,7 +25,7 @@ from puckbench.metrics.bjontegaard import (
 )
 from puckbench.metrics.lossless import LOSSLESS, is_of_the_shape, lossless_rows
 from puckbench.metrics.peaks import check_peaks
-from puckbench.metrics.registry import SEVERAL_CODECS, TABLES
+from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

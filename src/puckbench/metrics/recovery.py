@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, surface_in_metres
-from puckbench.metrics.primitives import COMPARABLE, differences, distances
+from puckbench.metrics.primitive_differences import COMPARABLE, differences, distances
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]

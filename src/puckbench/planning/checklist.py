@@ -16,7 +16,7 @@ from typing import Any
 
 from puckbench.core.errors import InputError
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
-from puckbench.metrics.registry import table_entries
+from puckbench.metrics.table_registry import table_entries
 from puckbench.planning.config import Config, read_config, trusted
 from puckbench.planning.job_times import JobKind
 from puckbench.planning.outputs import Inputs

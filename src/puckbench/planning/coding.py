@@ -23,7 +23,7 @@ from puckbench.jobs.join_parts import JoinRows, JoinStreams
 from puckbench.jobs.joined import RowsTable
 from puckbench.jobs.recovery import RecoveryCurve
 from puckbench.jobs.registry import Job
-from puckbench.metrics.further import METRICS
+from puckbench.metrics.metric_registry import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import PlannedJob, planned

@@ -28,7 +28,7 @@ from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
 from puckbench.metrics.against_octree import OCTREE
-from puckbench.metrics.registry import (
+from puckbench.metrics.table_registry import (
     OCTREE_AND_OTHERS,
     SENSOR,
     SEVERAL_CODECS,

@@ -15,9 +15,9 @@ from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.files import write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
-from puckbench.datasets.files import is_file_or_lost
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.units import check_units, is_named
+from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes

@@ -29,7 +29,7 @@ from puckbench.geometry.cloud import Frame
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.learned.catalogue import weights_file
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
-from puckbench.metrics.further import METRICS
+from puckbench.metrics.metric_registry import METRICS
 from puckbench.planning.config import (
     CaptureConfig,
     Config,

@@ -15,7 +15,7 @@ from typing import Any
 
 from puckbench.io.archives import SUFFIX as ARCHIVE
 from puckbench.io.archives import read_archive
-from puckbench.report.quantities import is_time
+from puckbench.report.column_labels import is_time
 
 _MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"

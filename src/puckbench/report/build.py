@@ -14,20 +14,20 @@ from puckbench.core.threads import in_threads
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.io.tables import read_table
-from puckbench.metrics.registry import TABLES, table_entry
+from puckbench.metrics.table_registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
 from puckbench.report.claims import TABLE as CLAIMS
 from puckbench.report.claims import Claims, claim_cards
-from puckbench.report.clouds import viewer_payload
+from puckbench.report.column_labels import in_words
 from puckbench.report.contents import Contents, add_own
-from puckbench.report.curves import curves
-from puckbench.report.facts import RunFacts, run_facts
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import Picture, embedded
-from puckbench.report.quantities import in_words
+from puckbench.report.plot_data import curves
+from puckbench.report.run_description import RunFacts, run_facts
 from puckbench.report.run_record import RunRecord
 from puckbench.report.tables import table_html
+from puckbench.report.viewer_data import viewer_payload
 
 if TYPE_CHECKING:
     import pandas as pd

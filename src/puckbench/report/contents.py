@@ -8,7 +8,7 @@ from typing import Any
 
 from puckbench.core.models import Model, parsed
 from puckbench.figures.registry import FIGURES
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 
 TITLE = "Point-cloud compression on virtual LiDAR scans"
 POINTS = 20_000

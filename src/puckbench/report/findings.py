@@ -13,9 +13,9 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import lossless_rows
 from puckbench.metrics.rate_deltas import is_below_zero, log_ratios
-from puckbench.report.curves import codec_payload
-from puckbench.report.deltas import delta_note, delta_value, has_delta, holds_zero
-from puckbench.report.quantities import measured
+from puckbench.report.bd_rate_text import delta_note, delta_value, has_delta, holds_zero
+from puckbench.report.column_labels import measured
+from puckbench.report.plot_data import codec_payload
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,7 +82,7 @@ class Column:
 class DatasetFindings:
     """What was found on one data set: who is best at what, and all codecs' values.
 
-    codecs: as `puckbench.report.curves.codec_payload` describes them.
+    codecs: as `puckbench.report.plot_data.codec_payload` describes them.
     """
 
     title: str

@@ -19,7 +19,7 @@ from pydantic import Field
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import json_of, written_whole
 from puckbench.core.models import Model, among, parsed
-from puckbench.report.quantities import in_words, is_time
+from puckbench.report.column_labels import in_words, is_time
 from puckbench.report.run_record import RunRecord
 
 if TYPE_CHECKING:

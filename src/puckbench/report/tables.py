@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures.style import FigureStyle
+from puckbench.report.column_labels import headed, in_words, is_known
 from puckbench.report.page import rendered
-from puckbench.report.quantities import headed, in_words, is_known
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

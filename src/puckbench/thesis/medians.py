@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN, SAMPLED
 from puckbench.thesis.published_rates import ROOMS, median_rows

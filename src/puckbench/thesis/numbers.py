@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.metrics.registry import SENSOR, TABLES
+from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis import published
 from puckbench.thesis.residuals.statistics import ALL, residual_statistics
 

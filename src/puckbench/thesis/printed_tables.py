@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.lidar import Sensor, load_sensor, open_error_model
 from puckbench.lidar.errors import described
-from puckbench.metrics.registry import SENSOR, STUDY, TABLES
+from puckbench.metrics.table_registry import SENSOR, STUDY, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

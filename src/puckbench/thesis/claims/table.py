@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from puckbench.metrics.registry import TABLES
+from puckbench.metrics.table_registry import TABLES
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import UNTESTED, told, verdict, wanted
 from puckbench.thesis.claims.statements import CLAIMS, Claim

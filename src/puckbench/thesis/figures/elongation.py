@@ -17,7 +17,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.quantities import CD_PLANE
+from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 

@@ -10,7 +10,7 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.sweep import Sweep
-from puckbench.metrics.registry import STUDY
+from puckbench.metrics.table_registry import STUDY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

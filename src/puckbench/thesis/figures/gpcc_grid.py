@@ -19,7 +19,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.quantities import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, Quantity
 from puckbench.figures.registry import BOTH_GPCC, FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from puckbench.figures.curves import draw_data_sets
-from puckbench.figures.quantities import (
+from puckbench.figures.plotted_metrics import (
     CD_PLANE,
     DECODE_TIME,
     ENCODE_TIME,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.metrics.registry import SENSOR, TABLES
+from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, LARGEST_RAD
 from puckbench.thesis.residuals.spread import incidence_bins
 

@@ -19,7 +19,7 @@ from puckbench.lidar import load_sensor, open_error_model
 from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.calibrated import Calibrated
 from puckbench.lidar.residual_table import REAL
-from puckbench.metrics.registry import SENSOR, TABLES
+from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis.figures.model_styles import ordered_models
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.returns import (
+from puckbench.metrics.sensor_metrics import (
     entropy_bits,
     keeping_up,
     range_errors,

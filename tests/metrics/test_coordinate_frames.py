@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from puckbench.metrics.frames import in_frame
+from puckbench.metrics.coordinate_frames import in_frame
 
 
 def test_rows_are_told_apart_by_their_frame_and_empty_columns_of_metres_are_left_out() -> None:

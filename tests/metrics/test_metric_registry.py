@@ -11,7 +11,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.density import density
-from puckbench.metrics.further import further_metrics
+from puckbench.metrics.metric_registry import further_metrics
 from puckbench.planning.config import trusted
 from puckbench.planning.plan import Plan
 

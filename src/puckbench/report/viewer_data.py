@@ -17,7 +17,7 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.archives import SUFFIX as ARCHIVE
 from puckbench.io.clouds import read_archived_cloud, read_cloud
 from puckbench.report.contents import Contents, Example
-from puckbench.report.curves import codec_payload, rounded
+from puckbench.report.plot_data import codec_payload, rounded
 
 if TYPE_CHECKING:
     import pandas as pd

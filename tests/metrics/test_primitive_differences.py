@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from puckbench.geometry.mesh import Primitive, in_metres
-from puckbench.metrics.primitives import differences, distances
+from puckbench.metrics.primitive_differences import differences, distances
 from puckbench.scenes.surfaces import Shape, grid, primitive
 
 UP = [0.0, 0.0, 1.0]

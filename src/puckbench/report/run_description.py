@@ -16,7 +16,7 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
 from puckbench.metrics.peaks import peaks_of_datasets
-from puckbench.report.quantities import in_words
+from puckbench.report.column_labels import in_words
 from puckbench.report.tables import text_of
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.frames import FRAME
+from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
-from puckbench.report.quantities import Measured, in_order, is_known, unit_in
+from puckbench.report.column_labels import Measured, in_order, is_known, unit_in
 
 if TYPE_CHECKING:
     import pandas as pd
