@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.geometry.morton import below, coordinates, spread
+from puckbench.geometry.morton import first_child_code, morton_points, spread_bits
 from puckbench.gpcc.neighbours import (
     empty_atlas,
     face_neighbours,
@@ -83,7 +83,7 @@ def test_the_octrees_occupancies_describe_the_points(cloud: Any) -> None:
     assert sorted(nodes) == sorted(set(map(tuple, points.tolist())))
     assert tree.counts.sum() == len(points)
     codes = leaf_codes(tree, levels)
-    found = coordinates(codes, np.arange(3), np.zeros(3, dtype=np.int64))
+    found = morton_points(codes, np.arange(3), np.zeros(3, dtype=np.int64))
     assert [tuple(p) for p in found.tolist()] == nodes
 
 
@@ -107,7 +107,7 @@ def _surroundings(
         if p == end:
             end = update_atlas(atlas, parents, occupancy, axes, start, p)
             start = p
-        base = below(parents[p], axes)
+        base = first_child_code(parents[p], axes)
         faces = face_neighbours(atlas, axes, base, np.int64(occupancy[p]))
         grid = neighbour_grid(atlas, axes, base)
         for child in range(8):
@@ -156,7 +156,7 @@ def test_neighbours_are_those_within_the_atlas_cube(axes: int, side: int) -> Non
     chosen = [random.permutation(allowed)[: random.integers(1, len(allowed) + 1)] for _ in parents]
     occupancy = np.array([sum(1 << int(k) for k in ks) for ks in chosen], dtype=np.uint8)
     rows = _surroundings(parents, occupancy, axes, empty_atlas(side), 0)
-    found = coordinates(rows[:, 0], np.arange(3), np.zeros(3, dtype=np.int64)).tolist()
+    found = morton_points(rows[:, 0], np.arange(3), np.zeros(3, dtype=np.int64)).tolist()
     occupied = set(map(tuple, found))
     for position, row in zip(found, rows[:, 1:].tolist(), strict=True):
         assert tuple(row) == _expected_row(tuple(position), occupied, side)
@@ -177,7 +177,7 @@ def _adjacent(atlas: Any, axes: int, node: int, neigh_pattern: int) -> Any:
 
 @numba.njit
 def _spread(bits: int) -> int:
-    return spread(bits)
+    return spread_bits(bits)
 
 
 def test_adjacent_children_refine_the_neighbour_pattern() -> None:

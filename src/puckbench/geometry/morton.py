@@ -29,7 +29,7 @@ AXES_BITS = np.array(
 
 
 @inlined
-def below(morton: int, axes: int) -> int:
+def first_child_code(morton: int, axes: int) -> int:
     """Code of the first child of the node `morton` where `axes` are split."""
     if axes == 7:
         return morton << 3
@@ -38,7 +38,7 @@ def below(morton: int, axes: int) -> int:
 
 
 @inlined
-def above(morton: int, axes: int) -> int:
+def parent_code(morton: int, axes: int) -> int:
     """Code of the parent of the first child `morton` where `axes` are split."""
     if axes == 7:
         return morton >> 3
@@ -47,7 +47,7 @@ def above(morton: int, axes: int) -> int:
 
 
 @inlined
-def gathered(bits: int) -> int:
+def compact_bits(bits: int) -> int:
     """Every third bit, from the lowest, side by side."""
     bits &= Z_BITS
     bits = (bits | bits >> 2) & 0x10C30C30C30C30C3
@@ -58,7 +58,7 @@ def gathered(bits: int) -> int:
 
 
 @inlined
-def spread(bits: int) -> int:
+def spread_bits(bits: int) -> int:
     """The inverse of `gathered`: bits at every third place."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
@@ -68,25 +68,25 @@ def spread(bits: int) -> int:
 
 
 @compiled
-def codes(points: Ints, axes: Ints) -> Ints:
+def morton_codes(points: Ints, axes: Ints) -> Ints:
     """Codes (n,) of points (n, 3) in [0, 2**21): column c is the axis axes[c] (0 x, 1 y, 2 z)."""
     found = np.empty(len(points), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(points)):
         code = 0
         for c in range(3):
-            code |= spread(points[i, c]) << shifts[c]
+            code |= spread_bits(points[i, c]) << shifts[c]
         found[i] = code
     return found
 
 
 @compiled
-def coordinates(morton: Ints, axes: Ints, origin: Ints) -> Ints:
+def morton_points(morton: Ints, axes: Ints, origin: Ints) -> Ints:
     """Points (n, 3) of codes (n,): the inverse of `codes`, plus `origin` (3,)."""
     points = np.empty((len(morton), 3), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(morton)):
         code = morton[i]
         for c in range(3):
-            points[i, c] = gathered(code >> shifts[c]) + origin[c]
+            points[i, c] = compact_bits(code >> shifts[c]) + origin[c]
     return points

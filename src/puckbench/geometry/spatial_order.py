@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.morton import spread
+from puckbench.geometry.morton import spread_bits
 
 Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]
@@ -68,9 +68,9 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
     """Interleave the bits of each point's three voxel coordinates, x lowest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        x = spread(int((points[i, 0] - lowest[0]) * voxels_per_unit))
-        y = spread(int((points[i, 1] - lowest[1]) * voxels_per_unit))
-        z = spread(int((points[i, 2] - lowest[2]) * voxels_per_unit))
+        x = spread_bits(int((points[i, 0] - lowest[0]) * voxels_per_unit))
+        y = spread_bits(int((points[i, 1] - lowest[1]) * voxels_per_unit))
+        z = spread_bits(int((points[i, 2] - lowest[2]) * voxels_per_unit))
         keys[i] = x | (y << 1) | (z << 2)
     return keys
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import gathered
+from puckbench.geometry.morton import compact_bits
 from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.fixed_point import TURN, arc_tangent, int32, inverse_square_root
 
@@ -175,9 +175,9 @@ def node_corner(
 ) -> tuple[int, int, int]:
     """The least corner of a node, from the sensor."""
     return (
-        (gathered(morton >> 2) << node_size_log2[0]) - angular.origin[0],
-        (gathered(morton >> 1) << node_size_log2[1]) - angular.origin[1],
-        (gathered(morton) << node_size_log2[2]) - angular.origin[2],
+        (compact_bits(morton >> 2) << node_size_log2[0]) - angular.origin[0],
+        (compact_bits(morton >> 1) << node_size_log2[1]) - angular.origin[1],
+        (compact_bits(morton) << node_size_log2[2]) - angular.origin[2],
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
+from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
 from puckbench.gpcc import syntax
 from puckbench.gpcc.bits import Reader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
@@ -361,7 +361,7 @@ class _StreamReader:
             return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
         sensor = sensor_state(coded.header, gps, axes, origin)
         codes = decode_slice(coded, sps, gps, self._contexts, sensor)
-        points: Ints = coordinates(codes, np.array(axes), np.array(origin, dtype=np.int64))
+        points: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
         return points
 
     def _check_single_frame(self, coded: CodedSlice) -> None:

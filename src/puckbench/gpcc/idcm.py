@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import gathered, spread
+from puckbench.geometry.morton import compact_bits, spread_bits
 from puckbench.gpcc.angular import (
     Angular,
     azimuth_ctx,
@@ -380,7 +380,9 @@ def local_points(
     """
     for i in range(len(leaves)):
         for axis in range(3):
-            local[i, axis] = gathered(leaves[i] >> (2 - axis)) & ((1 << node_size_log2[axis]) - 1)
+            local[i, axis] = compact_bits(leaves[i] >> (2 - axis)) & (
+                (1 << node_size_log2[axis]) - 1
+            )
     if len(leaves) < 2 or not ordered:
         return
     for axis in range(3):
@@ -421,6 +423,6 @@ def leaf_code(node: int, node_size_log2: tuple[int, int, int], local: Ints) -> i
     """Morton code of the leaf at `local` (3,) within the node of code `node`."""
     code = 0
     for axis in range(3):
-        whole = gathered(node >> (2 - axis)) << node_size_log2[axis] | local[axis]
-        code |= spread(whole) << (2 - axis)
+        whole = compact_bits(node >> (2 - axis)) << node_size_log2[axis] | local[axis]
+        code |= spread_bits(whole) << (2 - axis)
     return code

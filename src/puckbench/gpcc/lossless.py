@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from puckbench.coding.byte_io import Reader, base_128, signed_128
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import MOST_BITS, Ints, coordinates
+from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
 from puckbench.gpcc import syntax
 from puckbench.gpcc.contexts import initial_contexts
 from puckbench.gpcc.slices import CodedSlice, decode_slice, encode_octree
@@ -69,7 +69,7 @@ def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
         raise InputError("packed voxels: the header is damaged")
     coded = CodedSlice(_header(bits), reader.rest(), count)
     codes = decode_slice(coded, _SPS, _GPS, initial_contexts())
-    return coordinates(codes, _AXES, np.array(low, dtype=np.int64))
+    return morton_points(codes, _AXES, np.array(low, dtype=np.int64))
 
 
 def _header(bits: tuple[int, int, int]) -> syntax.GeometryHeader:

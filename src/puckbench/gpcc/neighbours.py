@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from puckbench.coding.bit_count import bit_count
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import AXES_BITS, X_BITS, Y_BITS, Z_BITS, above, below
+from puckbench.geometry.morton import (
+    AXES_BITS,
+    X_BITS,
+    Y_BITS,
+    Z_BITS,
+    first_child_code,
+    parent_code,
+)
 from puckbench.gpcc.compiled import integer, kernel
 
 Ints = NDArray[np.int64]
@@ -127,16 +134,16 @@ def update_atlas(
     """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
-        atlas.parents[above(below(morton[i], axes) & inside, axes)] = 0
+        atlas.parents[parent_code(first_child_code(morton[i], axes) & inside, axes)] = 0
     if first == len(morton):
         return first
-    cube = below(morton[first], axes) >> 3 * atlas.side
+    cube = first_child_code(morton[first], axes) >> 3 * atlas.side
     end = first
     while end < len(morton):
-        base = below(morton[end], axes)
+        base = first_child_code(morton[end], axes)
         if base >> 3 * atlas.side != cube:
             break
-        atlas.parents[above(base & inside, axes)] = occupancy[end]
+        atlas.parents[parent_code(base & inside, axes)] = occupancy[end]
         end += 1
     return end
 
@@ -166,7 +173,7 @@ def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int)
 
     base: code of the parent's first child. axes: those that the parent splits.
     """
-    address = above(base & ((1 << 3 * atlas.side) - 1), axes)
+    address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
     for axis in range(3):
         upper, step = UPPER[axis], _STEP[axis]
@@ -231,8 +238,8 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
     The cell of (x, y, z), each 0..3, is bit 16 x + 4 y + z; the children are at 1 and 2.
     """
     inside = (1 << 3 * atlas.side) - 1
-    address = above(base & inside, axes)
-    within = above(inside & ~(AXES_BITS[axes] & 7), axes)
+    address = parent_code(base & inside, axes)
+    within = parent_code(inside & ~(AXES_BITS[axes] & 7), axes)
     grid = 0
     for x in range(3):
         along_x = _moved(address, within, X_BITS, x)

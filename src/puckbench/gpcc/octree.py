@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import below
+from puckbench.geometry.morton import first_child_code
 from puckbench.gpcc.angular import (
     NO_LASER,
     Angular,
@@ -193,7 +193,7 @@ def code_level(
         sibling_occupancy = integer(parents.occupancy[p])
         if state.planar.enabled and not level.root:
             update_planar_rates(state.planar, sibling_occupancy)
-        base = below(parents.morton[p], axes)
+        base = first_child_code(parents.morton[p], axes)
         faces = face_neighbours(atlas, axes, base, sibling_occupancy)
         grid = neighbour_grid(atlas, axes, base) if level.intra_pred else 0
         first = integer(parents.first_child[p]) if source is not None else 0
@@ -436,7 +436,7 @@ def _code_leaf_point_counts(
     index: int,
 ) -> None:
     """Code the number of points of each leaf of a node of the last level; decoders append them."""
-    base = below(morton, level.coded_axes)
+    base = first_child_code(morton, level.coded_axes)
     leaf = integer(source.first_child[index]) if source is not None else 0
     for child in range(8):
         if occupancy >> child & 1 == 0:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import gathered
+from puckbench.geometry.morton import compact_bits
 from puckbench.gpcc.arithmetic import code_bit
 from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.contexts import (
@@ -179,9 +179,9 @@ def _code_planar_mode(
     """Code whether a node is planar along an axis, and the plane; -1 if it is not."""
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:
-        row = gathered(node.morton >> (2 - axis)) & (_ROWS - 1)
-        other = gathered(node.morton >> (1 if axis == 0 else 2))
-        another = gathered(node.morton >> (1 if axis == 2 else 0))
+        row = compact_bits(node.morton >> (2 - axis)) & (_ROWS - 1)
+        other = compact_bits(node.morton >> (1 if axis == 0 else 2))
+        another = compact_bits(node.morton >> (1 if axis == 2 else 0))
         position = max(other >> 3 & 31, another >> 3 & 31)
         far_ctx = 2 * integer(abs(position - state.position[axis, row]) > 1)
         last_plane = state.plane_index[axis, row]

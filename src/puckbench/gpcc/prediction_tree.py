@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.morton import Ints, codes
+from puckbench.geometry.morton import Ints, morton_codes
 from puckbench.gpcc.azimuth_order import azimuth_order
 from puckbench.gpcc.compiled import entry, integer, kernel
 from puckbench.gpcc.prediction_search import Search, add_position, empty_search, nearest
@@ -49,7 +49,9 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
         return np.arange(len(points))
     if order == "morton":
         low = points.min(axis=0)
-        return np.argsort(codes((points - low).astype(np.int64), np.arange(3)), kind="stable")
+        return np.argsort(
+            morton_codes((points - low).astype(np.int64), np.arange(3)), kind="stable"
+        )
     around = points.astype(np.int64) - centre
     if order == "radius":
         return np.argsort(around[:, 0] ** 2 + around[:, 1] ** 2, kind="stable")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import SIZE, distance_to_fit
-from puckbench.geometry.morton import codes
+from puckbench.geometry.morton import morton_codes
 from puckbench.primitives.octree_arrays import Ints, Leaves
 
 
@@ -42,7 +42,7 @@ def build_octree(
         Level of the cells.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
-    keys = codes(cells, np.arange(3))
+    keys = morton_codes(cells, np.arange(3))
     order = np.argsort(keys, kind="stable")
     cells, keys = cells[order], keys[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
-from puckbench.geometry.morton import codes, coordinates
+from puckbench.geometry.morton import morton_codes, morton_points
 
 if TYPE_CHECKING:
     from puckbench.learned.sparse.thread_pool import ThreadPool
@@ -72,12 +72,12 @@ class ChildMap:
 
 def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
     """Keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
-    return codes(np.ascontiguousarray(voxels, dtype=np.int64), _X_LOWEST)
+    return morton_codes(np.ascontiguousarray(voxels, dtype=np.int64), _X_LOWEST)
 
 
 def morton_voxels(keys: Keys) -> NDArray[np.int64]:
     """Voxels (n, 3) of keys (n,)."""
-    return coordinates(np.ascontiguousarray(keys), _X_LOWEST, np.zeros(3, np.int64))
+    return morton_points(np.ascontiguousarray(keys), _X_LOWEST, np.zeros(3, np.int64))
 
 
 def unique_keys(keys: Keys) -> Keys:
