@@ -7,7 +7,7 @@ import numpy as np
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.sampling import sample_surface
-from puckbench.geometry.scaling import to_cube
+from puckbench.geometry.scaling import cube_scaling
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.scenes.objects import make_object
 from puckbench.scenes.rooms import make_room
@@ -20,13 +20,13 @@ def scanned_room(errors: str, azimuth_step_deg: float = 0.1, name: str = "office
     model = open_error_model(errors, None)
     random = generator(1, "gpcc benchmark", errors)
     table = scan(mesh, load_sensor("vlp16"), sweep, model, free_origin(mesh), random)
-    return to_cube(table.xyz_noisy).apply(table.xyz_noisy)
+    return cube_scaling(table.xyz_noisy).apply(table.xyz_noisy)
 
 
 def sampled_object(points: int, name: str = "chair_01") -> Floats:
     """Random points on an object's surface, in [0, 1023]."""
     cloud = sample_surface(make_object(name, seed=1), points, generator(1, "gpcc benchmark"))
-    return to_cube(cloud.xyz).apply(cloud.xyz)
+    return cube_scaling(cloud.xyz).apply(cloud.xyz)
 
 
 def grown(points: Floats, bits: int) -> Floats:

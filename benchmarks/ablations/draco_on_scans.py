@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.normals import estimate_normals
-from puckbench.geometry.scaling import to_cube
+from puckbench.geometry.scaling import cube_scaling
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.scenes.rooms import make_room
 
@@ -71,7 +71,7 @@ def written(points: Floats, **more: NDArray[np.generic]) -> Columns:
 
 
 def variants(metres: Floats, objects: NDArray[np.int32]) -> Iterator[tuple[str, Columns]]:
-    points = to_cube(metres).apply(metres)
+    points = cube_scaling(metres).apply(metres)
     yield "geometry alone", written(points)
     yield "not scaled, metres", written(metres)
     yield "no two equal points", written(np.unique(points.astype("<f4"), axis=0))
@@ -104,7 +104,7 @@ def bpp(encoder: str, columns: Columns, bits: int) -> float:
 
 def sequential_bpp(metres: Floats, bits: int) -> float:
     """Bits per point of Draco's other coder, which keeps the order of the points."""
-    points = to_cube(metres).apply(metres).astype(np.float32)
+    points = cube_scaling(metres).apply(metres).astype(np.float32)
     stream = DracoPy.encode(points, quantization_bits=bits, preserve_order=True)
     return 8 * len(stream) / len(points)
 

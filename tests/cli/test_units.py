@@ -109,15 +109,15 @@ def test_an_extent_that_speaks_for_millimetres_is_remarked_upon(
 def test_extents_are_plausible_from_5_cm_to_1_km_wherever_they_lie(
     extent: float, remarked: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    from puckbench.geometry.extent import remark_extent
+    from puckbench.geometry.extent import warn_of_implausible_extent
 
     corner = np.array([512_000.0, 5_400_000.0, 300.0])
     low, high = np.zeros(3), np.array([0.0, extent, extent / 2])
     if extent > 1:
         low, high = low + corner, high + corner
-    remark_extent(Path("a.ply"), np.stack([low, high]))
+    warn_of_implausible_extent(Path("a.ply"), np.stack([low, high]))
     assert bool(caplog.records) == remarked
-    remark_extent(Path("survey.LAZ"), np.stack([low, high]))
+    warn_of_implausible_extent(Path("survey.LAZ"), np.stack([low, high]))
     assert len(caplog.records) == remarked
 
 

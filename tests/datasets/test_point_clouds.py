@@ -15,7 +15,7 @@ from puckbench.core.files import read_json
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.user_files import scene_names
 from puckbench.geometry.cloud import PointCloud
-from puckbench.geometry.scaling import far_shift
+from puckbench.geometry.scaling import origin_shift
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.scene import WriteScene
@@ -168,7 +168,7 @@ def test_surveyed_coordinates_come_back_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.parametrize("low", [-6e6, -1e3 - 1, -20.0, 0.1, 900.0, 5e5, 1e12])
 def test_a_shift_loses_nothing(low: float) -> None:
     points = RNG.random((2000, 3)) * [1e-3, 300.0, 1e5] + low
-    shift = far_shift(points)
+    shift = origin_shift(points)
     assert np.array_equal((points - shift) + shift, points)
     assert (shift == np.trunc(shift)).all()
     assert shift.any() == (abs(low) > 1000)

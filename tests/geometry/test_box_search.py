@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from puckbench.core.seeding import generator
 from puckbench.geometry import box_search
-from puckbench.geometry.box_search import SAME_DISTANCE, Nearest, nearest_two
+from puckbench.geometry.box_search import SAME_DISTANCE, NearestTwo, nearest_two
 from puckbench.geometry.box_tree import LEAF_SIZE, BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
 
@@ -39,7 +39,7 @@ CLOUDS = {
 }
 
 
-def all_pairs(queries: Floats, points: Floats) -> Nearest:
+def all_pairs(queries: Floats, points: Floats) -> NearestTwo:
     x, y, z = (queries[:, None, axis] - points[None, :, axis] for axis in range(3))
     squared = x * x + y * y + z * z
     rows = np.argsort(squared, axis=1, kind="stable")
@@ -47,7 +47,7 @@ def all_pairs(queries: Floats, points: Floats) -> Nearest:
     near = np.diff(least[:, :3], axis=1) < SAME_DISTANCE
     ties = 1 + np.logical_and.accumulate(near, axis=1).sum(axis=1)
     exact = 1 + (least[:, 1:2] == least[:, :1]).sum(axis=1)
-    return Nearest(least[:, 0], rows[:, :2], ties, exact)
+    return NearestTwo(least[:, 0], rows[:, :2], ties, exact)
 
 
 def assert_as_all_pairs(queries: Floats, points: Floats) -> None:

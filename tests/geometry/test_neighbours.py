@@ -5,7 +5,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from puckbench.geometry.neighbours import Points, _sort_by_distance
+from puckbench.geometry.neighbours import SearchablePoints, _sort_by_distance
 
 CORNERS = sorted(
     {
@@ -28,7 +28,7 @@ def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_search
     """It searches 10 neighbours, 5 more while all of them are equally near, and 30 at most."""
     nearly = np.array(CORNERS[:20]) * (1 + 1e-12)
     points = np.concatenate([CORNERS[:equal], nearly, [[20.0, 0, 0]]])
-    found = Points(points).nearest(Points(np.zeros((1, 3))))
+    found = SearchablePoints(points).nearest(SearchablePoints(np.zeros((1, 3))))
     assert found.squared.tolist() == [81]
     assert found.exact.tolist() == [equal]
     assert found.starts.tolist() == [0, counted]

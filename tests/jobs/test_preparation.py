@@ -3,11 +3,11 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
-from puckbench.geometry.crop import inside
+from puckbench.geometry.crop import inside_box
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.sampling import sample_surface
-from puckbench.geometry.scaling import to_cube
+from puckbench.geometry.scaling import cube_scaling
 from puckbench.jobs.preparation import Returns, prepare
 
 
@@ -44,7 +44,7 @@ def test_samples_lie_within_their_triangles() -> None:
 
 def test_scaling_is_pcc_arenas() -> None:
     points = np.array([[1.0, 2.0, 3.0], [3.0, 3.0, 3.5]])
-    scaling = to_cube(points, 1024)
+    scaling = cube_scaling(points, 1024)
     scaled = scaling.apply(points)
     assert scaled.tolist() == [[0, 0, 0], [1023, 511.5, 255.75]]
     assert np.allclose(scaled / scaling.scale + scaling.offset, points, atol=1e-12)
@@ -52,13 +52,13 @@ def test_scaling_is_pcc_arenas() -> None:
 
 def test_a_cloud_without_extent_cannot_be_scaled() -> None:
     with pytest.raises(InputError, match="no extent"):
-        to_cube(np.ones((5, 3)))
+        cube_scaling(np.ones((5, 3)))
 
 
 def test_cropping_keeps_the_faces_of_the_box() -> None:
     box = np.array([[0.0, 0, 0], [1, 1, 1]])
     points = np.array([[0.5, 0.5, 0.5], [1, 1, 1], [1.001, 0.5, 0.5], [0.5, -0.001, 0.5]])
-    assert inside(points, box).tolist() == [True, True, False, False]
+    assert inside_box(points, box).tolist() == [True, True, False, False]
 
 
 def test_normals_of_a_sphere_are_radial() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from puckbench.geometry.mesh import Primitive, in_metres
+from puckbench.geometry.mesh import Primitive, primitive_in_metres
 from puckbench.metrics.primitive_differences import differences, distances
 from puckbench.scenes.surfaces import Shape, grid, primitive
 
@@ -78,7 +78,7 @@ def test_spheres_and_cones_differ_by_their_places_and_sizes() -> None:
 def test_distances_keep_when_points_and_primitive_are_brought_to_metres(surface: Primitive) -> None:
     scale, offset = 40.0, np.array([3.0, -2.0, 0.5])
     points = np.random.default_rng(1).normal(size=(20, 3)) * 4
-    moved = in_metres(surface, scale, offset)
+    moved = primitive_in_metres(surface, scale, offset)
     there = distances(moved, points / scale + offset)
     np.testing.assert_allclose(there, distances(surface, points) / scale, atol=1e-12)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.seeding import generator
-from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_frame
+from puckbench.geometry.closest import SearchableMesh, closest_surface_points, mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.geometry import DistinctPoints, Reference, distortion
@@ -128,7 +128,7 @@ def rough_floor() -> Mesh:
 
 def test_one_surface_and_one_reference_give_the_values_of_one_off_calls() -> None:
     mesh, random = rough_floor(), generator(4, "above")
-    surface = Surface(mesh)
+    surface = SearchableMesh(mesh)
     for number in (1, 300, 7, 300):
         points = random.random((number, 3)) * [24, 24, 2] - 2
         once, again = closest_surface_points(mesh, points), closest_surface_points(surface, points)

@@ -13,7 +13,7 @@ import pytest
 from pyarrow import parquet
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.metrics.coordinate_frames import in_frame
 from puckbench.planning.config import read_config
 from puckbench.report.leaderboard import study_findings, write_study
@@ -42,7 +42,7 @@ CONFIG: dict[str, Any] = {
 }
 SAMPLED = ("draco", "gpcc", "puck")
 """Fast codecs that every study has; a small one may have one of them alone."""
-FRAMES: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
+FRAMES: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
 COMPARED = {"d1_mse", "d2_mse", "d1_psnr", "d2_psnr", "cd_plane", "truth_cd_plane"}
 
 

@@ -30,7 +30,7 @@ from puckbench.coding.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.measurement import NO_COST, Cost
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.mesh import Mesh, surface_in_metres
+from puckbench.geometry.mesh import Mesh, labelled_mesh_in_metres
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -207,7 +207,7 @@ class Codec(CodecFacts, ABC):
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
         mesh = self._decode_mesh(own)
-        return mesh if shift is None else surface_in_metres(mesh, 1.0, shift)
+        return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
         """The surfaces of a stream, where a codec codes surfaces; InputError as for `_decode`."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model, among, parsed
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
@@ -136,7 +136,7 @@ class CodecFacts:
         """The files of its weights, whose content a stream depends on; InputError if missing."""
         return []
 
-    def rates_of(self, frame: Frame | None) -> Mapping[str, Parameters]:
+    def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
         """The rates for clouds of a frame: lengths for those in metres; empty where it has none.
 
         With an option `unit` all rates are for clouds in metres.
@@ -151,7 +151,7 @@ class CodecFacts:
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
-    def check_frame(self, frame: Frame | None, rate: str | None = None) -> None:
+    def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
         """Refuse a cloud whose frame is not that of the rates.
 
         Parameters

@@ -11,7 +11,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.io.clouds import read_cloud
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def draw_files(
             save_figure(figure, path)
 
 
-def read_input(kind: str, path: Path, frame: Frame = "scaled") -> Any:
+def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
     """Read an input of a figure from its file: a cloud with its returns, or a table's rows.
 
     Parameters

@@ -20,7 +20,7 @@ from typing import Any
 
 from puckbench.core.registry import Registry
 from puckbench.core.signatures import annotated, caption_of
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 
 BOTH_GPCC = "gpcc"
 """Needed of a configuration: G-PCC with coordinates rounded and with coordinates truncated."""
@@ -62,7 +62,7 @@ class FigureEntry:
     category: str = "Further figures"
     thesis: str = ""
     needs: tuple[str, ...] = ()
-    frame: Frame = "scaled"
+    frame: CoordinateFrame = "scaled"
 
     @property
     def kinds(self) -> Mapping[str, str]:

@@ -1,7 +1,7 @@
-"""The nearest point of each query, by a search that gives up after so much work.
+"""Nearest neighbour search that gives up after a limited amount of work.
 
-Where all points are about as far from a query, as on a sphere from its centre, every search tree
-looks at all of them. A codec whose streams say where both lie has to bound that.
+For a query at the centre of a sphere of points every search tree has to visit all points. A decoder
+must bound this work, because a stream can choose both the points and the queries.
 """
 
 from __future__ import annotations
@@ -14,64 +14,66 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import Rows
 
 
-def nearest_within(queries: Floats, points: BoxTree, most: int) -> tuple[Floats, Rows] | None:
-    """Distance (m,) of each query's nearest point, and its row (m,) among the points.
+def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
+    """Return the distance (m,) and the row (m,) of each query's nearest point.
 
     Parameters
     ----------
     queries
-        (m, 3), those that stand together one after the other.
+        (m, 3), in a spatial order: the search starts at the last query's result.
     points
-        The tree of n > 0 points.
-    most
-        Points and boxes that all queries together may be compared with, at most.
+        Tree of n > 0 points.
+    max_visits
+        Points and boxes that may be visited for all queries together.
 
     Returns
     -------
     tuple or None
-        None where that is not enough.
+        None if the search needs more visits.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
-    if _search(queries, points, most, squared, places) > most:
+    if _search(queries, points, max_visits, squared, places) > max_visits:
         return None
     return np.sqrt(squared), points.rows[places]
 
 
 @compiled
-def _search(queries: Floats, points: BoxTree, most: int, squared: Floats, places: Rows) -> int:
-    """Fill in the nearest of each query; what was looked at, soon after `most` not further."""
+def _search(
+    queries: Floats, points: BoxTree, max_visits: int, squared: Floats, places: Rows
+) -> int:
+    """Write each query's nearest point; return the number of visits, after `max_visits` early."""
     nodes, gaps = np.zeros(8 * points.depth, np.int64), np.zeros(8 * points.depth)
-    nearest, looked = 0, 0
+    nearest, visits = 0, 0
     for i, query in enumerate(queries):
         place = points.columns[:, nearest]
-        bound = _squared(query, place, place)
+        bound = _squared_gap(query, place, place)
         nodes[0], gaps[0], size = 0, 0.0, 1
-        while size > 0 and looked <= most:
+        while size > 0 and visits <= max_visits:
             size -= 1
             node = nodes[size]
             if gaps[size] > bound:
                 continue
             start, end = points.starts[node], points.ends[node]
             if points.children[node] == 0:
-                looked += end - start
+                visits += end - start
                 for j in range(start, end):
                     place = points.columns[:, j]
-                    distance = _squared(query, place, place)
+                    distance = _squared_gap(query, place, place)
                     if distance < bound:
                         bound, nearest = distance, j
-            looked, ground = looked + points.children[node], size
+            visits, base = visits + points.children[node], size
             for child in range(points.first[node], points.first[node] + points.children[node]):
-                gap = _squared(query, points.boxes[child, :3], points.boxes[child, 3:])
+                gap = _squared_gap(query, points.boxes[child, :3], points.boxes[child, 3:])
                 if gap <= bound:
-                    _put(nodes, gaps, ground, size, child, gap)
+                    _push(nodes, gaps, base, size, child, gap)
                     size += 1
         squared[i], places[i] = bound, nearest
-    return looked
+    return visits
 
 
 @inlined
-def _squared(query: Floats, low: Floats, high: Floats) -> float:
-    """Squared distance of a point from a box, which may be a point."""
+def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
+    """Squared distance of a point from a box."""
     dx = max(0.0, low[0] - query[0], query[0] - high[0])
     dy = max(0.0, low[1] - query[1], query[1] - high[1])
     dz = max(0.0, low[2] - query[2], query[2] - high[2])
@@ -79,10 +81,10 @@ def _squared(query: Floats, low: Floats, high: Floats) -> float:
 
 
 @inlined
-def _put(nodes: Rows, gaps: Floats, ground: int, size: int, node: int, gap: float) -> None:
-    """Put a node among its siblings on the stack, which begin at `ground`, the nearest on top."""
+def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
+    """Push a node on the stack; keep the siblings, from `base` on, sorted with the nearest on top."""
     place = size
-    while place > ground and gaps[place - 1] < gap:
+    while place > base and gaps[place - 1] < gap:
         gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]
         place -= 1
     gaps[place], nodes[place] = gap, node

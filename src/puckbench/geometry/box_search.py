@@ -1,8 +1,8 @@
-"""The nearest two of many points to each of many queries, whose trees of boxes are compared.
+"""Nearest two points of many queries: a dual-tree search over two trees of bounding boxes.
 
-Queries that stand together are searched together: a box of some twenty queries goes down the tree
-of the points, so that each of them hardly looks at more than the points of two leaves. Floating
-point keeps the order of distances between boxes and points, so that the result is exact.
+All queries of a leaf (about twenty) descend the tree of the points together, so that each query is
+compared with the points of about two leaves. The result is exact: rounding never makes a box more
+distant than a point in it.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import Rows
 
 SAME_DISTANCE = 1e-8
-"""pc_error's similarPointThreshold: squared distances closer than this are one distance."""
+"""Squared distances that differ by less are equal (similarPointThreshold of MPEG's pc_error)."""
 MARGIN = 4 * SAME_DISTANCE
-"""Squared distances up to this above the least are kept: two more steps that are one distance."""
+"""Squared distances up to this above the smallest are kept: two further ties and rounding."""
 LEAVES_AT_ONCE = 1024
 
 
-class Nearest(NamedTuple):
-    """The nearest points of each query (m,).
+class NearestTwo(NamedTuple):
+    """Nearest points of m queries.
 
     Parameters
     ----------
     squared
-        Squared distance to the nearest, (m,).
+        Squared distance to the nearest point, (m,).
     rows
-        The nearest two where two tie, (m, 2), at the same distance the lower row first; without a
-        tie the nearest twice. Which two of three or more is not defined.
+        Rows of the nearest two points if two tie, (m, 2), at equal distance the lower row first;
+        the nearest row twice without a tie; any two if three or more tie.
     ties
-        Number of points that tie: 1, 2, or 3 for three and more.
+        Number of points that tie, (m,): 1, 2, or 3 for three and more.
     exact
-        Of the nearest two, how many are at exactly the nearest distance.
+        Number of the nearest two points at exactly the smallest distance, (m,).
     """
 
     squared: Floats
@@ -47,10 +47,10 @@ class Nearest(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """State of the queries of a leaf that are searched together, (q,) each.
+    """Search state of a leaf's q queries.
 
-    ``limits``: farther points are not looked at; ``squared`` (q, 3) and ``places`` (q, 2): the
-    least distances found and where those points stand in their tree.
+    ``limits`` (q,): squared distances beyond which points are skipped; ``squared`` (q, 3): smallest
+    squared distances; ``places`` (q, 2): columns of the nearest points in their tree.
     """
 
     limits: Floats
@@ -59,47 +59,47 @@ class _Block(NamedTuple):
 
 
 class _Stack(NamedTuple):
-    """Nodes that wait to be looked at, and their squared distances from the queries' box."""
+    """Nodes to visit and their squared distances from the queries' box."""
 
     nodes: Rows
-    apart: Floats
+    gaps: Floats
 
 
-def nearest_two(queries: BoxTree, points: BoxTree) -> Nearest:
-    """Search the nearest two `points` of each of the `queries`, both in the order as given."""
+def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
+    """Find the nearest two points of each query; rows refer to the arrays the trees were built of."""
     m = len(queries.rows)
-    found = Nearest(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
+    nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)
-    in_threads(lambda i: _search(queries, i, i + LEAVES_AT_ONCE, points, found), parts)
-    return found
+    in_threads(lambda i: _search(queries, i, i + LEAVES_AT_ONCE, points, nearest), parts)
+    return nearest
 
 
 @compiled
-def _search(queries: BoxTree, start: int, end: int, points: BoxTree, found: Nearest) -> None:
-    """Search from some of the queries' leaves, the nearest boxes of the points first."""
+def _search(queries: BoxTree, start: int, end: int, points: BoxTree, nearest: NearestTwo) -> None:
+    """Search for the queries of leaves `start` to `end`, nearest boxes first."""
     q = queries.largest
     block = _Block(np.empty(q), np.empty((q, 3)), np.zeros((q, 2), np.int64))
-    room, distances = 8 * points.depth, np.empty(points.largest)
-    waiting = _Stack(np.zeros(room, np.int64), np.zeros(room))
+    capacity, distances = 8 * points.depth, np.empty(points.largest)
+    stack = _Stack(np.zeros(capacity, np.int64), np.zeros(capacity))
     for leaf in queries.leaves[start:end]:
-        bound = _begin(queries, leaf, points, block)
-        size = 1  # of the stack, on whose ground the root stands
+        bound = _start_block(queries, leaf, points, block)
+        size = 1  # the stack holds the root
         while size > 0:
             size -= 1
-            node = waiting.nodes[size]
-            if waiting.apart[size] > bound:
+            node = stack.nodes[size]
+            if stack.gaps[size] > bound:
                 continue
             if points.children[node] > 0:
-                size = _push(queries, leaf, points, node, bound, waiting, size)
+                size = _push_children(queries, leaf, points, node, bound, stack, size)
             else:
-                bound = _look(queries, leaf, points, node, block, distances)
-        waiting.nodes[0], waiting.apart[0] = 0, 0.0
-        _end(queries, leaf, points, block, found)
+                bound = _compare_leaves(queries, leaf, points, node, block, distances)
+        stack.nodes[0], stack.gaps[0] = 0, 0.0
+        _write_result(queries, leaf, points, block, nearest)
 
 
 @inlined
-def _begin(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) -> float:
-    """Nothing is found yet, but as near as the last find of the leaf before something must be."""
+def _start_block(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) -> float:
+    """Reset the state; limit the distances by the last block's nearest point. Return the bound."""
     x, y, z = queries.columns
     place, bound = block.places[0, 0], 0.0
     for i in range(queries.ends[leaf] - queries.starts[leaf]):
@@ -115,45 +115,45 @@ def _begin(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) -> float
 
 
 @inlined
-def _push(
+def _push_children(
     queries: BoxTree,
     leaf: int,
     points: BoxTree,
     node: int,
     bound: float,
-    waiting: _Stack,
+    stack: _Stack,
     size: int,
 ) -> int:
-    """Put the children that are within the bound on the stack, the nearest on top."""
-    box, ground = queries.boxes[leaf], size
+    """Push the children within the bound on the stack, the nearest on top."""
+    box, base = queries.boxes[leaf], size
     for child in range(points.first[node], points.first[node] + points.children[node]):
         other = points.boxes[child]
         dx = _gap(other[0] - box[3], box[0] - other[3])
         dy = _gap(other[1] - box[4], box[1] - other[4])
         dz = _gap(other[2] - box[5], box[2] - other[5])
-        apart = dx * dx + dy * dy + dz * dz
-        if apart <= bound:
+        gap = dx * dx + dy * dy + dz * dz
+        if gap <= bound:
             place = size
-            while place > ground and waiting.apart[place - 1] < apart:
-                waiting.apart[place] = waiting.apart[place - 1]
-                waiting.nodes[place] = waiting.nodes[place - 1]
+            while place > base and stack.gaps[place - 1] < gap:
+                stack.gaps[place] = stack.gaps[place - 1]
+                stack.nodes[place] = stack.nodes[place - 1]
                 place -= 1
-            waiting.apart[place], waiting.nodes[place] = apart, child
+            stack.gaps[place], stack.nodes[place] = gap, child
             size += 1
     return size
 
 
 @inlined
 def _gap(above: float, below: float) -> float:
-    """Distance of two intervals, or of one and a point, by how far one is above or below."""
+    """Distance between two intervals from the signed distances above and below."""
     return max(0.0, above, below)
 
 
 @inlined
-def _look(
+def _compare_leaves(
     queries: BoxTree, leaf: int, points: BoxTree, node: int, block: _Block, distances: Floats
 ) -> float:
-    """Compare the queries with the points of a leaf; the largest of their limits then."""
+    """Compare the queries with the points of a leaf; return the largest of the queries' limits."""
     box, bound = points.boxes[node], 0.0
     x = points.columns[0, points.starts[node] : points.ends[node]]
     y = points.columns[1, points.starts[node] : points.ends[node]]
@@ -173,14 +173,14 @@ def _look(
                 distances[j] = dx * dx + dy * dy + dz * dz
             for j in range(len(x)):
                 if distances[j] <= limit:
-                    limit = _keep(block, i, distances[j], points.starts[node] + j)
+                    limit = _insert(block, i, distances[j], points.starts[node] + j)
         bound = max(bound, limit)
     return bound
 
 
 @inlined
-def _keep(block: _Block, i: int, distance: float, place: int) -> float:
-    """Sort a point in among the least distances of a query; the limit of the query then."""
+def _insert(block: _Block, i: int, distance: float, place: int) -> float:
+    """Insert a point into the smallest distances of query i; return the query's limit."""
     squared, places = block.squared[i], block.places[i]
     if distance < squared[0]:
         squared[0], squared[1], squared[2] = distance, squared[0], squared[1]
@@ -195,17 +195,19 @@ def _keep(block: _Block, i: int, distance: float, place: int) -> float:
 
 
 @inlined
-def _end(queries: BoxTree, leaf: int, points: BoxTree, block: _Block, found: Nearest) -> None:
+def _write_result(
+    queries: BoxTree, leaf: int, points: BoxTree, block: _Block, nearest: NearestTwo
+) -> None:
     for i in range(queries.ends[leaf] - queries.starts[leaf]):
         row, squared = queries.rows[queries.starts[leaf] + i], block.squared[i]
-        nearest, other = points.rows[block.places[i, 0]], points.rows[block.places[i, 1]]
+        first, second = points.rows[block.places[i, 0]], points.rows[block.places[i, 1]]
         exact, ties = 1, 1
         if squared[1] - squared[0] < SAME_DISTANCE:
             ties = 3 if squared[2] - squared[1] < SAME_DISTANCE else 2
             exact = 2 if squared[1] == squared[0] else 1
         else:
-            other = nearest
+            second = first
         if exact == 2:
-            nearest, other = min(nearest, other), max(nearest, other)
-        found.squared[row], found.ties[row], found.exact[row] = squared[0], ties, exact
-        found.rows[row, 0], found.rows[row, 1] = nearest, other
+            first, second = min(first, second), max(first, second)
+        nearest.squared[row], nearest.ties[row], nearest.exact[row] = squared[0], ties, exact
+        nearest.rows[row, 0], nearest.rows[row, 1] = first, second

@@ -1,4 +1,4 @@
-"""Tree of bounding boxes of points, an octree whose cells follow the Morton curve."""
+"""Octree of bounding boxes, built by sorting the points along a Morton curve."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import KEY_BITS, Keys, Rows, morton_keys, sort_keys
 
 LEAF_SIZE = 24
-"""Points of a leaf at most; the fastest size on scans of rooms, 16 and 48 are as fast to 15 %."""
+"""Largest number of points in a leaf; 16 and 48 are at most 15 % slower on scans of rooms."""
 
 
 class BoxTree(NamedTuple):
-    """Points, sorted so that those of a node stand side by side, and the nodes from the root down.
+    """Points in Morton order and the nodes of their octree, the root first.
 
     Parameters
     ----------
     columns
-        Coordinates, (3, n), in the tree's order.
+        Coordinates, (3, n), in Morton order.
     rows
-        Rows (n,) of the points as they were given.
+        Row of each column in the input array, (n,).
     starts, ends
-        The points of node i are ``starts[i]`` to ``ends[i]``.
+        Node i holds the columns ``starts[i]`` to ``ends[i]``.
     first, children
-        Its children are ``children[i]`` nodes from ``first[i]`` on; a leaf has none.
+        Node i has ``children[i]`` child nodes from ``first[i]`` on; a leaf has 0.
     boxes
-        Lowest and highest coordinates of its points, (nodes, 6).
+        Bounding boxes (nodes, 6): lowest, then highest coordinates.
     leaves
-        The nodes without children, in the order of their points.
+        Nodes without children, in the order of their points.
     largest, depth
-        Most points of a leaf, and most nodes from the root to a leaf.
+        Number of points in the largest leaf, and of levels.
     """
 
     columns: Floats
@@ -48,7 +48,7 @@ class BoxTree(NamedTuple):
 
 
 def box_tree(points: Floats) -> BoxTree:
-    """The tree of `points` (n, 3), faster where they are in the order of `distinct_rows`."""
+    """Build the tree of points (n, 3); faster if they are in Morton order."""
     keys = morton_keys(points)
     rows = sort_keys(keys)
     starts, ends, first, children = _nodes(points, rows, keys)
@@ -63,15 +63,15 @@ def box_tree(points: Floats) -> BoxTree:
 
 @compiled
 def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
-    """Starts, ends, first children and numbers of children of the nodes.
+    """Return starts, ends, first children and numbers of children of the nodes.
 
-    A cell that is the finest of its keys and has too many points still, where an outlier makes all
-    others crowd, is sorted by keys of its own, with its `rows`.
+    If an outlier leaves too many points in a cell of the finest level, this cell is sorted again,
+    by keys of its own bounding box; `keys` and `rows` change in place.
     """
-    most = 2 * len(rows)
-    starts, ends = np.empty(most, np.int64), np.empty(most, np.int64)
-    first, children = np.empty(most, np.int64), np.empty(most, np.int64)
-    shifts = np.empty(most, np.int64)
+    capacity = 2 * len(rows)
+    starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    shifts = np.empty(capacity, np.int64)
     starts[0], ends[0], shifts[0], count, node = 0, len(rows), KEY_BITS - 3, 1, 0
     while node < count:
         start, end = starts[node], ends[node]
@@ -94,7 +94,7 @@ def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Ro
 
 @compiled
 def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
-    """The first three bits of the keys from `shift` down in which they differ; -3 without any."""
+    """Return the shift of the first level, from `shift` down, on which the keys differ; else -3."""
     while shift >= 0 and keys[start] >> shift == keys[end - 1] >> shift:
         shift -= 3
     return shift
@@ -102,7 +102,7 @@ def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
 
 @compiled
 def _end_of_cell(keys: Keys, start: int, end: int, shift: int) -> int:
-    """Where the keys' bits above `shift` first differ from those at `start`; by bisection."""
+    """Return the first position whose key above `shift` differs from the one at `start`."""
     cell, low, high = keys[start] >> shift, start + 1, end
     while low < high:
         middle = (low + high) >> 1

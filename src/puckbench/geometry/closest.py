@@ -1,4 +1,4 @@
-"""Closest points of a triangle mesh, found in single and refined in double precision."""
+"""Closest points on a triangle mesh: searched in single, computed in double precision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from puckbench.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points (m, 3) on a mesh, unit normals (m, 3) and indices (m,) of their triangles."""
+    """Points (m, 3) on a mesh, with unit normals (m, 3) and indices (m,) of their triangles."""
 
     xyz: Floats
     normals: Floats
@@ -23,32 +23,32 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Transform a mesh in metres to a cloud's frame: ``(vertices - offset) * scale``.
+    """Transform a mesh from metres to the coordinate frame of a cloud: (vertices - offset) * scale.
 
     Parameters
     ----------
     mesh
         In metres.
     scale
-        Units of the cloud per metre, from the cloud's `about`.
+        Cloud units per metre.
     offset
-        (3,), metres, from the cloud's `about`.
+        (3,), metres.
     """
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
-class Surface:
-    """A triangle mesh, made ready once for all points whose closest points on it are searched.
+class SearchableMesh:
+    """A triangle mesh with a search tree for closest points.
 
-    Embree (through Open3D) finds the triangle in single precision, after a shift of the mesh's
-    middle to the origin, where that is most exact; the closest point of this triangle is then
-    computed in double precision. Triangles without area are left out. On an edge that triangles
-    share, Embree's choice of the triangle decides the normal.
+    Embree (through Open3D) finds the closest triangle in single precision, with the mesh centred on
+    the origin to lose the fewest digits; the closest point on this triangle is then computed in
+    double precision. Triangles without area are ignored. On an edge that triangles share, Embree
+    chooses the triangle and so the normal.
 
     Parameters
     ----------
     mesh
-        In the frame of the points.
+        In the coordinate frame of the query points.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -59,52 +59,47 @@ class Surface:
         self._scene = self._ray_casting_scene()
 
     @classmethod
-    def of(cls, mesh: Mesh | Surface) -> Surface:
-        """The surface itself, or a mesh made ready."""
+    def of(cls, mesh: Mesh | SearchableMesh) -> SearchableMesh:
+        """Return a searchable mesh unchanged; make one of a mesh."""
         return mesh if isinstance(mesh, cls) else cls(cast(Mesh, mesh))
 
     def closest(self, points: Floats) -> SurfacePoints:
-        """The closest points of the surface to `points` (m, 3)."""
-        chosen = self._closest_triangles(points)
+        """Find the point of the mesh that is closest to each of `points` (m, 3)."""
+        triangles = self._closest_triangles(points)
         queries = np.ascontiguousarray(points, np.float64)
-        closest = _closest_on_triangles(queries, self._corners[chosen])
-        return SurfacePoints(closest, self._normals[chosen], self._solid[chosen])
+        closest = _closest_on_triangles(queries, self._corners[triangles])
+        return SurfacePoints(closest, self._normals[triangles], self._solid[triangles])
 
     def _ray_casting_scene(self) -> Any:
         import open3d as o3d
 
-        soup = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
+        vertices = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
+        indices = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
         scene = o3d.t.geometry.RaycastingScene()
-        numbers = np.arange(len(soup), dtype=np.uint32).reshape(-1, 3)
-        scene.add_triangles(o3d.core.Tensor.from_numpy(soup), o3d.core.Tensor.from_numpy(numbers))
+        scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (vertices, indices)))
         return scene
 
     def _closest_triangles(self, points: Floats) -> NDArray[np.int64]:
         import open3d as o3d
 
         queries = (points - self._middle).astype(np.float32)
-        found = self._scene.compute_closest_points(o3d.core.Tensor.from_numpy(queries))
-        return np.asarray(found["primitive_ids"].numpy(), dtype=np.int64)
+        closest = self._scene.compute_closest_points(o3d.core.Tensor.from_numpy(queries))
+        return np.asarray(closest["primitive_ids"].numpy(), dtype=np.int64)
 
 
-def closest_surface_points(mesh: Mesh | Surface, points: Floats) -> SurfacePoints:
-    """Find the point of a mesh that is closest to each query point, as `Surface` does.
+def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> SurfacePoints:
+    """Find the point of a mesh that is closest to each of `points` (m, 3).
 
-    Parameters
-    ----------
-    mesh
-        In the frame of the points; as a `Surface` where it is searched several times.
-    points
-        Queries, (m, 3).
+    Pass a `SearchableMesh` to search the same mesh several times.
     """
-    return Surface.of(mesh).closest(points)
+    return SearchableMesh.of(mesh).closest(points)
 
 
 @compiled
 def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
-    """Closest point of triangle i, corners (m, 3, 3), to point i.
+    """Return the point of triangle i, with corners (m, 3, 3), that is closest to point i.
 
-    The foot of the perpendicular where it lies inside the triangle, else the best of the edges.
+    It is the foot of the perpendicular if that lies in the triangle, else a point of an edge.
     """
     closest = np.empty((len(points), 3))
     for i in range(len(points)):
@@ -125,7 +120,7 @@ def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
 
 @compiled
 def _barycentric(p: Floats, b: Floats, c: Floats) -> tuple[float, float]:
-    """Coordinates of p's foot in the plane that b and c span from the origin."""
+    """Coordinates, in the basis b, c, of p's orthogonal projection on the plane of b and c."""
     bb, bc, cc = np.sum(b * b), np.sum(b * c), np.sum(c * c)
     pb, pc = np.sum(p * b), np.sum(p * c)
     determinant = bb * cc - bc * bc

@@ -1,4 +1,4 @@
-"""Point clouds: coordinates with optional attributes, and what is known about them."""
+"""Point clouds: coordinates with optional attributes and a description."""
 
 from __future__ import annotations
 
@@ -17,33 +17,31 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 Floats = NDArray[np.float64]
-Frame = Literal["scaled", "metric"]
-"""Of a cloud's coordinates: scaled to a cube of whole-numbered grid positions, or metres."""
-_MOST_SIZE = 2**53
-"""Whole numbers below it are exact as floating-point numbers."""
+CoordinateFrame = Literal["scaled", "metric"]
+"""Coordinates are scaled to a cube of integer grid positions, or metric (metres)."""
+_INTEGER_LIMIT = 2**53
+"""Integers below are exact in double precision."""
 
 
-class _Grid(Model, extra="ignore"):
-    """The grid of voxels that a cloud came on."""
-
+class _VoxelGrid(Model, extra="ignore"):
     metres: PositiveFloat
     origin: tuple[float, float, float]
-    size: Annotated[int, Field(ge=2, lt=_MOST_SIZE)]
+    size: Annotated[int, Field(ge=2, lt=_INTEGER_LIMIT)]
 
 
-class _Described(Model, extra="ignore"):
-    """What some entries of a cloud's description must be, where it has them."""
+class _Description(Model, extra="ignore"):
+    """Types of the optional entries of a cloud's description that puckbench reads."""
 
     name: str = ""
     group: str = ""
-    size: Annotated[int, Field(ge=0, lt=_MOST_SIZE)] | None = None
+    size: Annotated[int, Field(ge=0, lt=_INTEGER_LIMIT)] | None = None
     scale: PositiveFloat = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     peak: PositiveFloat | None = None
     diameter: NonNegativeFloat = 0.0
     turns: NonNegativeInt = 0
     seconds: NonNegativeFloat | None = None
-    grid: _Grid | None = None
+    grid: _VoxelGrid | None = None
 
 
 @dataclass(frozen=True)
@@ -61,17 +59,17 @@ class PointCloud:
     labels
         (n,) int32, or None.
     about
-        The JSON beside the file: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the
-        cube that it is scaled to (0: metres), and more.
+        Description: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the cube that the
+        cloud is scaled to (0: metres), and more.
     returns
-        The returns of a spinning sensor whose points these are, row by row, or None.
+        Returns of a spinning sensor, one per point, or None.
     fields
-        Further values of every point by name, (n,) each: intensity, time, classification.
+        Further attributes by name, (n,) each: intensity, time, classification.
 
     Raises
     ------
     InputError
-        An entry of the description that puckbench reads, such as ``scale``, is not what it must be.
+        An entry of the description has the wrong type or an impossible value.
     """
 
     xyz: Floats
@@ -83,16 +81,17 @@ class PointCloud:
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        read = _Described.model_fields.keys() & self.about.keys()
-        if read:
-            parsed(_Described, {name: self.about[name] for name in read}, "the cloud's description")
+        names = _Description.model_fields.keys() & self.about.keys()
+        if names:
+            entries = {name: self.about[name] for name in names}
+            parsed(_Description, entries, "the cloud's description")
 
     def __len__(self) -> int:
         return len(self.xyz)
 
     @property
-    def frame(self) -> Frame | None:
-        """What the coordinates are, by the cloud's description; None where that does not say."""
+    def frame(self) -> CoordinateFrame | None:
+        """Whether the description says scaled or metric; None without ``size``."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -100,9 +99,9 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak of MPEG's PSNRs, in the cloud's units; None where it is not known.
+        """Peak value of MPEG's PSNRs, in the cloud's units; None if unknown.
 
-        Of a scaled cloud it is the largest coordinate that it can have; one in metres names it.
+        Scaled clouds: the largest possible coordinate. Metric clouds: the description's ``peak``.
         """
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
@@ -110,11 +109,11 @@ class PointCloud:
         return None if peak is None else float(peak)
 
     def finite(self) -> PointCloud:
-        """The cloud without points that are not finite."""
+        """Return the cloud without points that are not finite."""
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """The cloud of some rows (a mask or indices), with their attributes, without returns."""
+        """Return the points of some rows (a mask or indices), without returns."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -132,47 +131,35 @@ class PointCloud:
 
 
 def bounds(points: Floats) -> Floats:
-    """Least and greatest coordinates (2, 3); ten times faster than NumPy's along an axis."""
-    columns = [points[:, axis] for axis in range(3)]
+    """Return the bounding box of points (n, 3): lowest and highest corner, (2, 3)."""
+    columns = [points[:, axis] for axis in range(3)]  # ten times faster than points.min(axis=0)
     return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
 
-_LEAST_EXTENT, _FARTHEST = 1e-30, 1e30
-"""Bounds within which squares of lengths, and squares of these, are numbers."""
+_SMALLEST_EXTENT, _LARGEST_COORDINATE = 1e-30, 1e30
+"""Fourth powers of lengths between these neither underflow nor overflow."""
 
 
-def check_extent(points: Floats, what: str) -> None:
-    """Refuse points (n, 3) that are all the same, or lie where numbers no longer tell them apart.
-
-    Raises
-    ------
-    InputError
-        Begins with `what`, the name of their source.
-    """
+def check_extent(points: Floats, source: str) -> None:
+    """Raise InputError if all points (n, 3) are the same, or too small or large for a length."""
     low, high = bounds(points)
     extent = float((high / 2 - low / 2).max()) * 2
     if extent == 0:
-        raise InputError(f"{what}: the cloud has no extent: all its points are the same")
-    farthest = float(max(np.abs(low).max(), np.abs(high).max()))
-    if extent < _LEAST_EXTENT or farthest > _FARTHEST:
+        raise InputError(f"{source}: the cloud has no extent: all its points are the same")
+    largest = float(max(np.abs(low).max(), np.abs(high).max()))
+    if extent < _SMALLEST_EXTENT or largest > _LARGEST_COORDINATE:
         raise InputError(
-            f"{what}: coordinates up to {farthest:.3g} and an extent of {extent:.3g} are no "
-            "lengths; name the unit (--metres-per-unit)"
+            f"{source}: coordinates up to {largest:.3g} and an extent of {extent:.3g} cannot be "
+            "metres; name the unit (--metres-per-unit)"
         )
 
 
-def check_points(points: Floats, what: str) -> None:
-    """Refuse points that are not a non-empty, finite (n, 3) array.
-
-    Raises
-    ------
-    InputError
-        Begins with `what`, the name of their source.
-    """
+def check_points(points: Floats, source: str) -> None:
+    """Raise InputError unless the points are a non-empty, finite (n, 3) array."""
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"{what}: expected points of shape (n, 3), got {points.shape}")
+        raise InputError(f"{source}: expected points of shape (n, 3), got {points.shape}")
     if len(points) == 0:
-        raise InputError(f"{what}: the cloud is empty")
+        raise InputError(f"{source}: the cloud is empty")
     if not np.isfinite(points).all():
-        bad = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
-        raise InputError(f"{what}: {bad} of {len(points)} points are not finite")
+        invalid = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
+        raise InputError(f"{source}: {invalid} of {len(points)} points are not finite")

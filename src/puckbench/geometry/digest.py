@@ -1,4 +1,4 @@
-"""Digests of clouds, by which results on the same cloud are known to be so."""
+"""Digests that identify clouds, so that results on the same cloud can be recognised."""
 
 from __future__ import annotations
 
@@ -8,27 +8,21 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 
-_STEPS = {"scaled": 1e3, "metric": 1e6}
-"""To a unit of coordinates: thousandths of a grid unit, micrometres."""
+_STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
+"""Rounding to thousandths of a grid unit, or to micrometres."""
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """The digest of a cloud's coordinates, in the order of its points.
+    """Return the first 32 hexadecimal digits of the SHA-256 of rounded coordinates, in order.
 
-    Coordinates are rounded first, far below what any codec or metric tells apart: processors of
-    different kinds may differ in the last bits of the same scan.
+    Rounding hides the last bits, in which the same scan may differ between processors.
 
     Parameters
     ----------
-    points : (n, 3)
-        Coordinates, in grid units or metres.
+    points
+        (n, 3), grid units or metres.
     metric
-        Whether these are metres.
-
-    Returns
-    -------
-    str
-        32 hexadecimal digits of SHA-256.
+        Whether the points are in metres.
     """
-    steps = np.rint(points * _STEPS["metric" if metric else "scaled"]).astype("<i8")
+    steps = np.rint(points * _STEPS_PER_UNIT["metric" if metric else "scaled"]).astype("<i8")
     return hashlib.sha256(steps.tobytes()).hexdigest()[:32]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
-_PLACES = ("point", "centre", "apex")
+_POSITIONS = ("point", "centre", "apex")
 _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
-"""Parameters of primitives that are places, and those that are lengths."""
+"""Parameters of primitives that are positions, and those that are lengths."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Primitive:
     kind
         "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
     parameters
-        Numbers in world coordinates (metres, radians) by name; directions are unit vectors. A plane
-        has ``normal`` and ``offset`` (normal . p = offset), a cylinder ``point``, ``axis`` and
-        ``radius``, a sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the cone)
-        and ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
+        In world coordinates (metres, radians); directions are unit vectors. A plane has ``normal``
+        and ``offset`` (normal . p = offset), a cylinder ``point``, ``axis`` and ``radius``, a
+        sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the cone) and
+        ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
         superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
     """
 
@@ -38,7 +38,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object of a scene: its name (``"chair_3"``) and semantic class (``"chair"``)."""
+    """Object of a scene: its name (``"chair_3"``) and semantic class (``"chair"``)."""
 
     name: str
     semantic: str
@@ -46,7 +46,7 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Labels:
-    """Ground truth of each triangle; its semantic class is that of its object.
+    """Object and primitive of each triangle of a scene.
 
     Parameters
     ----------
@@ -54,8 +54,6 @@ class Labels:
         Index into `objects`, (t,) int32.
     primitive_id
         Index into `primitives`, (t,) int32.
-    objects, primitives
-        The objects and primitives of the scene.
     """
 
     object_id: NDArray[np.int32]
@@ -73,9 +71,9 @@ class Mesh:
     vertices
         (v, 3) float64, metres.
     triangles
-        Indices of vertices, (t, 3) int64.
+        Vertex indices, (t, 3) int64.
     labels
-        Ground truth of the triangles, or None.
+        Ground truth, or None.
     """
 
     vertices: Floats
@@ -83,15 +81,15 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Triangle corners, (t, 3, 3)."""
+        """Return the corners of the triangles, (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
-        """Triangle areas, (t,)."""
+        """Return the areas of the triangles, (t,)."""
         return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
 
     def normals(self) -> Floats:
-        """Unit triangle normals, (t, 3); zero for triangles without area."""
+        """Return the unit normals of the triangles, (t, 3); zero for triangles without area."""
         doubled = self._doubled_areas()
         lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
         return np.asarray(
@@ -99,7 +97,7 @@ class Mesh:
         )
 
     def bounds(self) -> Floats:
-        """Corners of the axis-aligned bounding box of the triangles, (2, 3)."""
+        """Return the bounding box of the triangles: lowest and highest corner, (2, 3)."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -108,70 +106,65 @@ class Mesh:
         return np.asarray(np.cross(b - a, c - a))
 
 
-def in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame to metres.
+def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
+    """Transform a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``.
 
     Parameters
     ----------
     primitive
         In the scaled frame.
     scale
-        Units of the scaled frame per metre.
+        Scaled units per metre.
     offset
-        (3,), metres: points are transformed by ``metres = scaled / scale + offset``.
+        (3,), metres.
     """
-    moved = dict(primitive.parameters)
+    parameters = dict(primitive.parameters)
     for name in _LENGTHS:
-        if name in moved:
-            moved[name] = (np.asarray(moved[name]) / scale).tolist()
-    for name in _PLACES:
-        if name in moved:
-            moved[name] = (np.asarray(moved[name]) / scale + offset).tolist()
-    if "normal" in moved:
-        moved["offset"] = float(moved["offset"] / scale + np.dot(moved["normal"], offset))
-    return Primitive(primitive.kind, moved)
+        if name in parameters:
+            parameters[name] = (np.asarray(parameters[name]) / scale).tolist()
+    for name in _POSITIONS:
+        if name in parameters:
+            parameters[name] = (np.asarray(parameters[name]) / scale + offset).tolist()
+    if "normal" in parameters:
+        shift = np.dot(parameters["normal"], offset)
+        parameters["offset"] = float(parameters["offset"] / scale + shift)
+    return Primitive(primitive.kind, parameters)
 
 
-def surface_in_metres(surface: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Transform a labelled mesh and its primitives from a scaled frame, as `in_metres` does."""
-    vertices = surface.vertices / scale + offset
-    if surface.labels is None:
-        return replace(surface, vertices=vertices)
-    placed = tuple(in_metres(one, scale, offset) for one in surface.labels.primitives)
-    return replace(surface, vertices=vertices, labels=replace(surface.labels, primitives=placed))
+def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
+    """Transform a mesh and its primitives from a scaled frame to metres."""
+    vertices = mesh.vertices / scale + offset
+    if mesh.labels is None:
+        return replace(mesh, vertices=vertices)
+    primitives = tuple(primitive_in_metres(each, scale, offset) for each in mesh.labels.primitives)
+    return replace(mesh, vertices=vertices, labels=replace(mesh.labels, primitives=primitives))
 
 
 def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
-    """Scale a mesh and its labelled primitives from another unit to metres."""
+    """Convert a mesh and its primitives from another unit to metres."""
     labels = mesh.labels
     if labels is not None and metres_per_unit != 1:
         scale, origin = 1 / metres_per_unit, np.zeros(3)
-        placed = tuple(in_metres(primitive, scale, origin) for primitive in labels.primitives)
-        labels = replace(labels, primitives=placed)
+        primitives = tuple(primitive_in_metres(each, scale, origin) for each in labels.primitives)
+        labels = replace(labels, primitives=primitives)
     return Mesh(mesh.vertices * metres_per_unit, mesh.triangles, labels)
 
 
-def check_mesh(mesh: Mesh, what: str) -> None:
-    """Refuse a mesh without area, with vertices that are not finite, or with invalid indices.
-
-    Raises
-    ------
-    InputError
-        Begins with `what`, the name of the mesh's source.
-    """
+def check_mesh(mesh: Mesh, source: str) -> None:
+    """Raise InputError for a mesh without area, with vertices not finite or invalid indices."""
     if len(mesh.triangles) == 0:
-        raise InputError(f"{what}: the mesh has no faces")
+        raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
-        raise InputError(f"{what}: a face refers to a vertex that does not exist")
-    unplaced = np.asarray(~np.isfinite(mesh.vertices).all(axis=1))
-    if unplaced.any() and unplaced[mesh.triangles].any():
-        raise InputError(f"{what}: a face has a vertex that is not finite")
+        raise InputError(f"{source}: a face refers to a vertex that does not exist")
+    not_finite = np.asarray(~np.isfinite(mesh.vertices).all(axis=1))
+    if not_finite.any() and not_finite[mesh.triangles].any():
+        raise InputError(f"{source}: a face has a vertex that is not finite")
     if not _has_area(mesh):
-        raise InputError(f"{what}: every face of the mesh has zero area")
+        raise InputError(f"{source}: every face of the mesh has zero area")
 
 
 def _has_area(mesh: Mesh) -> bool:
-    """Whether any triangle has an area; stops at the first part of the mesh with one."""
+    """Whether any triangle has an area; stops at the first block of triangles with one."""
     starts = range(0, len(mesh.triangles), 4096)
-    some = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
-    return any((part.areas() > 0).any() for part in some)
+    blocks = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
+    return any((block.areas() > 0).any() for block in blocks)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pykdtree.kdtree import KDTree
 
 from puckbench.core.compiling import compiled
-from puckbench.geometry.box_search import SAME_DISTANCE, Nearest, nearest_two
+from puckbench.geometry.box_search import SAME_DISTANCE, NearestTwo, nearest_two
 from puckbench.geometry.box_tree import box_tree
 from puckbench.geometry.cloud import Floats
 
@@ -62,7 +62,7 @@ class _Group:
     exact: Rows
 
 
-class Points:
+class SearchablePoints:
     """Distinct points (n, 3) float64, made ready for searches among them and from them."""
 
     def __init__(self, points: Floats) -> None:
@@ -74,7 +74,7 @@ class Points:
         """A tree that finds many neighbours, in an order of its own where they tie."""
         return KDTree(self._points, leafsize=LEAF_SIZE)
 
-    def nearest(self, queries: Points) -> Neighbours:
+    def nearest(self, queries: SearchablePoints) -> Neighbours:
         """Nearest neighbours of the queries with all ties.
 
         The nearest two are searched first; queries of which three or more tie, few but on grids,
@@ -144,7 +144,7 @@ def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
     return counts, exact
 
 
-def _join(found: Nearest, groups: list[_Group]) -> Neighbours:
+def _join(found: NearestTwo, groups: list[_Group]) -> Neighbours:
     """Concatenate the neighbours in the order of the queries; `groups` have more than two."""
     counts, exact = found.ties, found.exact
     for group in groups:

@@ -31,7 +31,7 @@ class Scaling(NamedTuple):
         return (points - self.offset) * self.scale
 
 
-def far_shift(points: Floats) -> Floats:
+def origin_shift(points: Floats) -> Floats:
     """Whole metres (3,) to subtract from points (n, 3) of surveyed coordinates; 0 of near axes.
 
     Of each axis it is the whole part of the coordinate that is nearest to 0. A difference of that
@@ -43,7 +43,7 @@ def far_shift(points: Floats) -> Floats:
     return np.where(np.abs(nearest) > FAR_M, np.trunc(nearest), 0.0)
 
 
-def to_cube(points: Floats, size: int = 1024) -> Scaling:
+def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     """The scaling of a cloud to the cube [0, size - 1]^3 that keeps its aspect.
 
     The minimum of each axis is subtracted, then all axes are multiplied by (size - 1) over the
@@ -68,7 +68,7 @@ def to_cube(points: Floats, size: int = 1024) -> Scaling:
     return Scaling((size - 1) / extent, np.asarray(offset))
 
 
-def to_grid(points: Floats, about: Mapping[str, Any]) -> Scaling:
+def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
     """The scaling of voxel centres in metres back to their integer coordinates.
 
     Parameters

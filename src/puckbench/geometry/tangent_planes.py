@@ -20,7 +20,7 @@ _BLOCKS_PER_TASK = 16384
 """Blocks that a thread fits planes to at a time."""
 
 
-class Tangents(NamedTuple):
+class TangentPlanes(NamedTuple):
     """Planes fitted around m voxels, lengths in voxels.
 
     normals: (m, 3) unit vectors, (0, 0, 0) where there are too few voxels for a plane. off: (m,)
@@ -34,7 +34,7 @@ class Tangents(NamedTuple):
     around: Floats
 
 
-def tangents(voxels: Ints, block: int = 1) -> Tangents:
+def fit_tangent_planes(voxels: Ints, block: int = 1) -> TangentPlanes:
     """Fit a plane to each voxel's neighbourhood.
 
     Parameters
@@ -53,7 +53,7 @@ def tangents(voxels: Ints, block: int = 1) -> Tangents:
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
     occupied, of_blocks = ordered[starts[:-1]], _block_moments(xyz, starts)
     count = len(xyz)
-    found = Tangents(np.empty((count, 3)), np.empty(count), np.empty(count), np.empty(count))
+    found = TangentPlanes(np.empty((count, 3)), np.empty(count), np.empty(count), np.empty(count))
 
     def fit(begin: int) -> None:
         rows = (begin, min(begin + _BLOCKS_PER_TASK, len(occupied)))
@@ -68,7 +68,7 @@ def _fit(
     voxels: tuple[Ints, Ints],
     blocks: tuple[Ints, Ints, Ints],
     rows: tuple[int, int],
-    found: Tangents,
+    found: TangentPlanes,
 ) -> None:
     """Write the planes of the voxels of blocks from rows[0] to before rows[1].
 

@@ -35,7 +35,7 @@ def length(a: Vector) -> float:
 
 
 @inlined
-def moved(a: Vector, far: float, b: Vector) -> Vector:
+def add_multiple(a: Vector, far: float, b: Vector) -> Vector:
     """`a` and `far` times `b` on top of it."""
     return a[0] + far * b[0], a[1] + far * b[1], a[2] + far * b[2]
 
@@ -47,6 +47,6 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @inlined
-def scaled(far: float, a: Vector) -> Vector:
+def multiply(far: float, a: Vector) -> Vector:
     """`far` times `a`."""
     return far * a[0], far * a[1], far * a[2]

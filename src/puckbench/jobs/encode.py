@@ -13,7 +13,7 @@ from puckbench.core.errors import naming
 from puckbench.core.files import write_json, written_whole
 from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
-from puckbench.geometry.cloud import Frame, PointCloud
+from puckbench.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import TimedJob, ready
 from puckbench.jobs.curve import Coded, record_file, write_curve
@@ -23,7 +23,7 @@ from puckbench.lidar.returns import with_returns
 
 
 def to_code(
-    codec: Codec, path: Path, frame: Frame | None = None, rate: str | None = None
+    codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
     """Read a cloud for a codec, with its returns where the codec takes those.
 
@@ -100,7 +100,7 @@ class Encode(Encoding):
     """
 
     rate: str
-    frame: Frame | None = None
+    frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
         """Write the stream and its record.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.crop import inside
+from puckbench.geometry.crop import inside_box
 from puckbench.geometry.digest import cloud_digest
 from puckbench.geometry.normals import estimate_normals
-from puckbench.geometry.scaling import GRID, Scaling, far_shift, to_cube, to_grid
+from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift
 from puckbench.metrics.density import density, in_metres
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.elongation import elongation, oriented_elongation
@@ -27,7 +27,7 @@ class Returns:
     def cropped(self, box: Floats, on: str = "clean") -> Returns:
         """The rows whose clean (or noisy) coordinates lie in the box (2, 3)."""
         chosen = self.clean if on == "clean" else self.cloud
-        rows = inside(chosen.xyz, box)
+        rows = inside_box(chosen.xyz, box)
         return Returns(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
@@ -41,7 +41,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     """A cloud in metres, with normals estimated and scaled to [0, size - 1].
 
     size: 0 for a cloud that is not scaled, but shifted by whole metres where its coordinates are
-    large (`far_shift`); `GRID` for voxels as they came: whole numbers.
+    large (`origin_shift`); `GRID` for voxels as they came: whole numbers.
     Its description gains scale and offset to metres, elongation (of the axis-aligned and of
     the oriented box), extent in metres, point density and outliers (see
     `puckbench.metrics.density`), the diameter of the scaled cloud and the digest of its
@@ -49,7 +49,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     Normals are estimated in the scaled frame, as the thesis does.
     """
     scaling, xyz, side = _scaled(cloud, size)
-    local = cloud.xyz - far_shift(cloud.xyz)  # whose moments are not lost in large coordinates
+    local = cloud.xyz - origin_shift(cloud.xyz)  # whose moments are not lost in large coordinates
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
@@ -70,8 +70,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
     """The scaling to a size, the points (n, 3) scaled by it, and the size in units."""
     if size == GRID:
-        scaling = to_grid(cloud.xyz, cloud.about)
+        scaling = grid_scaling(cloud.xyz, cloud.about)
         return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])
     side = int(size)
-    scaling = to_cube(cloud.xyz, side) if side else Scaling(1.0, far_shift(cloud.xyz))
+    scaling = cube_scaling(cloud.xyz, side) if side else Scaling(1.0, origin_shift(cloud.xyz))
     return scaling, scaling.apply(cloud.xyz), side

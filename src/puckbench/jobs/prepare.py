@@ -13,7 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats, PointCloud, bounds
-from puckbench.geometry.extent import remark_extent
+from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.io.clouds import check_cloud, read_points, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
@@ -76,7 +76,7 @@ class Prepare(Job):
 
         peak, returns = self._peak(), self._returns(source)
         if self.size == 0 and source.suffix != ".parquet":
-            remark_extent(source, bounds(returns.cloud.xyz))
+            warn_of_implausible_extent(source, bounds(returns.cloud.xyz))
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
             returns = returns.cropped(corners, self.crop)

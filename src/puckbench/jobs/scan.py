@@ -12,7 +12,7 @@ from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.extent import remark_extent
+from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.descriptions import read_description, sidecar
 from puckbench.jobs.registry import JOBS, Job
@@ -61,7 +61,7 @@ class Scan(Job):
         """Write the scan table (Parquet)."""
         named = self._named()  # unknown names are told before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
-        remark_extent(mesh, surface.bounds())
+        warn_of_implausible_extent(mesh, surface.bounds())
         job = self._job(named, surface, _described(mesh))
         rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
         if job.rays > _RAYS_IN_MEMORY:

@@ -159,11 +159,12 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 
     The centres lie within 1/2 of distinct integers; counts (m,) are the points wanted of each.
     """
-    from puckbench.geometry.tangent_planes import tangents
+    from puckbench.geometry.tangent_planes import fit_tangent_planes
 
-    found = tangents(np.rint(_SUBDIVISION * (centres + 0.5)).astype(np.int64), _SUBDIVISION)
-    moved = centres - (projection / _SUBDIVISION * found.off)[:, None] * found.normals
-    whole = _whole_counts(counts, found.around)
+    voxels = np.rint(_SUBDIVISION * (centres + 0.5)).astype(np.int64)
+    found = fit_tangent_planes(voxels, _SUBDIVISION)
+    moved = centres - (projection / _SUBDIVISION * found.distances)[:, None] * found.normals
+    whole = _whole_counts(counts, found.counts)
     parts = [(whole == count, int(count)) for count in np.unique(whole)]
     return np.concatenate([_on_plane(moved[k], found.normals[k], n) for k, n in parts])
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.neighbours import Neighbours, Points
+from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 from puckbench.metrics.psnr import psnr
 
 _YUV = np.array(
@@ -56,7 +56,7 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
     """
     a, a_colours = _merged(reference, "reference cloud")
     b, b_colours = _merged(decoded, "decoded cloud")
-    a_points, b_points = Points(a), Points(b)
+    a_points, b_points = SearchablePoints(a), SearchablePoints(b)
     forth = _squared(a_colours, b_colours, b_points.nearest(a_points))
     back = _squared(b_colours, a_colours, a_points.nearest(b_points))
     errors = np.maximum(forth, back)

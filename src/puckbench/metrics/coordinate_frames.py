@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -13,7 +13,7 @@ FRAME = "frame"
 """Column of tables of clouds and results: empty for scaled clouds, absent if all are scaled."""
 
 
-def in_frame(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
+def in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
     """The rows whose clouds are in a frame; a table without the column is of scaled clouds."""
     if FRAME not in table:
         return table if frame == "scaled" else table.iloc[:0]

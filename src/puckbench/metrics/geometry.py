@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.neighbours import Neighbours, Points
+from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.lossless import rounding
@@ -64,7 +64,7 @@ class DistinctPoints:
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
         check_points(points, what)
         self.rows, self.xyz = distinct_points(_float64(points))
-        self.search = Points(self.xyz)
+        self.search = SearchablePoints(self.xyz)
 
     @classmethod
     def of(cls, decoded: Floats | DistinctPoints) -> DistinctPoints:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, surface_in_metres
+from puckbench.geometry.mesh import Labels, Mesh, Primitive, labelled_mesh_in_metres
 from puckbench.metrics.primitive_differences import COMPARABLE, differences, distances
 
 Ints = NDArray[np.int64]
@@ -45,7 +45,7 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
     cloud: points on the true surface, with the scale and offset that brought them into the frame.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
-    placed = surface_in_metres(surface, scale, np.asarray(offset))
+    placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
     assert placed.labels is not None  # noqa: S101 (of all codecs that decode surfaces)
     return decoded_segmentation(placed, placed.labels, cloud.to_metres(cloud.xyz))
 

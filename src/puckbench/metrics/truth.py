@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from puckbench.core.seeding import generator
-from puckbench.geometry.closest import Surface, closest_surface_points, mesh_in_frame
+from puckbench.geometry.closest import SearchableMesh, closest_surface_points, mesh_in_frame
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.sampling import sample_surface
@@ -52,7 +52,7 @@ class Truth:
             visible = visible or surface
         elif surface is not None:
             mesh = mesh_in_frame(surface, self._scale, about.get("offset", (0.0, 0.0, 0.0)))
-        self._surface = None if mesh is None else Surface(mesh)
+        self._surface = None if mesh is None else SearchableMesh(mesh)
         self._visible = Reference(visible or _sampled(mesh, len(reference)))
 
     def measures(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
@@ -69,7 +69,7 @@ def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
 
 def truth_distortion(
     visible: PointCloud | Reference,
-    mesh: Mesh | Surface | None,
+    mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """Distortion of a decoded cloud (B) against the true surface (A), not its noisy scan.
@@ -110,7 +110,7 @@ def truth_distortion(
 
 def scan_distortion(
     clean: PointCloud | Reference,
-    mesh: Mesh | Surface | None,
+    mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
@@ -136,12 +136,12 @@ def scan_distortion(
     }
 
 
-def _to_truth(errors: SquaredErrors, mesh: Mesh | Surface | None) -> dict[str, float]:
+def _to_truth(errors: SquaredErrors, mesh: Mesh | SearchableMesh | None) -> dict[str, float]:
     measured = errors if mesh is None else _to_mesh(errors, mesh)
     return {f"truth_{key}": value for key, value in summary(measured).items()}
 
 
-def _to_mesh(errors: SquaredErrors, mesh: Mesh | Surface) -> SquaredErrors:
+def _to_mesh(errors: SquaredErrors, mesh: Mesh | SearchableMesh) -> SquaredErrors:
     """Replace the errors from decoded to truth by those to the mesh."""
     surface = closest_surface_points(mesh, errors.decoded)
     offset = errors.decoded - surface.xyz

@@ -15,7 +15,7 @@ from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode, DecodeShown
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
@@ -40,7 +40,7 @@ class Curve:
     """Rates of a codec, in a frame, that one job codes and one measures: all, or a part of them."""
 
     codec: str
-    frame: Frame
+    frame: CoordinateFrame
     rates: tuple[str, ...]
 
 
@@ -68,7 +68,7 @@ class CodingJobs:
             for rates in self._parts(self.plan.rates(codec, frame), codec)
         )
 
-    def _coding(self, frame: Frame) -> list[str]:
+    def _coding(self, frame: CoordinateFrame) -> list[str]:
         """The codecs that code any data set in a frame."""
         sets = self.plan.in_frame(frame)
         codes = self.plan.codes
@@ -294,7 +294,7 @@ class CodingJobs:
     def _timed(self) -> dict[str, Any]:
         return {"repeats": self.timing.repeats, "alone": self.timing.exclusive}
 
-    def _frame(self, dataset: str) -> Frame:
+    def _frame(self, dataset: str) -> CoordinateFrame:
         return self.plan.datasets[dataset].frame
 
     def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from puckbench.figures.registry import (
     figure_entry,
 )
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.joined import CloudsTable, LeftOut
@@ -158,10 +158,10 @@ class OutputJobs:
             and all(entry.frame in self._frames_of(needed) for needed in entry.inputs)
         }
 
-    def _frames_of(self, table: str) -> tuple[Frame, ...]:
+    def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
         """Frames of the clouds in an input of a figure; all for an input without clouds."""
         if table not in _OF_CLOUDS:
-            return get_args(Frame)
+            return get_args(CoordinateFrame)
         datasets = self.plan.datasets
         clouds = self.plan.scanned if table == "scan_errors" else self.plan.clouds
         return tuple({datasets[name].frame for name, _ in clouds})

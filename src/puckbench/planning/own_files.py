@@ -18,7 +18,7 @@ from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.units import check_units, is_named
 from puckbench.datasets.user_files import is_file_or_lost
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
 from puckbench.io.ply import has_faces
@@ -99,7 +99,7 @@ class OwnRun:
     paths: tuple[str, ...]
     codecs: tuple[str, ...]
     results: str
-    frame: Frame | None = None
+    frame: CoordinateFrame | None = None
     rates: tuple[str, ...] = ()
     metrics: tuple[str, ...] = ()
     scan: bool = False
@@ -238,7 +238,7 @@ class OwnRun:
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
         """Names of rates by codec and key, where not all are taken."""
         check_codecs(plan)
-        keys: dict[Frame, str] = {"scaled": "rates", "metric": "metric_rates"}
+        keys: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
         found: dict[str, Options] = {codec: {} for codec in plan.codecs}
         for codec in plan.codecs:
@@ -299,7 +299,7 @@ def _kind(path: Path) -> Kind | None:
     return "meshes" if is_mesh else None
 
 
-def _frame(scenes: Options) -> Frame:
+def _frame(scenes: Options) -> CoordinateFrame:
     """Metres for clouds whose formats say so, else scaled, as their unit may be anything."""
     found = open_scene_set(scenes["loader"], scenes["options"])
     files = (path for name in found.names() for path in found.files(name))
@@ -346,7 +346,7 @@ def _seconds(plan: Plan) -> float:
     return total
 
 
-def _check_width(plan: Plan, codec: str, frame: Frame, rates: Sequence[str]) -> None:
+def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
     """InputError where all clouds of a frame are too wide for a codec at these rates."""
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
@@ -359,7 +359,7 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
     if opened.takes == "returns":
         return "codes the returns of a spinning sensor, and there are none here"
     frames = {"scaled": "scaled clouds", "metric": "clouds in metres"}
-    rates: dict[Frame, Any] = {"scaled": opened.rates, "metric": opened.metric_rates}
+    rates: dict[CoordinateFrame, Any] = {"scaled": opened.rates, "metric": opened.metric_rates}
     others = [frame for frame in rates if rates[frame] and frame not in plan.frames]
     other = f" (--frame {others[0]})" if others and advice else ""
     return f"has no rates for {' or '.join(frames[frame] for frame in plan.frames)}{other}"

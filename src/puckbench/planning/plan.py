@@ -25,7 +25,7 @@ from puckbench.datasets.scene import (
     of_returns,
     read_first,
 )
-from puckbench.geometry.cloud import Frame
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.learned.catalogue import weights_file
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -82,7 +82,7 @@ class DataSetPlan:
     has_packets: bool = False
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> CoordinateFrame:
         """The frame of its clouds."""
         return "metric" if self.settings.is_metric else "scaled"
 
@@ -317,15 +317,15 @@ class Plan:
         return is_wanted and can and bool(self.rates(codec, data.frame))
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[CoordinateFrame, ...]:
         """The frames of the data sets' clouds, in their order."""
         return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
 
-    def in_frame(self, frame: Frame) -> list[str]:
+    def in_frame(self, frame: CoordinateFrame) -> list[str]:
         """Names of the data sets whose clouds are in a frame."""
         return [name for name, data in self.datasets.items() if data.frame == frame]
 
-    def rates(self, codec: str, frame: Frame) -> tuple[str, ...]:
+    def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
         """Rates at which a codec codes clouds of a frame; none where it cannot."""
         return tuple(self.opened[codec].rates_of(frame))
 

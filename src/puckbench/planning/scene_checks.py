@@ -18,7 +18,7 @@ from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.datasets.scene import Scene, SceneSet, read_first
 from puckbench.geometry.cloud import Floats, bounds, check_extent
-from puckbench.geometry.extent import remark_extent
+from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -166,6 +166,6 @@ def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> N
     """Remark on a user's file whose size in metres matters, and tells of another unit."""
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
-        remark_extent(path, scene.mesh.bounds())
+        warn_of_implausible_extent(path, scene.mesh.bounds())
     if scene.cloud is not None and settings.is_metric:
-        remark_extent(path, bounds(scene.cloud.xyz))
+        warn_of_implausible_extent(path, bounds(scene.cloud.xyz))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.tangent_planes import tangents
+from puckbench.geometry.tangent_planes import fit_tangent_planes
 from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
 
@@ -90,7 +90,9 @@ def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTab
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:
     """Least-squares planes of the voxels around each voxel (m, 3)."""
-    found = tangents(voxels, block_size)
-    distance = np.searchsorted(_DISTANCES, np.abs(found.off))
+    found = fit_tangent_planes(voxels, block_size)
+    distance = np.searchsorted(_DISTANCES, np.abs(found.distances))
     thickness = np.searchsorted(_THICKNESSES, found.thickness)
-    return LocalPlanes(found.normals, found.off, distance * (len(_THICKNESSES) + 1) + thickness)
+    return LocalPlanes(
+        found.normals, found.distances, distance * (len(_THICKNESSES) + 1) + thickness
+    )

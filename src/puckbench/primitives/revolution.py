@@ -17,12 +17,12 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.vectors import (
     Vector,
+    add_multiple,
     cross,
     dot,
     length,
-    moved,
+    multiply,
     row_of,
-    scaled,
     vector,
 )
 from puckbench.primitives.entropy import Coder, code_bit
@@ -129,7 +129,7 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     for i in range(count):
         distance[i], height, radius = distance_to(surface, sine, cosine, xyz[i])
-        out = moved(row_of(xyz, i), -1.0, vector(surface.origin))
+        out = add_multiple(row_of(xyz, i), -1.0, vector(surface.origin))
         azimuth[i] = np.arctan2(dot(out, v), dot(out, u))
         if surface.kind == SPHERE:
             sine_of_height = height / max(length(out), 1e-9)
@@ -180,10 +180,10 @@ def normal_at(
     The others are what `distance_to` takes and returns.
     """
     if surface.kind == SPHERE:
-        return scaled(1 / max(length(out), 1e-9), out)
+        return multiply(1 / max(length(out), 1e-9), out)
     axis = vector(surface.axis)
-    outwards = scaled(1 / max(radius, 1e-9), moved(out, -height, axis))
-    return moved(scaled(cosine, outwards), -sine, axis)
+    outwards = multiply(1 / max(radius, 1e-9), add_multiple(out, -height, axis))
+    return add_multiple(multiply(cosine, outwards), -sine, axis)
 
 
 @compiled
@@ -192,7 +192,7 @@ def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
     start = np.zeros(3)
     start[np.abs(axis).argmin()] = 1.0
     u = cross(vector(axis), vector(start))
-    u = scaled(1 / length(u), u)
+    u = multiply(1 / length(u), u)
     return np.array(u), np.array(cross(vector(axis), u))
 
 

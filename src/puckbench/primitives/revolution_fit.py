@@ -10,7 +10,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.vectors import dot, length, moved, row_of, vector
+from puckbench.geometry.vectors import add_multiple, dot, length, row_of, vector
 from puckbench.primitives.revolution import (
     SPHERE,
     RevolutionSurface,
@@ -87,7 +87,7 @@ def _linearise(
     loss = 0.0
     for i in range(len(xyz)):
         distance, height, radius = distance_to(surface, sine, cosine, xyz[i])
-        out = moved(row_of(xyz, i), -1.0, origin)
+        out = add_multiple(row_of(xyz, i), -1.0, origin)
         normal = normal_at(surface, sine, cosine, out, height, radius)
         if surface.kind == SPHERE:
             slopes[2], slopes[3], slopes[4], slopes[5] = -dot(axis, normal), 0.0, -1.0, 0.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.vectors import Vector, cross, dot, length, moved, row_of, scaled
+from puckbench.geometry.vectors import Vector, add_multiple, cross, dot, length, multiply, row_of
 from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.revolution import CONE, SPHERE, RevolutionSurface
 from puckbench.primitives.smoothing import BlockedSamples, Samples, blocks_of, runs_near
@@ -112,7 +112,7 @@ def _others(
     count, first, second = 0, -1, -1
     for k in range(len(runs)):
         for j in range(runs[k, 0], runs[k, 1]):
-            apart = moved(row_of(xyz, j), -1.0, row_of(xyz, seed))
+            apart = add_multiple(row_of(xyz, j), -1.0, row_of(xyz, seed))
             if least < dot(apart, apart) <= most:
                 first = j if count == wanted[0] else first
                 second = j if count == wanted[1] else second
@@ -132,7 +132,7 @@ def _through_samples(
     """Write the sphere and the cylinder through the first two of three samples, and the cone."""
     a, n = row_of(xyz, rows[0]), row_of(normals, rows[0])
     m, o = _along(row_of(normals, rows[1]), n), _along(row_of(normals, rows[2]), n)
-    apart, bend = moved(a, -1.0, row_of(xyz, rows[1])), moved(n, -1.0, m)
+    apart, bend = add_multiple(a, -1.0, row_of(xyz, rows[1])), add_multiple(n, -1.0, m)
     if dot(bend, bend) < _MIN_BEND:
         return count
     for kind in (SPHERE, CONE):
@@ -141,11 +141,11 @@ def _through_samples(
             across = cross(n, m)
             if length(across) == 0.0:
                 continue
-            axis = scaled(1 / length(across), across)
-            apart = moved(apart, -dot(apart, axis), axis)
+            axis = multiply(1 / length(across), across)
+            apart = add_multiple(apart, -dot(apart, axis), axis)
         radius = dot(apart, bend) / dot(bend, bend)
-        if length(moved(apart, -radius, bend)) < 2 * limits[0]:
-            origin = moved(a, -radius, n)
+        if length(add_multiple(apart, -radius, bend)) < 2 * limits[0]:
+            origin = add_multiple(a, -radius, n)
             count = _add(kind, origin, axis, (abs(radius), 0.0), limits, found, count)
     return _cone(xyz, rows, (n, m, o), limits, found, count)
 
@@ -162,20 +162,20 @@ def _cone(
     """Write the cone whose tangent planes at three samples are those of the samples."""
     n, m, o = normals
     a, b, c = row_of(xyz, rows[0]), row_of(xyz, rows[1]), row_of(xyz, rows[2])
-    axis = cross(moved(n, -1.0, m), moved(n, -1.0, o))
+    axis = cross(add_multiple(n, -1.0, m), add_multiple(n, -1.0, o))
     volume = dot(n, cross(m, o))
     if length(axis) < _MIN_AXIS or abs(volume) < _MIN_VOLUME:
         return count
-    apex = scaled(dot(n, a) / volume, cross(m, o))
-    apex = moved(apex, dot(m, b) / volume, cross(o, n))
-    apex = moved(apex, dot(o, c) / volume, cross(n, m))
-    middle = scaled(1 / 3, moved(moved(a, 1.0, b), 1.0, c))
-    out = moved(middle, -1.0, apex)
-    axis = scaled((1 if dot(out, axis) > 0 else -1) / length(axis), axis)
+    apex = multiply(dot(n, a) / volume, cross(m, o))
+    apex = add_multiple(apex, dot(m, b) / volume, cross(o, n))
+    apex = add_multiple(apex, dot(o, c) / volume, cross(n, m))
+    middle = multiply(1 / 3, add_multiple(add_multiple(a, 1.0, b), 1.0, c))
+    out = add_multiple(middle, -1.0, apex)
+    axis = multiply((1 if dot(out, axis) > 0 else -1) / length(axis), axis)
     height = dot(out, axis)
     angle = (_angle(a, apex, axis) + _angle(b, apex, axis) + _angle(c, apex, axis)) / 3
     if _ANGLES[0] < angle < _ANGLES[1]:
-        origin = moved(apex, height, axis)
+        origin = add_multiple(apex, height, axis)
         count = _add(CONE, origin, axis, (height * np.tan(angle), angle), limits, found, count)
     return count
 
@@ -183,15 +183,15 @@ def _cone(
 @inlined
 def _angle(point: Vector, apex: Vector, axis: Vector) -> float:
     """Half the opening angle of the cone on which a point lies."""
-    out = moved(point, -1.0, apex)
+    out = add_multiple(point, -1.0, apex)
     height = dot(out, axis)
-    return float(np.arctan2(length(moved(out, -height, axis)), height))
+    return float(np.arctan2(length(add_multiple(out, -height, axis)), height))
 
 
 @inlined
 def _along(normal: Vector, other: Vector) -> Vector:
     """A normal on the side of another one."""
-    return scaled(-1.0 if dot(normal, other) < 0 else 1.0, normal)
+    return multiply(-1.0 if dot(normal, other) < 0 else 1.0, normal)
 
 
 @inlined
