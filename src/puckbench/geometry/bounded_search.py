@@ -1,7 +1,7 @@
-"""Nearest neighbour search that gives up after a limited amount of work.
+"""Nearest neighbour search with a limit on its work.
 
-For a query at the centre of a sphere of points every search tree has to visit all points. A decoder
-must bound this work, because a stream can choose both the points and the queries.
+For queries at the centre of a sphere of points every search tree visits all points. A decoder has
+to bound this work, because streams may be malicious.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[F
     Parameters
     ----------
     queries
-        (m, 3), in a spatial order: the search starts at the last query's result.
-    points
-        Tree of n > 0 points.
+        (m, 3); neighbouring queries in a row speed up the search.
     max_visits
         Points and boxes that may be visited for all queries together.
 
@@ -41,7 +39,6 @@ def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[F
 def _search(
     queries: Floats, points: BoxTree, max_visits: int, squared: Floats, places: Rows
 ) -> int:
-    """Write each query's nearest point; return the number of visits, after `max_visits` early."""
     nodes, gaps = np.zeros(8 * points.depth, np.int64), np.zeros(8 * points.depth)
     nearest, visits = 0, 0
     for i, query in enumerate(queries):
@@ -73,7 +70,6 @@ def _search(
 
 @inlined
 def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
-    """Squared distance of a point from a box."""
     dx = max(0.0, low[0] - query[0], query[0] - high[0])
     dy = max(0.0, low[1] - query[1], query[1] - high[1])
     dz = max(0.0, low[2] - query[2], query[2] - high[2])
@@ -82,7 +78,7 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
 
 @inlined
 def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    """Push a node on the stack; keep the siblings, from `base` on, sorted with the nearest on top."""
+    """Push a node on the stack, keeping the siblings from `base` on sorted, the nearest on top."""
     place = size
     while place > base and gaps[place - 1] < gap:
         gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]

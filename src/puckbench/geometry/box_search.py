@@ -1,8 +1,7 @@
-"""Nearest two points of many queries: a dual-tree search over two trees of bounding boxes.
+"""Exact nearest two points of many queries: a dual-tree search over trees of bounding boxes.
 
 All queries of a leaf (about twenty) descend the tree of the points together, so that each query is
-compared with the points of about two leaves. The result is exact: rounding never makes a box more
-distant than a point in it.
+compared with the points of about two leaves.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ class NearestTwo(NamedTuple):
     squared
         Squared distance to the nearest point, (m,).
     rows
-        Rows of the nearest two points if two tie, (m, 2), at equal distance the lower row first;
-        the nearest row twice without a tie; any two if three or more tie.
+        Rows of the two nearest points, (m, 2): twice the nearest without a tie; any two of three or
+        more that tie; of exactly two at equal distance, the lower row first.
     ties
         Number of points that tie, (m,): 1, 2, or 3 for three and more.
     exact
-        Number of the nearest two points at exactly the smallest distance, (m,).
+        Number of the two points at exactly the smallest distance, (m,).
     """
 
     squared: Floats
@@ -49,8 +48,8 @@ class NearestTwo(NamedTuple):
 class _Block(NamedTuple):
     """Search state of a leaf's q queries.
 
-    ``limits`` (q,): squared distances beyond which points are skipped; ``squared`` (q, 3): smallest
-    squared distances; ``places`` (q, 2): columns of the nearest points in their tree.
+    ``limits`` (q,): squared distance beyond which points are skipped; ``squared`` (q, 3): smallest
+    squared distances; ``places`` (q, 2): columns of the nearest points.
     """
 
     limits: Floats
@@ -66,7 +65,7 @@ class _Stack(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
-    """Find the nearest two points of each query; rows refer to the arrays the trees were built of."""
+    """Find the nearest two points of each query; rows are those of the trees' input arrays."""
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)
@@ -76,7 +75,6 @@ def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
 
 @compiled
 def _search(queries: BoxTree, start: int, end: int, points: BoxTree, nearest: NearestTwo) -> None:
-    """Search for the queries of leaves `start` to `end`, nearest boxes first."""
     q = queries.largest
     block = _Block(np.empty(q), np.empty((q, 3)), np.zeros((q, 2), np.int64))
     capacity, distances = 8 * points.depth, np.empty(points.largest)
@@ -99,7 +97,7 @@ def _search(queries: BoxTree, start: int, end: int, points: BoxTree, nearest: Ne
 
 @inlined
 def _start_block(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) -> float:
-    """Reset the state; limit the distances by the last block's nearest point. Return the bound."""
+    """Reset the state; bound the distances by the previous block's nearest point."""
     x, y, z = queries.columns
     place, bound = block.places[0, 0], 0.0
     for i in range(queries.ends[leaf] - queries.starts[leaf]):
@@ -124,7 +122,6 @@ def _push_children(
     stack: _Stack,
     size: int,
 ) -> int:
-    """Push the children within the bound on the stack, the nearest on top."""
     box, base = queries.boxes[leaf], size
     for child in range(points.first[node], points.first[node] + points.children[node]):
         other = points.boxes[child]
@@ -145,7 +142,6 @@ def _push_children(
 
 @inlined
 def _gap(above: float, below: float) -> float:
-    """Distance between two intervals from the signed distances above and below."""
     return max(0.0, above, below)
 
 
@@ -153,7 +149,7 @@ def _gap(above: float, below: float) -> float:
 def _compare_leaves(
     queries: BoxTree, leaf: int, points: BoxTree, node: int, block: _Block, distances: Floats
 ) -> float:
-    """Compare the queries with the points of a leaf; return the largest of the queries' limits."""
+    """Compare the queries with the points of a leaf; return their largest limit."""
     box, bound = points.boxes[node], 0.0
     x = points.columns[0, points.starts[node] : points.ends[node]]
     y = points.columns[1, points.starts[node] : points.ends[node]]
@@ -180,7 +176,6 @@ def _compare_leaves(
 
 @inlined
 def _insert(block: _Block, i: int, distance: float, place: int) -> float:
-    """Insert a point into the smallest distances of query i; return the query's limit."""
     squared, places = block.squared[i], block.places[i]
     if distance < squared[0]:
         squared[0], squared[1], squared[2] = distance, squared[0], squared[1]

@@ -26,13 +26,13 @@ class BoxTree(NamedTuple):
     starts, ends
         Node i holds the columns ``starts[i]`` to ``ends[i]``.
     first, children
-        Node i has ``children[i]`` child nodes from ``first[i]`` on; a leaf has 0.
+        Node i has ``children[i]`` child nodes from ``first[i]`` on.
     boxes
         Bounding boxes (nodes, 6): lowest, then highest coordinates.
     leaves
         Nodes without children, in the order of their points.
     largest, depth
-        Number of points in the largest leaf, and of levels.
+        Number of points in the largest leaf; number of levels.
     """
 
     columns: Floats
@@ -48,7 +48,7 @@ class BoxTree(NamedTuple):
 
 
 def box_tree(points: Floats) -> BoxTree:
-    """Build the tree of points (n, 3); faster if they are in Morton order."""
+    """Build the tree of points (n, 3)."""
     keys = morton_keys(points)
     rows = sort_keys(keys)
     starts, ends, first, children = _nodes(points, rows, keys)
@@ -63,11 +63,7 @@ def box_tree(points: Floats) -> BoxTree:
 
 @compiled
 def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
-    """Return starts, ends, first children and numbers of children of the nodes.
-
-    If an outlier leaves too many points in a cell of the finest level, this cell is sorted again,
-    by keys of its own bounding box; `keys` and `rows` change in place.
-    """
+    """Return starts, ends, first children and child counts; re-sort crowded cells in place."""
     capacity = 2 * len(rows)
     starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
@@ -94,7 +90,7 @@ def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Ro
 
 @compiled
 def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
-    """Return the shift of the first level, from `shift` down, on which the keys differ; else -3."""
+    """Return the shift of the first level, from `shift` down, that splits the keys; else -3."""
     while shift >= 0 and keys[start] >> shift == keys[end - 1] >> shift:
         shift -= 3
     return shift
@@ -102,7 +98,6 @@ def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
 
 @compiled
 def _end_of_cell(keys: Keys, start: int, end: int, shift: int) -> int:
-    """Return the first position whose key above `shift` differs from the one at `start`."""
     cell, low, high = keys[start] >> shift, start + 1, end
     while low < high:
         middle = (low + high) >> 1

@@ -15,7 +15,7 @@ from puckbench.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points (m, 3) on a mesh, with unit normals (m, 3) and indices (m,) of their triangles."""
+    """Points (m, 3) on a mesh, unit normals (m, 3) and indices (m,) of their triangles."""
 
     xyz: Floats
     normals: Floats
@@ -23,32 +23,16 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Transform a mesh from metres to the coordinate frame of a cloud: (vertices - offset) * scale.
-
-    Parameters
-    ----------
-    mesh
-        In metres.
-    scale
-        Cloud units per metre.
-    offset
-        (3,), metres.
-    """
+    """Transform a mesh from metres to a cloud's coordinate frame: (vertices - offset) * scale."""
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
 class SearchableMesh:
     """A triangle mesh with a search tree for closest points.
 
-    Embree (through Open3D) finds the closest triangle in single precision, with the mesh centred on
-    the origin to lose the fewest digits; the closest point on this triangle is then computed in
-    double precision. Triangles without area are ignored. On an edge that triangles share, Embree
-    chooses the triangle and so the normal.
-
-    Parameters
-    ----------
-    mesh
-        In the coordinate frame of the query points.
+    Embree (through Open3D) finds the closest triangle in single precision; the closest point on it
+    is then computed in double precision. Triangles without area are ignored. On a shared edge
+    Embree chooses the triangle, and so the normal.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -60,7 +44,6 @@ class SearchableMesh:
 
     @classmethod
     def of(cls, mesh: Mesh | SearchableMesh) -> SearchableMesh:
-        """Return a searchable mesh unchanged; make one of a mesh."""
         return mesh if isinstance(mesh, cls) else cls(cast(Mesh, mesh))
 
     def closest(self, points: Floats) -> SurfacePoints:
@@ -88,19 +71,12 @@ class SearchableMesh:
 
 
 def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> SurfacePoints:
-    """Find the point of a mesh that is closest to each of `points` (m, 3).
-
-    Pass a `SearchableMesh` to search the same mesh several times.
-    """
     return SearchableMesh.of(mesh).closest(points)
 
 
 @compiled
 def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
-    """Return the point of triangle i, with corners (m, 3, 3), that is closest to point i.
-
-    It is the foot of the perpendicular if that lies in the triangle, else a point of an edge.
-    """
+    """Return the point of triangle i, with corners (m, 3, 3), that is closest to point i."""
     closest = np.empty((len(points), 3))
     for i in range(len(points)):
         p, a, b, c = points[i], corners[i, 0], corners[i, 1], corners[i, 2]
@@ -120,7 +96,6 @@ def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
 
 @compiled
 def _barycentric(p: Floats, b: Floats, c: Floats) -> tuple[float, float]:
-    """Coordinates, in the basis b, c, of p's orthogonal projection on the plane of b and c."""
     bb, bc, cc = np.sum(b * b), np.sum(b * c), np.sum(c * c)
     pb, pc = np.sum(p * b), np.sum(p * c)
     determinant = bb * cc - bc * bc

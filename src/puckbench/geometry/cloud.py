@@ -30,7 +30,7 @@ class _VoxelGrid(Model, extra="ignore"):
 
 
 class _Description(Model, extra="ignore"):
-    """Types of the optional entries of a cloud's description that puckbench reads."""
+    """Entries of a description that puckbench reads."""
 
     name: str = ""
     group: str = ""
@@ -53,23 +53,18 @@ class PointCloud:
     xyz
         Coordinates, (n, 3) float64.
     normals
-        Unit vectors, (n, 3) float64, or None.
+        Unit vectors, (n, 3) float64.
     colours
-        RGB, (n, 3) uint8, or None.
+        RGB, (n, 3) uint8.
     labels
-        (n,) int32, or None.
+        (n,) int32.
     about
         Description: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the cube that the
-        cloud is scaled to (0: metres), and more.
+        cloud is scaled to (0: metres), and more; an invalid entry raises InputError.
     returns
-        Returns of a spinning sensor, one per point, or None.
+        Returns of a spinning sensor, one per point.
     fields
         Further attributes by name, (n,) each: intensity, time, classification.
-
-    Raises
-    ------
-    InputError
-        An entry of the description has the wrong type or an impossible value.
     """
 
     xyz: Floats
@@ -99,21 +94,17 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak value of MPEG's PSNRs, in the cloud's units; None if unknown.
-
-        Scaled clouds: the largest possible coordinate. Metric clouds: the description's ``peak``.
-        """
+        """Peak value of MPEG's PSNRs, in the cloud's units; None if unknown."""
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
         return None if peak is None else float(peak)
 
     def finite(self) -> PointCloud:
-        """Return the cloud without points that are not finite."""
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """Return the points of some rows (a mask or indices), without returns."""
+        """Return the points of a mask or of indices, without returns."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -125,7 +116,7 @@ class PointCloud:
         )
 
     def to_metres(self, points: Floats) -> Floats:
-        """Transform points (m, 3) of this cloud to metres: ``points / scale + offset``."""
+        """Transform points (m, 3): ``points / scale + offset``."""
         scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
         return np.asarray(points / scale + np.asarray(offset))
 

@@ -13,16 +13,9 @@ _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return the first 32 hexadecimal digits of the SHA-256 of rounded coordinates, in order.
+    """Return 32 hexadecimal digits of the SHA-256 of rounded coordinates (n, 3), in order.
 
     Rounding hides the last bits, in which the same scan may differ between processors.
-
-    Parameters
-    ----------
-    points
-        (n, 3), grid units or metres.
-    metric
-        Whether the points are in metres.
     """
     steps = np.rint(points * _STEPS_PER_UNIT["metric" if metric else "scaled"]).astype("<i8")
     return hashlib.sha256(steps.tobytes()).hexdigest()[:32]

@@ -20,16 +20,12 @@ _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
 class Primitive:
     """A geometric primitive that a surface lies on (thesis section 7).
 
-    Parameters
-    ----------
-    kind
-        "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    parameters
-        In world coordinates (metres, radians); directions are unit vectors. A plane has ``normal``
-        and ``offset`` (normal . p = offset), a cylinder ``point``, ``axis`` and ``radius``, a
-        sphere ``centre`` and ``radius``, a cone ``apex``, ``axis`` (into the cone) and
-        ``half_angle``, a torus ``centre``, ``axis``, ``major_radius`` and ``minor_radius``, a
-        superquadric ``centre``, ``axes``, ``sizes`` and ``exponents``.
+    `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
+    `parameters` are in world coordinates (metres, radians), directions unit vectors: of a plane
+    ``normal`` and ``offset`` (normal . p = offset); a cylinder ``point``, ``axis``, ``radius``; a
+    sphere ``centre``, ``radius``; a cone ``apex``, ``axis`` (into the cone), ``half_angle``; a
+    torus ``centre``, ``axis``, ``major_radius``, ``minor_radius``; a superquadric ``centre``,
+    ``axes``, ``sizes``, ``exponents``.
     """
 
     kind: str
@@ -38,7 +34,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """Object of a scene: its name (``"chair_3"``) and semantic class (``"chair"``)."""
+    """An object's name (``"chair_3"``) and semantic class (``"chair"``)."""
 
     name: str
     semantic: str
@@ -48,12 +44,7 @@ class SceneObject:
 class Labels:
     """Object and primitive of each triangle of a scene.
 
-    Parameters
-    ----------
-    object_id
-        Index into `objects`, (t,) int32.
-    primitive_id
-        Index into `primitives`, (t,) int32.
+    ``object_id`` and ``primitive_id`` (t,) are indices into ``objects`` and ``primitives``.
     """
 
     object_id: NDArray[np.int32]
@@ -64,32 +55,21 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with z up.
-
-    Parameters
-    ----------
-    vertices
-        (v, 3) float64, metres.
-    triangles
-        Vertex indices, (t, 3) int64.
-    labels
-        Ground truth, or None.
-    """
+    """A triangle mesh with z up: vertices (v, 3) in metres, vertex indices (t, 3), ground truth."""
 
     vertices: Floats
     triangles: NDArray[np.int64]
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the corners of the triangles, (t, 3, 3)."""
+        """Return the corners, (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
-        """Return the areas of the triangles, (t,)."""
         return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
 
     def normals(self) -> Floats:
-        """Return the unit normals of the triangles, (t, 3); zero for triangles without area."""
+        """Return unit normals, (t, 3); zero for triangles without area."""
         doubled = self._doubled_areas()
         lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
         return np.asarray(
@@ -97,7 +77,7 @@ class Mesh:
         )
 
     def bounds(self) -> Floats:
-        """Return the bounding box of the triangles: lowest and highest corner, (2, 3)."""
+        """Return the bounding box of the triangles, (2, 3)."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -107,17 +87,7 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``.
-
-    Parameters
-    ----------
-    primitive
-        In the scaled frame.
-    scale
-        Scaled units per metre.
-    offset
-        (3,), metres.
-    """
+    """Transform a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``."""
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -132,7 +102,6 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Transform a mesh and its primitives from a scaled frame to metres."""
     vertices = mesh.vertices / scale + offset
     if mesh.labels is None:
         return replace(mesh, vertices=vertices)
@@ -164,7 +133,6 @@ def check_mesh(mesh: Mesh, source: str) -> None:
 
 
 def _has_area(mesh: Mesh) -> bool:
-    """Whether any triangle has an area; stops at the first block of triangles with one."""
     starts = range(0, len(mesh.triangles), 4096)
     blocks = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
     return any((block.areas() > 0).any() for block in blocks)

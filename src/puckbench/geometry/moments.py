@@ -1,6 +1,7 @@
-"""Least-squares planes from the weighted moments of points.
+"""Least-squares planes from weighted moments of points.
 
-Moments are ten numbers: weight, three first and six second moments (xx, xy, xz, yy, yz, zz).
+The ten moments are the weight, three first moments and six second ones (xx, xy, xz, yy, yz, zz). A
+plane (nx, ny, nz, d) holds the points p with n.p = d, |n| = 1.
 """
 
 from __future__ import annotations
@@ -10,12 +11,11 @@ import numpy as np
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
 
-SIZE = 10
+MOMENT_COUNT = 10
 
 
 @compiled_in_place
 def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> None:
-    """Add a weighted point to `moments` (10,)."""
     moments[0] += weight
     moments[1] += weight * x
     moments[2] += weight * y
@@ -30,7 +30,7 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
 
 @compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
-    """Weighted sum of the squared distances to a plane (nx, ny, nz, d), n.p = d, |n| = 1."""
+    """Return the weighted sum of squared distances to a plane."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
     along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
     along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
@@ -40,7 +40,7 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
-    """Write the plane of least squares; returns the weighted sum of squared distances."""
+    """Write the least-squares plane (4,); return the weighted sum of squared distances to it."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz, yy, yz, zz = _covariance(moments)
@@ -52,14 +52,12 @@ def fit_plane(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def distance_to_fit(moments: Floats) -> float:
-    """Weighted sum of squared distances to the plane of least squares."""
     xx, xy, xz, yy, yz, zz = _covariance(moments)
     return float(max(_least_eigenvalue(xx, xy, xz, yy, yz, zz), 0.0) * moments[0])
 
 
 @inlined
 def _covariance(moments: Floats) -> tuple[float, float, float, float, float, float]:
-    """Covariances of the points: xx, xy, xz, yy, yz, zz."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz = moments[4] / w - x * x, moments[5] / w - x * y, moments[6] / w - x * z
@@ -69,7 +67,7 @@ def _covariance(moments: Floats) -> tuple[float, float, float, float, float, flo
 
 @inlined
 def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
-    """Smallest eigenvalue of a symmetric 3 x 3 matrix, in closed form (Smith 1961)."""
+    """Closed form of Smith 1961."""
     q = (xx + yy + zz) / 3
     off = xy * xy + xz * xz + yz * yz
     p = np.sqrt(((xx - q) ** 2 + (yy - q) ** 2 + (zz - q) ** 2 + 2 * off) / 6)
@@ -86,7 +84,7 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:
-    """Unit vector that a singular symmetric matrix maps to zero: the longest cross product."""
+    """Longest cross product of two rows: the unit null vector of a singular symmetric matrix."""
     best = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 1.0
     for k in range(3):

@@ -1,7 +1,6 @@
-"""Morton codes: the bits of x, y and z interleaved, x highest, up to 21 bits an axis.
+"""Morton codes: the bits of x, y and z interleaved, x highest, up to 21 bits per axis.
 
-Within an octree a node's code is its position at its own level, so a child's code is its parent's
-shifted by the axes that the level splits, and the child's index below.
+Levels of G-PCC's octree may split a subset of the axes; codes then grow by the bits of these.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ X_BITS = 0x4924924924924924
 Y_BITS = X_BITS >> 1
 Z_BITS = X_BITS >> 2
 
-# By a mask of axes (4 x, 2 y, 1 z): the bits of those axes in a code.
+# The bits of the axes of each mask (4 x, 2 y, 1 z) in a code.
 AXES_BITS = np.array(
     [
         (X_BITS if a & 4 else 0) | (Y_BITS if a & 2 else 0) | (Z_BITS if a & 1 else 0)
@@ -30,7 +29,7 @@ AXES_BITS = np.array(
 
 @inlined
 def first_child_code(morton: int, axes: int) -> int:
-    """Code of the first child of the node `morton` where `axes` are split."""
+    """Return the code of the first child on a level that splits `axes` (a mask)."""
     if axes == 7:
         return morton << 3
     split: int = AXES_BITS[axes]
@@ -39,7 +38,7 @@ def first_child_code(morton: int, axes: int) -> int:
 
 @inlined
 def parent_code(morton: int, axes: int) -> int:
-    """Code of the parent of the first child `morton` where `axes` are split."""
+    """Return the code of a first child's parent on a level that splits `axes`."""
     if axes == 7:
         return morton >> 3
     split: int = AXES_BITS[axes]
@@ -48,7 +47,7 @@ def parent_code(morton: int, axes: int) -> int:
 
 @inlined
 def compact_bits(bits: int) -> int:
-    """Every third bit, from the lowest, side by side."""
+    """Return every third bit, from the lowest, as adjacent bits."""
     bits &= Z_BITS
     bits = (bits | bits >> 2) & 0x10C30C30C30C30C3
     bits = (bits | bits >> 4) & 0x100F00F00F00F00F
@@ -59,7 +58,7 @@ def compact_bits(bits: int) -> int:
 
 @inlined
 def spread_bits(bits: int) -> int:
-    """The inverse of `gathered`: bits at every third place."""
+    """Invert `compact_bits`."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
     bits = (bits | bits << 8) & 0x100F00F00F00F00F
@@ -69,24 +68,23 @@ def spread_bits(bits: int) -> int:
 
 @compiled
 def morton_codes(points: Ints, axes: Ints) -> Ints:
-    """Codes (n,) of points (n, 3) in [0, 2**21): column c is the axis axes[c] (0 x, 1 y, 2 z)."""
-    found = np.empty(len(points), dtype=np.int64)
+    """Return codes (n,) of points (n, 3) in [0, 2^21); column c is axis axes[c] (0 x, 1 y, 2 z)."""
+    codes = np.empty(len(points), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(points)):
         code = 0
         for c in range(3):
             code |= spread_bits(points[i, c]) << shifts[c]
-        found[i] = code
-    return found
+        codes[i] = code
+    return codes
 
 
 @compiled
-def morton_points(morton: Ints, axes: Ints, origin: Ints) -> Ints:
-    """Points (n, 3) of codes (n,): the inverse of `codes`, plus `origin` (3,)."""
-    points = np.empty((len(morton), 3), dtype=np.int64)
+def morton_points(codes: Ints, axes: Ints, origin: Ints) -> Ints:
+    """Return the points (n, 3) of codes (n,), plus an origin (3,)."""
+    points = np.empty((len(codes), 3), dtype=np.int64)
     shifts = 2 - axes
-    for i in range(len(morton)):
-        code = morton[i]
+    for i in range(len(codes)):
         for c in range(3):
-            points[i, c] = compact_bits(code >> shifts[c]) + origin[c]
+            points[i, c] = compact_bits(codes[i] >> shifts[c]) + origin[c]
     return points

@@ -1,7 +1,6 @@
-"""Nearest neighbours with all their ties, by MPEG's rule for points at the same distance.
+"""Nearest neighbours with all ties, by the rules of MPEG's pc_error.
 
-Decoded clouds lie on grids, where a fifth to a third of the queries have several nearest
-neighbours; a measure that picks one of them depends on the library and on the order of the points.
+On the grids of decoded clouds a fifth to a third of the queries have several nearest neighbours.
 """
 
 from __future__ import annotations
@@ -24,8 +23,8 @@ from puckbench.geometry.cloud import Floats
 Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]
 
-LOOKED_AT_FIRST, LOOKED_AT_MORE, LOOKED_AT_MOST = 10, 5, 30
-"""Numbers of neighbours that pc_error searches: more while all of them are equally near."""
+FIRST_K, K_STEP, MAX_K = 10, 5, 30
+"""Number of neighbours that pc_error searches; it searches more while all of them tie."""
 LEAF_SIZE = 16
 
 
@@ -36,14 +35,13 @@ class Neighbours:
     Parameters
     ----------
     squared
-        Squared distance to the nearest, (m,).
+        Squared distance to the nearest neighbour, (m,).
     starts
         (m + 1,): the neighbours of query i are ``index[starts[i]:starts[i + 1]]``, nearest first.
     exact
-        (m,): number of neighbours at exactly the nearest distance; the others are within
-        SAME_DISTANCE of the one before.
+        Number of neighbours at exactly the smallest distance, (m,).
     index
-        Rows of the points that were searched.
+        Rows of the points.
     """
 
     squared: Floats
@@ -54,7 +52,7 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class _Group:
-    """Queries (rows) with equally many sorted neighbours, of which `counts` and `exact` tie."""
+    """Queries (rows) for which the same number of sorted neighbours was searched."""
 
     rows: Rows
     index: Indices
@@ -63,7 +61,7 @@ class _Group:
 
 
 class SearchablePoints:
-    """Distinct points (n, 3) float64, made ready for searches among them and from them."""
+    """Distinct points (n, 3) with their search trees."""
 
     def __init__(self, points: Floats) -> None:
         self._points = points
@@ -71,44 +69,38 @@ class SearchablePoints:
 
     @cached_property
     def _tree(self) -> Any:
-        """A tree that finds many neighbours, in an order of its own where they tie."""
         return KDTree(self._points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: SearchablePoints) -> Neighbours:
-        """Nearest neighbours of the queries with all ties.
-
-        The nearest two are searched first; queries of which three or more tie, few but on grids,
-        are searched again, with more neighbours while all of those tie.
-        """
-        found = nearest_two(queries._boxes, self._boxes)
-        rows, groups = np.flatnonzero(found.ties > 2), []
-        for k in _growing_numbers():
+        """Find the nearest neighbours of the queries with all ties."""
+        two = nearest_two(queries._boxes, self._boxes)
+        rows, groups = np.flatnonzero(two.ties > 2), []
+        for k in _neighbour_counts():
             if not len(rows):
                 break
             index, squared = self._sorted_neighbours(queries._points[rows], k)
             counts, exact = _count_ties(squared)
-            tied = counts == k if k < LOOKED_AT_FIRST else exact == k
+            tied = counts == k if k < FIRST_K else exact == k
             done = ~tied | (k >= len(self._points))
             groups.append(_Group(rows[done], index[done], counts[done], exact[done]))
             rows = rows[~done]
-        return _join(found, groups)
+        return _concatenate(two, groups)
 
     def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
-        """Indices and squared distances, (m, min(k, n)), sorted by our own float64 distances."""
         k = min(k, len(self._points))
         _, index = self._tree.query(queries, k=k, sqr_dists=True)
         index = index.reshape(len(queries), k)
         return index, _sort_by_distance(queries, self._points, index)
 
 
-def _growing_numbers() -> Iterator[int]:
-    yield from (5, LOOKED_AT_FIRST)
-    yield from (LOOKED_AT_MOST * 4**power for power in count())
+def _neighbour_counts() -> Iterator[int]:
+    yield from (5, FIRST_K)
+    yield from (MAX_K * 4**power for power in count())
 
 
 @compiled
 def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats:
-    """Squared distances of the neighbours; sorts them and, in place, `index`."""
+    """Sort `index` (m, k) in place; return the squared distances (m, k)."""
     squared = np.empty(index.shape, np.float64)
     for i in range(len(index)):
         for j in range(index.shape[1]):
@@ -127,33 +119,32 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Numbers of sorted neighbours that count as nearest, and that are exactly nearest."""
+    """Numbers (m,) of neighbours that tie by pc_error's rule, and exactly."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):
         while exact[i] < k and squared[i, exact[i]] == squared[i, 0]:
             exact[i] += 1
-        looked_at = LOOKED_AT_FIRST
-        while exact[i] >= looked_at and looked_at < LOOKED_AT_MOST:
-            looked_at += LOOKED_AT_MORE
+        searched = FIRST_K
+        while exact[i] >= searched and searched < MAX_K:
+            searched += K_STEP
         counts[i] = exact[i]
-        for j in range(exact[i], min(looked_at, k)):
+        for j in range(exact[i], min(searched, k)):
             if squared[i, j] - squared[i, j - 1] >= SAME_DISTANCE:
                 break
             counts[i] += 1
     return counts, exact
 
 
-def _join(found: NearestTwo, groups: list[_Group]) -> Neighbours:
-    """Concatenate the neighbours in the order of the queries; `groups` have more than two."""
-    counts, exact = found.ties, found.exact
+def _concatenate(two: NearestTwo, groups: list[_Group]) -> Neighbours:
+    counts, exact = two.ties, two.exact
     for group in groups:
         counts[group.rows], exact[group.rows] = group.counts, group.exact
     starts = np.concatenate([[0], np.cumsum(counts)])
-    index = _first_two(found.rows, starts)
+    index = _first_two(two.rows, starts)
     for group in groups:
         _fill(index, starts, group.rows, group.index, group.counts)
-    return Neighbours(found.squared, starts, exact, index)
+    return Neighbours(two.squared, starts, exact, index)
 
 
 @compiled

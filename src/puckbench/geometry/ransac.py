@@ -1,4 +1,4 @@
-"""Planes fitted to noisy points by RANSAC, and signed distances to them."""
+"""Planes fitted to noisy points by RANSAC and robust least squares."""
 
 from __future__ import annotations
 
@@ -12,27 +12,26 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 THRESHOLD_M = 0.01
-# PCL's own: most samples, and the confidence at which a better one is unlikely.
-_MOST_SAMPLES, _CONFIDENCE = 1000, 0.99
-_SAMPLES_AT_A_TIME, _POINTS_AT_A_TIME = 32, 1 << 14
-# Points that lie exactly on one plane are all kept despite rounding.
-_LEAST_SPREAD_M = 1e-9
+# Largest number of samples and confidence: PCL's defaults.
+_MAX_SAMPLES, _CONFIDENCE = 1000, 0.99
+_SAMPLES_PER_BATCH, _POINTS_PER_BATCH = 32, 1 << 14
+# Keeps all points of an exact plane as inliers despite rounding.
+_MIN_STD_M = 1e-9
 
 
 @dataclass(frozen=True)
 class Plane:
-    """The points x with ``normal @ x == offset``; `normal` (3,) has length 1."""
+    """The points x with ``normal @ x == offset``; the normal has length 1."""
 
     normal: Floats
     offset: float
 
     def distances(self, points: Floats) -> Floats:
-        """Signed distances of points (n, 3), positive on the normal's side, (n,)."""
+        """Return signed distances (n,), positive on the normal's side."""
         return np.asarray(points @ self.normal - self.offset)
 
-    def facing(self, place: Floats) -> Plane:
-        """The same plane with its normal on the side of `place` (3,)."""
-        side = -1.0 if self.normal @ place < self.offset else 1.0
+    def facing(self, point: Floats) -> Plane:
+        side = -1.0 if self.normal @ point < self.offset else 1.0
         return Plane(self.normal * side, self.offset * side)
 
 
@@ -43,33 +42,16 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """Fit a plane by RANSAC: the plane through three points that most points lie close to.
+    """Fit a plane to points (n, 3): of planes through three random ones, that with most inliers.
 
-    As PCL's RandomSampleConsensus, which the thesis's measurements used (section 5.1.2): at most
-    1000 samples, fewer once a better plane is unlikely with 99 % confidence, and no refit.
-
-    Parameters
-    ----------
-    points
-        (n, 3), metres.
-    rng
-        Draws the samples.
-    threshold_m
-        Largest distance of an inlier from the plane.
-    refit
-        Return the least-squares plane of the inliers instead. Noise wider than the threshold is cut
-        off about the first plane, so its tilt shrinks but remains.
-
-    Raises
-    ------
-    InputError
-        There are fewer than three points, or all lie on one line.
+    The algorithm is PCL's RandomSampleConsensus (thesis section 5.1.2): at most 1000 samples, fewer
+    once a better plane is unlikely with 99 % confidence. `refit` returns the least-squares plane of
+    the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
-    # Offsets of far points would cost digits.
-    centre = points.mean(axis=0)
-    best = _most_supported(points - centre, rng, threshold_m)
+    centre = points.mean(axis=0)  # large coordinates would lose digits
+    best = _plane_with_most_inliers(points - centre, rng, threshold_m)
     if refit:
         near = np.abs(best.distances(points - centre)) < threshold_m
         best = least_squares_plane((points - centre)[near])
@@ -77,7 +59,6 @@ def ransac_plane(
 
 
 def least_squares_plane(points: Floats) -> Plane:
-    """The plane with the least sum of squared distances to `points` (n, 3)."""
     centre = points.mean(axis=0)
     relative = points - centre
     _, vectors = np.linalg.eigh(relative.T @ relative)
@@ -88,81 +69,65 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Least-squares plane of the inliers: fit and selection repeat until the inliers are the same.
+    """Fit a least-squares plane and select its inliers in turn until the inliers do not change.
 
-    Parameters
-    ----------
-    points
-        (n, 3), metres.
-    start
-        The plane to begin with.
-    sigmas
-        Largest distance of an inlier from the median, in robust standard deviations (`robust_std`)
-        of all distances.
-    rounds
-        Most repetitions.
-
-    Returns
-    -------
-    tuple
-        The plane and the mask (n,) of its inliers.
+    Inliers lie within `sigmas` robust standard deviations of the median distance. Returns the plane
+    and the mask (n,) of inliers, after at most `rounds` fits.
     """
-    plane, chosen = start, np.zeros(len(points), dtype=bool)
+    plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):
         distances = plane.distances(points)
-        away = np.abs(distances - np.median(distances))
-        near = away <= sigmas * max(robust_std(distances), _LEAST_SPREAD_M)
-        if np.array_equal(near, chosen):
+        deviations = np.abs(distances - np.median(distances))
+        near = deviations <= sigmas * max(robust_std(distances), _MIN_STD_M)
+        if np.array_equal(near, inliers):
             break
-        plane, chosen = least_squares_plane(points[near]), near
-    return plane, chosen
+        plane, inliers = least_squares_plane(points[near]), near
+    return plane, inliers
 
 
 def robust_std(values: Floats) -> float:
-    """Standard deviation estimated by the median absolute deviation (exact for a Gaussian)."""
+    """Estimate a standard deviation by the median absolute deviation."""
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
-def _most_supported(points: Floats, rng: np.random.Generator, threshold_m: float) -> Plane:
-    best, support, tried = None, 0, 0
-    for normals, offsets in _samples(points, rng):
-        tried += _SAMPLES_AT_A_TIME
-        counts = _support(points, normals, offsets, threshold_m)
-        if len(counts) and counts.max() > support:
-            chosen = int(counts.argmax())
-            best, support = Plane(normals[chosen], float(offsets[chosen])), int(counts[chosen])
-        if tried >= _samples_needed(support / len(points)):
+def _plane_with_most_inliers(points: Floats, rng: np.random.Generator, threshold_m: float) -> Plane:
+    best, inliers, samples = None, 0, 0
+    for normals, offsets in _sampled_planes(points, rng):
+        samples += _SAMPLES_PER_BATCH
+        counts = _inlier_counts(points, normals, offsets, threshold_m)
+        if len(counts) and counts.max() > inliers:
+            row = int(counts.argmax())
+            best, inliers = Plane(normals[row], float(offsets[row])), int(counts[row])
+        if samples >= _samples_needed(inliers / len(points)):
             break
     if best is None:
         raise InputError(f"the {len(points)} points lie on one line: no plane through them")
     return best
 
 
-def _samples(points: Floats, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats]]:
-    """Planes through three random points each, as normals (k, 3) and offsets (k,)."""
-    for _ in range(0, _MOST_SAMPLES, _SAMPLES_AT_A_TIME):
-        a, b, c = points[rng.integers(len(points), size=(3, _SAMPLES_AT_A_TIME))]
+def _sampled_planes(points: Floats, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats]]:
+    """Yield batches of planes through three random points: normals (k, 3), offsets (k,)."""
+    for _ in range(0, _MAX_SAMPLES, _SAMPLES_PER_BATCH):
+        a, b, c = points[rng.integers(len(points), size=(3, _SAMPLES_PER_BATCH))]
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1)
         sides = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
-        sound = lengths > 1e-9 * sides
-        normals = normals[sound] / lengths[sound, None]
-        yield normals, np.sum(normals * a[sound], axis=1)
+        valid = lengths > 1e-9 * sides
+        normals = normals[valid] / lengths[valid, None]
+        yield normals, np.sum(normals * a[valid], axis=1)
 
 
-def _support(
+def _inlier_counts(
     points: Floats, normals: Floats, offsets: Floats, threshold_m: float
 ) -> NDArray[np.int64]:
-    """Number of points within the threshold of each plane, (k,)."""
     counts = np.zeros(len(normals), dtype=np.int64)
-    for first in range(0, len(points), _POINTS_AT_A_TIME):
-        distances = normals @ points[first : first + _POINTS_AT_A_TIME].T - offsets[:, None]
+    for first in range(0, len(points), _POINTS_PER_BATCH):
+        distances = normals @ points[first : first + _POINTS_PER_BATCH].T - offsets[:, None]
         counts += np.count_nonzero(np.abs(distances) < threshold_m, axis=1)
     return counts
 
 
 def _samples_needed(share: float) -> float:
-    """Samples after which one of three inliers was drawn with the confidence wanted."""
     if share in {0.0, 1.0}:
         return 1.0 if share else float("inf")
     return float(np.log(1 - _CONFIDENCE) / np.log1p(-(share**3)))

@@ -1,4 +1,4 @@
-"""Pictures of clouds without a display: cameras, and points drawn as depth-buffered splats."""
+"""Rendering of clouds without a display: cameras and depth-buffered splats."""
 
 from __future__ import annotations
 
@@ -14,24 +14,22 @@ from puckbench.geometry.cloud import Floats
 Image = NDArray[np.uint8]
 Vector = tuple[float, float, float]
 
-_PLAIN = (200, 196, 188)
+_GREY = (200, 196, 188)
 _BACKGROUND = 255.0
 
 
 @dataclass(frozen=True)
 class View:
-    """A camera.
+    """A camera; lengths in scene units.
 
     Parameters
     ----------
     eye, target
-        Its position and a point on its line of sight, (3,), in the scene's units.
-    up
-        Direction that points upwards in the picture.
+        Position of the camera and a point on its line of sight.
     field_of_view_deg
         Vertical opening angle of a perspective camera.
     height
-        When given, the camera is orthographic with a picture this high, in the scene's units.
+        Height of the image of an orthographic camera, or None.
     """
 
     eye: Vector
@@ -41,7 +39,7 @@ class View:
     height: float | None = None
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
-        """Unit vectors to the right, up and forward, each (3,)."""
+        """Return the unit vectors right, up and forward."""
         forward = _unit(np.subtract(self.target, self.eye))
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
@@ -50,20 +48,20 @@ class View:
         return right, np.cross(right, forward), forward
 
     def half_extent(self) -> float:
-        """Half the picture's height, at distance 1 (perspective) or anywhere (orthographic)."""
+        """Return half the image's height: at distance 1 if perspective, else anywhere."""
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
-        """Column, row and depth (along the line of sight) of points (n, 3), as (n, 3)."""
+        """Return column, row and depth (n, 3) of points (n, 3)."""
         right, up, forward = self.axes()
         local = (points - np.asarray(self.eye)) @ np.stack([right, up, forward], axis=1)
         depth = local[:, 2]
         scale = height / (2 * self.half_extent())
-        reach = np.where(depth > 0, depth, np.nan) if self.height is None else 1.0
-        columns = width / 2 + local[:, 0] * scale / reach
-        rows = height / 2 - local[:, 1] * scale / reach
+        distance = np.where(depth > 0, depth, np.nan) if self.height is None else 1.0
+        columns = width / 2 + local[:, 0] * scale / distance
+        rows = height / 2 - local[:, 1] * scale / distance
         return np.column_stack([columns, rows, depth])
 
 
@@ -74,20 +72,17 @@ def three_quarter_view(
     aspect: float = 4 / 3,
     field_of_view_deg: float = 35.0,
 ) -> View:
-    """Perspective view of a box (2, 3) from `azimuth_deg` about z and `elevation_deg` above it.
-
-    The camera is as near as it can be with the whole box in a picture of the given aspect.
-    """
+    """Return the closest perspective view from a direction that shows a whole box (2, 3)."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
     direction[2] = np.sin(elevation)
     centre = np.mean(bounds, axis=0)
     corners = np.stack(np.meshgrid(*np.transpose(bounds), indexing="ij"), axis=-1).reshape(-1, 3)
     right, up, forward = View(_vector(centre + direction), _vector(centre)).axes()
-    across, upward, ahead = ((corners - centre) @ axis for axis in (right, up, forward))
+    x, y, depth = ((corners - centre) @ axis for axis in (right, up, forward))
     tangent = np.tan(np.radians(field_of_view_deg) / 2)
-    needed = np.maximum(np.abs(across) / aspect, np.abs(upward)) / tangent - ahead
-    eye = centre + direction * (1.04 * needed.max())
+    distances = np.maximum(np.abs(x) / aspect, np.abs(y)) / tangent - depth
+    eye = centre + direction * (1.04 * distances.max())
     return View(_vector(eye), _vector(centre), field_of_view_deg=field_of_view_deg)
 
 
@@ -100,39 +95,30 @@ def render_cloud(
     radius: int = 1,
     shade: bool = True,
 ) -> Image:
-    """Draw points as discs, the nearest in front; the same arguments give the same bytes.
+    """Draw points (n, 3) as discs; return an image (height, width, 3).
 
     Parameters
     ----------
-    points
-        (n, 3), in the scene's units.
     colours
         RGB, (n, 3) uint8, or None for grey.
-    view
-        The camera.
     size
-        Width and height of the picture in pixels.
+        Width and height of the image in pixels.
     radius
-        Of the discs, in pixels.
+        Radius of the discs in pixels.
     shade
-        Darken pixels that lie behind their neighbours, so that shapes can be seen.
-
-    Returns
-    -------
-    numpy.ndarray
-        (height, width, 3) uint8.
+        Shade the image by eye-dome lighting.
     """
     width, height = size
     if colours is None:
-        colours = np.full((len(points), 3), _PLAIN, dtype=np.uint8)
+        colours = np.full((len(points), 3), _GREY, dtype=np.uint8)
     depth = np.full((height, width), np.inf)
-    picture = np.full((height, width, 3), _BACKGROUND, dtype=np.uint8)
+    image = np.full((height, width, 3), _BACKGROUND, dtype=np.uint8)
     projected = view.project(np.asarray(points, dtype=np.float64), width, height)
     projected[~(projected[:, 2] > 0)] = np.nan
-    _splat(projected, np.ascontiguousarray(colours), int(radius), depth, picture)
+    _splat(projected, np.ascontiguousarray(colours), int(radius), depth, image)
     if shade:
-        picture = (picture * _relief(depth)[..., None] + 0.5).astype(np.uint8)
-    return picture
+        image = (image * _eye_dome_brightness(depth)[..., None] + 0.5).astype(np.uint8)
+    return image
 
 
 def _vector(values: Floats) -> Vector:
@@ -144,8 +130,8 @@ def _unit(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _relief(depth: Floats) -> Floats:
-    """Brightness 0.35..1 by how far a pixel lies behind its neighbours (eye-dome lighting)."""
+def _eye_dome_brightness(depth: Floats) -> Floats:
+    """Brightness from 1 down to 0.35, the darker the farther behind its neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)
@@ -161,8 +147,7 @@ def _relief(depth: Floats) -> Floats:
 
 
 @compiled
-def _splat(projected: Floats, colours: Image, radius: int, depth: Floats, picture: Image) -> None:
-    """Draw discs at (column, row, depth) into `picture`, the nearest in front; nan is skipped."""
+def _splat(projected: Floats, colours: Image, radius: int, depth: Floats, image: Image) -> None:
     height, width = depth.shape
     for index in range(len(projected)):
         column, row, distance = projected[index]
@@ -174,4 +159,4 @@ def _splat(projected: Floats, colours: Image, radius: int, depth: Floats, pictur
                 inside = (x - middle_x) ** 2 + (y - middle_y) ** 2 <= radius * radius
                 if inside and distance < depth[y, x]:
                     depth[y, x] = distance
-                    picture[y, x] = colours[index]
+                    image[y, x] = colours[index]

@@ -1,4 +1,4 @@
-"""Points at random on the surface of a mesh, uniform by area (thesis section 6.1.1)."""
+"""Uniform random sampling of mesh surfaces (thesis section 6.1.1)."""
 
 from __future__ import annotations
 
@@ -9,22 +9,11 @@ from puckbench.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """Draw points on a mesh, uniformly by area, with the normals of their triangles.
-
-    The labels are the primitive ids of the triangles when the mesh is labelled.
-
-    Parameters
-    ----------
-    mesh
-        The surface.
-    points
-        Number of points to draw.
-    rng
-        Source of randomness.
+    """Draw points uniformly by area, with the normals and primitive labels of their triangles.
 
     References
     ----------
-    Osada et al. 2002, equation 1: P = (1 - sqrt r1) A + sqrt r1 (1 - r2) B + sqrt r1 r2 C.
+    Osada et al. 2002, equation 1.
     """
     cumulative = np.cumsum(mesh.areas())
     where = rng.random(points) * cumulative[-1]

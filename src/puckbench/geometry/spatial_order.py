@@ -1,7 +1,7 @@
-"""Points sorted along a Morton curve, and their distinct coordinates.
+"""Sorting points along a Morton curve, and removing duplicates.
 
-Neighbours on the curve are neighbours in space, so that searches in a tree find what they need in
-the processor's cache: four times faster on a million points than in random order.
+Neighbours on the curve are close in space, which makes good use of the processor's cache: searching
+a million points in this order is four times faster than in random order.
 """
 
 from __future__ import annotations
@@ -19,34 +19,30 @@ Keys = NDArray[np.int64]
 VOXELS_PER_AXIS = 1 << 16
 KEY_BITS = 48
 DIGIT_BITS = 8
-MASK = (1 << DIGIT_BITS) - 1
+DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_rows(points: Floats) -> Rows:
-    """Rows (m,) of the distinct points among `points` (n, 3), in the order of a Morton curve.
-
-    Of points with equal coordinates the first in the array is taken, as MPEG's pc_error does.
-    """
+    """Return the rows (m,) of distinct points in Morton order; of equal points the first."""
     return distinct_points(points)[0]
 
 
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
-    """`distinct_rows`, and the points (m, 3) of these rows."""
+    """Return `distinct_rows` and these points (m, 3)."""
     keys = morton_keys(points)
     order = sort_keys(keys)
     ordered = points.take(order, axis=0)
-    kept = _first_of_equals(ordered, keys)
+    kept = _first_of_equal_points(ordered, keys)
     return (order, ordered) if len(kept) == len(order) else (order[kept], ordered[kept])
 
 
 def morton_order(points: Floats) -> Rows:
-    """Rows (n,) of `points` (n, 3) in the order of a Morton curve."""
     return sort_keys(morton_keys(points))
 
 
 @compiled
 def morton_keys(points: Floats) -> Keys:
-    """Morton keys (n,) of points (n, 3) in a cube of 65,536 cells an axis around all of them."""
+    """Return Morton keys (n,) of points (n, 3) in a cube of 65,536 cells per axis."""
     lowest, highest = _bounds(points)
     extent = np.max(highest - lowest)
     return _keys_in_cube(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
@@ -54,7 +50,6 @@ def morton_keys(points: Floats) -> Keys:
 
 @compiled
 def _bounds(points: Floats) -> tuple[Floats, Floats]:
-    """Lowest and highest coordinates; ten times faster than numpy along the long axis."""
     lowest, highest = points[0].copy(), points[0].copy()
     for i in range(len(points)):
         for axis in range(3):
@@ -65,7 +60,6 @@ def _bounds(points: Floats) -> tuple[Floats, Floats]:
 
 @compiled
 def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Keys:
-    """Interleave the bits of each point's three voxel coordinates, x lowest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
         x = spread_bits(int((points[i, 0] - lowest[0]) * voxels_per_unit))
@@ -77,7 +71,7 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 
 @compiled
 def sort_keys(keys: Keys) -> Rows:
-    """Sort the keys, and return their stable order, by radix sort; quick where they are sorted."""
+    """Sort the keys in place, by radix sort, and return their stable order (n,)."""
     order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order
@@ -91,11 +85,10 @@ def sort_keys(keys: Keys) -> Rows:
 
 @compiled
 def _digit_places(keys: Keys) -> Rows:
-    """Where each value of each digit begins among the keys sorted by that digit."""
     places = np.zeros((KEY_BITS // DIGIT_BITS, (1 << DIGIT_BITS) + 1), np.int64)
     for key in keys:
         for digit in range(len(places)):
-            places[digit, ((key >> (digit * DIGIT_BITS)) & MASK) + 1] += 1
+            places[digit, ((key >> (digit * DIGIT_BITS)) & DIGIT_MASK) + 1] += 1
     for digit in range(len(places)):
         places[digit] = np.cumsum(places[digit])
     return places
@@ -106,23 +99,23 @@ def _sort_by_digit(
     keys: Keys, order: Rows, to_keys: Keys, to_order: Rows, shift: int, places: Rows
 ) -> None:
     for i in range(len(keys)):
-        value = (keys[i] >> shift) & MASK
+        value = (keys[i] >> shift) & DIGIT_MASK
         place = places[value]
         to_keys[place], to_order[place] = keys[i], order[i]
         places[value] = place + 1
 
 
 @compiled
-def _first_of_equals(points: Floats, keys: Keys) -> Rows:
-    """Positions of the points that differ from all before them; equal points have equal keys."""
+def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
+    """Positions of the points that differ from all before; equal points have equal keys."""
     n = len(points)
-    like_before, crowded = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
-    crowded[1:] |= like_before
-    crowded[:-1] |= like_before
-    slots = np.full(1 << int(np.ceil(np.log2(2 * crowded.sum() + 1))), -1, np.int64)
+    repeated, shares_key = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
+    shares_key[1:] |= repeated
+    shares_key[:-1] |= repeated
+    slots = np.full(1 << int(np.ceil(np.log2(2 * shares_key.sum() + 1))), -1, np.int64)
     kept, count = np.empty(n, np.int64), 0
     for i in range(n):
-        if crowded[i]:
+        if shares_key[i]:
             slot = _hash(points[i] + 0.0) & (len(slots) - 1)
             while slots[slot] >= 0 and not _equal(points[slots[slot]], points[i]):
                 slot = (slot + 1) & (len(slots) - 1)
@@ -141,7 +134,6 @@ def _equal(a: Floats, b: Floats) -> bool:
 
 @compiled
 def _hash(point: Floats) -> np.int64:
-    """A non-negative integer that depends on every bit of the coordinates (FNV-1a by words)."""
     mixed = np.uint64(0xCBF29CE484222325)
     for word in point.view(np.uint64):
         mixed = (mixed ^ word) * np.uint64(0x9E3779B97F4A7C15)

@@ -1,4 +1,4 @@
-"""Tangent planes of voxelised surfaces: a least-squares plane for each voxel."""
+"""Tangent planes of voxelised surfaces: a least-squares plane around each voxel."""
 
 from __future__ import annotations
 
@@ -10,40 +10,34 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, add_point, fit_plane
+from puckbench.geometry.moments import MOMENT_COUNT, add_point, fit_plane
 
 Ints = NDArray[np.int64]
-_FEWEST = 4
+_MIN_VOXELS = 4
 """Smallest number of voxels that a plane is fitted to."""
 _BITS = 21
+"""Bits of a block coordinate in a key."""
 _BLOCKS_PER_TASK = 16384
-"""Blocks that a thread fits planes to at a time."""
 
 
 class TangentPlanes(NamedTuple):
-    """Planes fitted around m voxels, lengths in voxels.
+    """Planes around m voxels, lengths in voxels.
 
-    normals: (m, 3) unit vectors, (0, 0, 0) where there are too few voxels for a plane. off: (m,)
-    signed distance of the voxel from its plane. thickness: (m,) root mean square distance of the
-    fitted voxels. around: (m,) number of fitted voxels.
+    ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are signed distances
+    of the voxels from their planes, ``thickness`` (m,) root mean square distances and ``counts``
+    (m,) numbers of the fitted voxels.
     """
 
     normals: Floats
-    off: Floats
+    distances: Floats
     thickness: Floats
-    around: Floats
+    counts: Floats
 
 
 def fit_tangent_planes(voxels: Ints, block: int = 1) -> TangentPlanes:
-    """Fit a plane to each voxel's neighbourhood.
+    """Fit planes to distinct voxels (m, 3), one for each block of `block` voxels a side.
 
-    Parameters
-    ----------
-    voxels
-        Distinct voxels, (m, 3).
-    block
-        Side of a block in voxels. The neighbourhood of a voxel is its own block and the 26 blocks
-        around it; the voxels of a block share one plane.
+    The plane of a block is fitted to its voxels and those of the 26 blocks around it.
     """
     blocks = voxels // block
     blocks = blocks - blocks.min(axis=0) + 1
@@ -51,16 +45,16 @@ def fit_tangent_planes(voxels: Ints, block: int = 1) -> TangentPlanes:
     order = np.argsort(keys, kind="stable")
     xyz, ordered = voxels[order], keys[order]
     starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1], [True]]))
-    occupied, of_blocks = ordered[starts[:-1]], _block_moments(xyz, starts)
+    occupied, moments = ordered[starts[:-1]], _block_moments(xyz, starts)
     count = len(xyz)
-    found = TangentPlanes(np.empty((count, 3)), np.empty(count), np.empty(count), np.empty(count))
+    planes = TangentPlanes(np.empty((count, 3)), np.empty(count), np.empty(count), np.empty(count))
 
     def fit(begin: int) -> None:
         rows = (begin, min(begin + _BLOCKS_PER_TASK, len(occupied)))
-        _fit((xyz, order), (occupied, starts, of_blocks), rows, found)
+        _fit((xyz, order), (occupied, starts, moments), rows, planes)
 
     in_threads(fit, range(0, len(occupied), _BLOCKS_PER_TASK))
-    return found
+    return planes
 
 
 @compiled
@@ -68,59 +62,57 @@ def _fit(
     voxels: tuple[Ints, Ints],
     blocks: tuple[Ints, Ints, Ints],
     rows: tuple[int, int],
-    found: TangentPlanes,
+    planes: TangentPlanes,
 ) -> None:
-    """Write the planes of the voxels of blocks from rows[0] to before rows[1].
+    """Write the planes of the voxels in blocks rows[0] to rows[1].
 
-    voxels: their coordinates (m, 3) by blocks, and their places (m,) in what is written. blocks: in
-    the order of their keys, these, where each begins (and the last ends), its moments.
-
-    Moments are whole numbers, about a voxel of the block, and therefore exact in any order.
+    `voxels`: coordinates grouped by block, and their rows in `planes`. `blocks`: sorted keys, first
+    voxel of each block, and moments, which are integers, so that sums are exact.
     """
     xyz, order = voxels
-    keys, starts, of_blocks = blocks
-    ahead = np.zeros(9, np.int64)
+    keys, starts, block_moments = blocks
+    cursors = np.zeros(9, np.int64)  # next block of each row of three neighbouring blocks
     for row in range(9):
-        ahead[row] = np.searchsorted(keys, _first_beside(keys[rows[0]], row))
-    sums, moments, plane = np.empty(SIZE, np.int64), np.empty(SIZE), np.empty(4)
+        cursors[row] = np.searchsorted(keys, _first_key_in_row(keys[rows[0]], row))
+    sums, moments, plane = np.empty(MOMENT_COUNT, np.int64), np.empty(MOMENT_COUNT), np.empty(4)
     for i in range(rows[0], rows[1]):
         begin, end = starts[i], starts[i + 1]
         middle = xyz[begin]
         sums[:] = 0
         for row in range(9):
-            low = _first_beside(keys[i], row)
-            j = ahead[row]
+            low = _first_key_in_row(keys[i], row)
+            j = cursors[row]
             while j < len(keys) and keys[j] < low:
                 j += 1
-            ahead[row] = j
+            cursors[row] = j
             while j < len(keys) and keys[j] <= low + 2:
-                _add_shifted(of_blocks[j], xyz[starts[j]], middle, sums)
+                _add_shifted(block_moments[j], xyz[starts[j]], middle, sums)
                 j += 1
         plane[:] = 0.0
         thickness = 0.0
-        if sums[0] >= _FEWEST:
+        if sums[0] >= _MIN_VOXELS:
             moments[:] = sums
             thickness = np.sqrt(fit_plane(moments, plane) / moments[0])
         for k in range(begin, end):
-            off, place = -plane[3], order[k]
+            distance, place = -plane[3], order[k]
             for a in range(3):
-                off += plane[a] * (xyz[k, a] - middle[a])
-                found.normals[place, a] = plane[a]
-            found.off[place] = off
-            found.thickness[place] = thickness
-            found.around[place] = sums[0]
+                distance += plane[a] * (xyz[k, a] - middle[a])
+                planes.normals[place, a] = plane[a]
+            planes.distances[place] = distance
+            planes.thickness[place] = thickness
+            planes.counts[place] = sums[0]
 
 
 @compiled_in_place
-def _first_beside(key: int, row: int) -> int:
-    """Key of the first of three blocks, one after the other along z, in one of nine rows around."""
+def _first_key_in_row(key: int, row: int) -> int:
+    """Key of the lowest block in one of the nine rows of three blocks around a block."""
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 
 @compiled
 def _block_moments(xyz: Ints, starts: Ints) -> Ints:
-    """Moments (m, 10) of the voxels of each block about its first one."""
-    moments = np.zeros((len(starts) - 1, SIZE), np.int64)
+    """Moments (b, 10) of the voxels of each block about the block's first voxel."""
+    moments = np.zeros((len(starts) - 1, MOMENT_COUNT), np.int64)
     for i in range(len(moments)):
         begin = starts[i]
         for k in range(begin, starts[i + 1]):
@@ -135,7 +127,7 @@ def _block_moments(xyz: Ints, starts: Ints) -> Ints:
 
 @compiled_in_place
 def _add_shifted(moments: Ints, origin: Ints, middle: Ints, sums: Ints) -> None:
-    """Add moments about `origin` (3,) to `sums`, which are about `middle` (3,)."""
+    """Add moments about `origin` to `sums` about `middle`."""
     n, x, y, z = moments[0], moments[1], moments[2], moments[3]
     a, b, c = origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]
     sums[0] += n

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, distance_to_fit
+from puckbench.geometry.moments import MOMENT_COUNT, distance_to_fit
 from puckbench.geometry.morton import morton_codes
 from puckbench.primitives.octree_arrays import Ints, Leaves
 
@@ -132,7 +132,7 @@ def moments_of(
 @compiled
 def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) -> Floats:
     """Moments of discs, or of points where the variance is 0; one weight or normal may be all's."""
-    moments = np.empty((len(xyz), SIZE))
+    moments = np.empty((len(xyz), MOMENT_COUNT))
     for i in range(len(xyz)):
         x, y, z = xyz[i]
         a, b, c = normals[i if len(normals) > 1 else 0]

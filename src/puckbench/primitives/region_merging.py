@@ -11,7 +11,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, distance_to_fit, fit_plane
+from puckbench.geometry.moments import MOMENT_COUNT, distance_to_fit, fit_plane
 from puckbench.primitives.octree_arrays import Ints, LeafMap, Leaves
 
 _LOW = (1 << 32) - 1
@@ -103,7 +103,7 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
         np.zeros(n),
         np.arange(n),
         np.zeros(n, np.int64),
-        np.empty(SIZE),
+        np.empty(MOMENT_COUNT),
     )
     for i in range(n):
         if moments[i, 0] > 0:
@@ -153,7 +153,7 @@ def _merge(regions: _Regions, adjacency: _Adjacency, a: int, b: int) -> None:
     regions.parent[b] = a
     regions.version[b] = -1
     regions.version[a] += 1
-    for k in range(SIZE):
+    for k in range(MOMENT_COUNT):
         regions.moments[a, k] += regions.moments[b, k]
     regions.errors[a] = fit_plane(regions.moments[a], regions.planes[a])
     _append(adjacency, a, adjacency.begin[b], adjacency.end[b])
@@ -290,7 +290,7 @@ def _cosine(planes: Floats, a: int, b: int) -> float:
 def _error_of_both(regions: _Regions, a: int, b: int) -> float:
     """Squared distance to the common plane of two regions."""
     moments = regions.scratch
-    for k in range(SIZE):
+    for k in range(MOMENT_COUNT):
         moments[k] = regions.moments[a, k] + regions.moments[b, k]
     return distance_to_fit(moments)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled
 from puckbench.core.threads import in_threads
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.moments import SIZE, fit_plane
+from puckbench.geometry.moments import MOMENT_COUNT, fit_plane
 from puckbench.primitives.cells import group_by_cell
 
 Ints = NDArray[np.int64]
@@ -258,7 +258,7 @@ def _robust_plane(neighbours: Floats, count: int, band: float, plane: Floats) ->
     """
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     found = neighbours[4]
-    moments = np.empty(SIZE)
+    moments = np.empty(MOMENT_COUNT)
     for _ in range(_REWEIGHTINGS):
         a, b, c, d = plane
         for k in range(count):
