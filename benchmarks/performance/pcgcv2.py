@@ -28,7 +28,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.sparse.kernel_map import block_kernel_map
-from puckbench.learned.sparse.voxels import OFFSETS, Voxels, morton_keys, pyramid
+from puckbench.learned.sparse.voxels import OFFSETS, VoxelSet, morton_keys, pyramid
 
 T = TypeVar("T")
 ENCODER, DECODER = ((16, 32, 32), (32, 64, 64), (64, 32, 8)), ((8, 64), (64, 32), (32, 16))
@@ -55,7 +55,7 @@ def block_work(width: int) -> tuple[int, int]:
     return 3 * near, 3 * (width * quarter + quarter * 2 * quarter)
 
 
-def encoder_work(sets: list[Voxels]) -> float:
+def encoder_work(sets: list[VoxelSet]) -> float:
     """Multiplications of the encoder."""
     pairs = [int((voxels.neighbours >= 0).sum()) for voxels in sets]
     total = pairs[0] * 16
@@ -66,7 +66,7 @@ def encoder_work(sets: list[Voxels]) -> float:
     return total
 
 
-def decoder_work(sets: list[Voxels]) -> float:
+def decoder_work(sets: list[VoxelSet]) -> float:
     """Multiplications of the decoder."""
     total = 0
     for parents, (width, wider) in zip(sets[:0:-1], DECODER, strict=True):

@@ -175,7 +175,7 @@ def test_pcgcv2_cannot_promise_coarse_voxels_without_bytes(
 ) -> None:
     """A stream of 169 bytes once kept the network busy for 40 s."""
     coded = pcgcv2_stream.read_stream(learned["pcgcv2_plus"][1])
-    assert isinstance(coded, pcgcv2_stream.Coded)
+    assert isinstance(coded, pcgcv2_stream.Pcgcv2Stream)
     block = replace(coded.blocks[0], counts=(1, 2**19, 2**17, 2**15))
     with pytest.raises(InputError, match="too many voxels"):
         pcgcv2_stream.write_coded(replace(coded, blocks=(block,)))

@@ -62,9 +62,9 @@ def _draw(path: Path) -> None:
 
 
 def _train(path: Path) -> None:
-    from puckbench.learned.pcgcv2.training_settings import Training
+    from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training
 
-    with Training(lmbdas=(1.0,), channels=(4, 8, 8, 8), steps=1).trainer() as trainer:
+    with Pcgcv2Training(lmbdas=(1.0,), channels=(4, 8, 8, 8), steps=1).trainer() as trainer:
         trainer.save(path)
 
 

@@ -20,7 +20,7 @@ from puckbench.learned.adaptive_entropy import (
 )
 from puckbench.learned.entropy_bottleneck import FrequencyTable
 from puckbench.learned.range_coding import encode_latent
-from puckbench.learned.sparse.voxels import Voxels, morton_keys, pyramid
+from puckbench.learned.sparse.voxels import VoxelSet, morton_keys, pyramid
 from tests.support.learned_codecs import changes, save_tiny, shell
 
 LAPLACE = FrequencyTable(
@@ -28,7 +28,7 @@ LAPLACE = FrequencyTable(
 )
 
 
-def _plane(side: int) -> Voxels:
+def _plane(side: int) -> VoxelSet:
     """A level plane of voxels, in order."""
     x, y = np.divmod(np.arange(side**2), side)
     keys = np.sort(morton_keys(np.column_stack([x, y, np.zeros_like(x)])))
@@ -42,11 +42,11 @@ def _drawn(count: int, channels: int) -> np.ndarray:
     return rng.choice(np.arange(-6, 7), size=(count, channels), p=shares).astype(np.int32)
 
 
-def _encoded(latent: np.ndarray, voxels: Voxels) -> bytes:
+def _encoded(latent: np.ndarray, voxels: VoxelSet) -> bytes:
     return encode_with_contexts(latent, voxels.neighbours, _tables(latent))
 
 
-def _decoded(data: bytes, voxels: Voxels, channels: int) -> np.ndarray:
+def _decoded(data: bytes, voxels: VoxelSet, channels: int) -> np.ndarray:
     prior = factorised_prior((LAPLACE,) * channels, len(voxels))
     return decode_with_contexts(data, voxels.neighbours, prior)
 

@@ -141,8 +141,10 @@ def test_a_side_doubles_in_four_steps() -> None:
 
 
 def test_impossible_halvings_are_refused() -> None:
-    from puckbench.learned.pcgcv2.stream import Block, Coded, read_stream, write_coded
+    from puckbench.learned.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 
-    coded = Coded(b"12345678", 1, (0, 0, 0), (Block((30, 8, 2, 1), b"", b""),), quarter_octaves=81)
+    coded = Pcgcv2Stream(
+        b"12345678", 1, (0, 0, 0), (CodedBlock((30, 8, 2, 1), b"", b""),), quarter_octaves=81
+    )
     with pytest.raises(InputError, match="header"):
         read_stream(write_coded(coded))

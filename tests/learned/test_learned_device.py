@@ -19,10 +19,10 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.octree_net import coder as octree_coder
-from puckbench.learned.octree_net.device_inference import DeviceNetwork
+from puckbench.learned.octree_net.device_inference import DevicePredictor
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
-from puckbench.learned.pcgcv1.device_inference import DeviceInference
-from puckbench.learned.pcgcv2.coder import Coder
+from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
+from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
 from tests.support.learned_codecs import changes, save_tiny, shell
 
 CODECS = ("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus", "sparse_octree_net")
@@ -52,9 +52,9 @@ def own_layers(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Take the code of a device for codecs that are opened from then on, on the CPU."""
 
     def take() -> None:
-        monkeypatch.setattr(octree_coder, "network_of", DeviceNetwork)
-        monkeypatch.setattr(Coder, "_on_cpu", lambda _: False)
-        monkeypatch.setattr(pcgcv1_weights, "Inference", DeviceInference)
+        monkeypatch.setattr(octree_coder, "network_of", DevicePredictor)
+        monkeypatch.setattr(Pcgcv2Coder, "_on_cpu", lambda _: False)
+        monkeypatch.setattr(pcgcv1_weights, "CpuTransforms", DeviceTransforms)
 
     return take
 

@@ -18,8 +18,8 @@ from puckbench.io.clouds import write_cloud
 from puckbench.jobs.validation import faults, peak_of, validation
 from puckbench.learned.catalogue import header_of
 from puckbench.learned.pcgcv2.model import PCGCv2
-from puckbench.learned.pcgcv2.training import Trainer
-from puckbench.learned.pcgcv2.training_settings import Training
+from puckbench.learned.pcgcv2.training import Pcgcv2Trainer
+from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training
 from puckbench.learned.pcgcv2.weights import load_weights
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.weights_file import read_weights
@@ -184,16 +184,16 @@ def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
 
 def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
     """Settings that it does not name, random numbers and the curve are those of the new run."""
-    training = Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
+    training = Pcgcv2Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
     with thread_pool(1) as pool:
-        old = Trainer(PCGCv2(TINY2), training, pool)
+        old = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
         old.done = 3
         old.save(tmp_path / "a.pt")
         state = torch.load(tmp_path / "a.pt", weights_only=True)
         kept = {name: state[name] for name in ("model", "optimiser", "done")}
         settings = {name: training.model_dump()[name] for name in ("steps", "seed")}
         torch.save({**kept, "training": settings}, tmp_path / "b.pt")
-        new = Trainer(PCGCv2(TINY2), training, pool)
+        new = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
         new.resume(tmp_path / "b.pt")
     assert new.done == 3
     for name, value in old.model.state_dict().items():
@@ -202,8 +202,8 @@ def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
 
 def test_a_training_of_ones_own_is_named_in_the_codecs_entry(cloud: Path) -> None:
     (cloud.parent / "mine.py").write_text(
-        "from puckbench.learned.pcgcv2.training_settings import Training\n"
-        "class Mine(Training):\n    pass\n"
+        "from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training\n"
+        "class Mine(Pcgcv2Training):\n    pass\n"
     )
     entry = {"training": f"{cloud.parent}/mine.py:Mine"}
     trust(entry.values())

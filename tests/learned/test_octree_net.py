@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
-from puckbench.learned.octree_net.coder import Coder, split
+from puckbench.learned.octree_net.coder import OctreeNetCoder, split
 from puckbench.learned.octree_net.fixed_point import UNITS, WEIGHT_UNITS
 from puckbench.learned.octree_net.mixing import code_symbols
-from puckbench.learned.octree_net.model import OctreeNet, Shape
-from puckbench.learned.octree_net.stream import Coded, read_stream, write_stream
+from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
+from puckbench.learned.octree_net.stream import OctreeNetStream, read_stream, write_stream
 from puckbench.learned.octree_net.symbols import (
     EVEN,
     ODD,
@@ -162,14 +162,14 @@ def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("puckbench.learned.octree_net.coder.code_symbols", noted)
-        Coder(model, 2).encode(keys)
+        OctreeNetCoder(model, 2).encode(keys)
     return runs
 
 
 def test_the_network_is_the_same_in_integers(folder: Path) -> None:
     model = load_weights(folder / "tiny.safetensors").model
     runs = _coded_frequencies(model, KEYS)
-    whole = IntegerNetwork(model).frequencies(KEYS, Coder(model, 1).encode(KEYS).levels)
+    whole = IntegerNetwork(model).frequencies(KEYS, OctreeNetCoder(model, 1).encode(KEYS).levels)
     assert len(runs) == len(whole) > 16
     for found, expected in zip(runs, whole, strict=True):
         assert np.array_equal(found, expected)
@@ -183,16 +183,16 @@ def test_frequencies_are_rounded_powers_of_two() -> None:
 
 
 def test_threads_change_neither_bytes_nor_voxels() -> None:
-    model = octree_network(Shape(channels=32))
-    parts = [Coder(model, threads).encode(KEYS) for threads in (1, 2, 3)]
+    model = octree_network(OctreeNetShape(channels=32))
+    parts = [OctreeNetCoder(model, threads).encode(KEYS) for threads in (1, 2, 3)]
     assert parts[0] == parts[1] == parts[2]
     for threads in (1, 2, 3):
-        assert np.array_equal(Coder(model, threads).decode(parts[0]), KEYS)
+        assert np.array_equal(OctreeNetCoder(model, threads).decode(parts[0]), KEYS)
 
 
 def test_the_training_counts_what_the_network_says_to_the_coder() -> None:
     model = octree_network()
-    runs, levels = _coded_frequencies(model, KEYS), Coder(model, 1).encode(KEYS).levels
+    runs, levels = _coded_frequencies(model, KEYS), OctreeNetCoder(model, 1).encode(KEYS).levels
     sets = [KEYS]
     for _ in range(levels):
         sets.append(np.unique(sets[-1] >> 3))
@@ -211,7 +211,7 @@ def test_the_training_counts_what_the_network_says_to_the_coder() -> None:
 
 def test_the_cloud_teaches_what_the_network_does_not_know() -> None:
     model = octree_network()
-    part = Coder(model, 1).encode(KEYS)
+    part = OctreeNetCoder(model, 1).encode(KEYS)
     with thread_pool(1) as pool:
         bits = float(sum(bits_per_level(model, KEYS, part.levels, pool)))
     assert 8 * len(part.symbols) < 0.75 * bits
@@ -252,7 +252,7 @@ def test_a_cloud_that_spans_too_much_is_refused(codec: Codec) -> None:
 def test_large_clouds_are_cut_into_parts(codec: Codec) -> None:
     parts = split(KEYS, 1000)
     assert [len(part) for part in parts[:-1]] == [1000] * (len(parts) - 1)
-    coder = Coder(octree_network(), 1)
+    coder = OctreeNetCoder(octree_network(), 1)
     decoded = [coder.decode(coder.encode(part)) for part in parts]
     assert np.array_equal(np.concatenate(decoded), KEYS)
 
@@ -282,7 +282,7 @@ def test_what_lacks_is_said(tmp_path: Path) -> None:
 def test_weights_come_back_as_they_were_used(folder: Path) -> None:
     model, loaded = octree_network(), load_weights(folder / "tiny.safetensors")
     assert loaded.card == {"data": "none"}
-    assert Coder(model, 1).encode(KEYS) == Coder(loaded.model, 1).encode(KEYS)
+    assert OctreeNetCoder(model, 1).encode(KEYS) == OctreeNetCoder(loaded.model, 1).encode(KEYS)
 
 
 def test_weights_whose_sums_might_not_be_exact_are_refused(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_damaged_streams_end_in_one_clean_error_or_points(
         assert np.isfinite(decoded).all()
 
 
-def _coded(codec: Codec) -> Coded:
+def _coded(codec: Codec) -> OctreeNetStream:
     return read_stream(codec.encode(_shell(300), "r5"))
 
 

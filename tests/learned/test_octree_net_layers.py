@@ -12,10 +12,10 @@ from puckbench.learned.octree_net.causal_neighbourhood import (
     empty_state,
     find_neighbourhood,
 )
-from puckbench.learned.octree_net.coder import Coder
+from puckbench.learned.octree_net.coder import OctreeNetCoder
 from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.inference import chunks_of, compiled_network
-from puckbench.learned.octree_net.model import Shape
+from puckbench.learned.octree_net.model import OctreeNetShape
 from puckbench.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
 from puckbench.learned.sparse.convolution import neighbourhood
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
@@ -57,7 +57,7 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     """On a level of several chunks, for every group and both symbols."""
     keys = _cloud(150_000, 128)
     own = np.unique(keys >> 3)
-    model, table = octree_network(Shape(channels=32)), pyramid(own, 0)[0][0].neighbours
+    model, table = octree_network(OctreeNetShape(channels=32)), pyramid(own, 0)[0][0].neighbours
     network, (first, second) = compiled_network(model), symbols_of(keys)
     rng = np.random.default_rng(1)
     given = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
@@ -94,10 +94,10 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
 
 def test_threads_change_nothing_where_levels_have_many_chunks() -> None:
     keys, model = _cloud(150_000, 128), octree_network()
-    parts = [Coder(model, threads).encode(keys) for threads in (1, 2, 3)]
+    parts = [OctreeNetCoder(model, threads).encode(keys) for threads in (1, 2, 3)]
     assert parts[0] == parts[1] == parts[2]
     for threads in (1, 3):
-        assert np.array_equal(Coder(model, threads).decode(parts[0]), keys)
+        assert np.array_equal(OctreeNetCoder(model, threads).decode(parts[0]), keys)
 
 
 def test_cells_around_a_voxel_are_its_neighbours_children() -> None:

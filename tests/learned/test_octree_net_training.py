@@ -6,16 +6,16 @@ import torch
 
 from puckbench.codecs.registry import open_training
 from puckbench.core.errors import InputError
-from puckbench.learned.octree_net.examples import Examples
+from puckbench.learned.octree_net.examples import OctreeExamples
 from puckbench.learned.octree_net.fixed_point import (
     MAX_SUM,
     largest_sum,
     quantised,
     quantised_weight,
 )
-from puckbench.learned.octree_net.model import Layer, OctreeNet, Shape
-from puckbench.learned.octree_net.training import Trainer, bits_per_level, limit_weights
-from puckbench.learned.octree_net.training_settings import Training
+from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
+from puckbench.learned.octree_net.training import OctreeNetTrainer, bits_per_level, limit_weights
+from puckbench.learned.octree_net.training_settings import OctreeNetTraining
 from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels
 from puckbench.learned.training.examples import random_symmetry
@@ -30,13 +30,15 @@ def _room(points: int = 3000) -> np.ndarray:
     return points + rng.normal(scale=0.4, size=points.shape)
 
 
-def _examples(seed: int = 1) -> Examples:
-    return Examples([_room()], cube_size=16, batch_size=2, min_voxels=20, seed=seed)
+def _examples(seed: int = 1) -> OctreeExamples:
+    return OctreeExamples([_room()], cube_size=16, batch_size=2, min_voxels=20, seed=seed)
 
 
-def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
+def _trainer(pool: ThreadPool, steps: int = 4) -> OctreeNetTrainer:
     torch.manual_seed(0)
-    return Trainer(OctreeNet(Shape(channels=8)), Training(steps=steps, cube_size=16), pool)
+    return OctreeNetTrainer(
+        OctreeNet(OctreeNetShape(channels=8)), OctreeNetTraining(steps=steps, cube_size=16), pool
+    )
 
 
 def test_training_lowers_the_bits() -> None:
@@ -47,7 +49,7 @@ def test_training_lowers_the_bits() -> None:
 
 
 def test_equal_logits_cost_eight_bits_a_voxel_of_each_level() -> None:
-    model = OctreeNet(Shape(channels=8))
+    model = OctreeNet(OctreeNetShape(channels=8))
     with torch.no_grad():
         for head in (*model.first_heads, *model.second_heads):
             head.logits.kernel.zero_()
@@ -84,10 +86,10 @@ def test_a_resumed_training_ends_as_an_unbroken_one(tmp_path: Path) -> None:
 
 
 def test_limited_weights_keep_sums_exact() -> None:
-    model = OctreeNet(Shape(channels=8))
+    model = OctreeNet(OctreeNetShape(channels=8))
     with torch.no_grad():
         for layer in model.modules():
-            if isinstance(layer, Layer):
+            if isinstance(layer, FixedPointLayer):
                 layer.kernel.fill_(3.0)
     limit_weights(model)
     model.check_exact()
@@ -106,7 +108,7 @@ def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(
         InputError, match="no cube of 8 voxels' side holds 5000 voxels: give denser clouds"
     ):
-        Examples([_room()], cube_size=8, min_voxels=5000).batch(0)
+        OctreeExamples([_room()], cube_size=8, min_voxels=5000).batch(0)
 
 
 @pytest.mark.parametrize(("upright", "symmetries"), [(False, 48), (True, 8)])
@@ -118,6 +120,6 @@ def test_cubes_are_turned_into_their_symmetries(upright: bool, symmetries: int) 
 
 
 def test_other_numbers_of_symmetries_are_refused() -> None:
-    assert Training(symmetries=8).examples([_room()]).upright
+    assert OctreeNetTraining(symmetries=8).examples([_room()]).upright
     with pytest.raises(InputError, match=r"symmetries is 7, but must be 8 or 48"):
         open_training("sparse_octree_net", None, {"symmetries": 7})

@@ -14,14 +14,20 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.pcgcv1 import laplace
-from puckbench.learned.pcgcv1.coder import Decoder, Encoder
+from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder, Pcgcv1Encoder
 from puckbench.learned.pcgcv1.cubes import cubes_of, most_likely, occupancy
 from puckbench.learned.pcgcv1.entropy_coding import decode_counts, encode_counts
-from puckbench.learned.pcgcv1.inference import Inference
+from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
-from puckbench.learned.pcgcv1.model import HyperSynthesis, Shape, StridedConv, TransposedConv
-from puckbench.learned.pcgcv1.stream import BATCH, Batch, Coded, read_stream, write_stream
-from puckbench.learned.pcgcv1.weights import Weights, load_published, load_weights
+from puckbench.learned.pcgcv1.model import HyperSynthesis, Pcgcv1Shape, StridedConv, TransposedConv
+from puckbench.learned.pcgcv1.stream import (
+    BATCH,
+    CubeBatch,
+    Pcgcv1Stream,
+    read_stream,
+    write_stream,
+)
+from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, load_published, load_weights
 from tests.support.learned_codecs import TINY1, changes, endure_damage, network1, save_tiny, shell
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -35,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def weights(folder: Path) -> Weights:
+def weights(folder: Path) -> Pcgcv1Weights:
     return load_weights(folder / "tiny.safetensors")
 
 
@@ -81,7 +87,7 @@ def test_inference_gives_what_the_modules_give() -> None:
         TINY1.model_copy(update={"channels": (16, 32, 64), "latent_channels": 16}),
     ):
         model = network1(shape)
-        fast = Inference(model)
+        fast = CpuTransforms(model)
         occupied = (np.random.default_rng(0).random((16, 16, 16)) < 0.05).astype(np.float32)
         latent, hyper = fast.analyse(occupied, 1)
         with torch.no_grad():
@@ -101,7 +107,7 @@ def test_empty_parts_of_a_cube_need_not_be_computed(where: tuple[int, int, int])
     occupied[tuple(slice(k, k + 4) for k in where)] = 1
     with torch.no_grad():
         model.log_gains.fill_(8)  # fine steps, so that any difference shows
-        latent, _ = Inference(model).analyse(occupied, 1)
+        latent, _ = CpuTransforms(model).analyse(occupied, 1)
         exact = model.g_a(torch.from_numpy(occupied)[None, None]) * model.gain(1)
     assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 0.1
 
@@ -115,7 +121,7 @@ def test_blocks_that_are_not_wanted_need_not_be_computed(where: tuple[int, int, 
     latent = np.random.default_rng(0).integers(-9, 10, (model.shape.latent_channels, 16, 16, 16))
     blocks = np.zeros((16, 16, 16), dtype=bool)
     blocks[where] = True
-    found = Inference(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
+    found = CpuTransforms(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
     with torch.no_grad():
         exact = model.g_s(torch.from_numpy(latent)[None].float() / model.gain(1))[0, 0].numpy()
     wanted = tuple(slice(4 * k, 4 * k + 4) for k in where)
@@ -127,12 +133,12 @@ def test_cubes_of_many_extents_are_computed_in_few_shapes(monkeypatch: pytest.Mo
     """Each shape costs megabytes for as long as the process lives."""
     shapes = set()
 
-    def halved(_: Inference, occupied: np.ndarray) -> torch.Tensor:
+    def halved(_: CpuTransforms, occupied: np.ndarray) -> torch.Tensor:
         shapes.add(occupied.shape)
         return torch.zeros(1, TINY1.channels[1], *(side // 2 for side in occupied.shape))
 
-    monkeypatch.setattr(Inference, "_stride_two_dense", halved)
-    fast = Inference(network1(TINY1.model_copy(update={"cube_size": 64})))
+    monkeypatch.setattr(CpuTransforms, "_stride_two_dense", halved)
+    fast = CpuTransforms(network1(TINY1.model_copy(update={"cube_size": 64})))
     rng = np.random.default_rng(0)
     for _ in range(300):
         low = rng.integers(0, 64, 3)
@@ -265,7 +271,7 @@ def test_training_likelihood_agrees_with_the_closed_form() -> None:
 
 
 def test_the_integer_hyper_synthesis_follows_the_network() -> None:
-    network = HyperSynthesis(Shape())
+    network = HyperSynthesis(Pcgcv1Shape())
     torch.manual_seed(2)
     hyper = torch.randint(-3, 4, (1, 8, 4, 4, 4))
     with torch.no_grad():
@@ -279,7 +285,7 @@ def test_the_integer_hyper_synthesis_follows_the_network() -> None:
 
 def test_the_integer_hyper_synthesis_sums_do_not_depend_on_their_order() -> None:
     """The same in extended precision, summed tap by tap: no bit of a sum was rounded away."""
-    network = HyperSynthesis(Shape(hyper_channels=(4, 2), latent_channels=2))
+    network = HyperSynthesis(Pcgcv1Shape(hyper_channels=(4, 2), latent_channels=2))
     with torch.no_grad():
         for value in network.parameters():
             value.mul_(30)
@@ -297,7 +303,7 @@ def test_the_integer_hyper_synthesis_sums_do_not_depend_on_their_order() -> None
 
 
 def test_weights_too_large_for_exact_sums_are_refused() -> None:
-    network = HyperSynthesis(Shape())
+    network = HyperSynthesis(Pcgcv1Shape())
     with torch.no_grad():
         network.scale.weight.fill_(1e4)
     with pytest.raises(InputError, match="too large for exact sums"):
@@ -367,31 +373,36 @@ def test_points_of_sparse_cubes_are_coded_or_dropped(folder: Path) -> None:
     assert np.array_equal(np.unique(kept.decode(kept.encode(few, "r2")), axis=0), few)
 
 
-def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: Weights) -> None:
+def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: Pcgcv1Weights) -> None:
     points = np.vstack([shell() + shift for shift in ([0, 0, 0], [60, 0, 0], [0, 60, 0])])
-    coded = [Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2, 3)]
+    coded = [
+        Pcgcv1Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2, 3)
+    ]
     assert coded[0] == coded[1] == coded[2]
     assert coded[0].cubes > BATCH
-    decoded = [Decoder(weights, threads).decode(coded[0]) for threads in (1, 2, 3)]
+    decoded = [Pcgcv1Decoder(weights, threads).decode(coded[0]) for threads in (1, 2, 3)]
     assert np.array_equal(decoded[0], decoded[1])
     assert np.array_equal(decoded[0], decoded[2])
 
 
-def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: Weights) -> None:
+def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: Pcgcv1Weights) -> None:
     """The number of cubes coded together changes no cube's points."""
     alone = cubes_of(np.random.default_rng(3).integers(0, 16, (300, 3)), 16).voxels()
     crowd = np.vstack([alone, *(alone // 2 + [16 * k, 0, 0] for k in range(1, 6))])
-    coder, decoder = Encoder(weights, rate=1, point_reconstruction=False), Decoder(weights)
+    coder, decoder = (
+        Pcgcv1Encoder(weights, rate=1, point_reconstruction=False),
+        Pcgcv1Decoder(weights),
+    )
     one = decoder.decode(coder.encode(alone.astype(float)))
     many = decoder.decode(coder.encode(crowd.astype(float)))
     assert np.array_equal(one, many[many[:, 0] < 16])
 
 
-def test_another_machines_tables_end_in_an_error(weights: Weights) -> None:
-    coded = Encoder(weights, rate=1).encode(shell())
+def test_another_machines_tables_end_in_an_error(weights: Pcgcv1Weights) -> None:
+    coded = Pcgcv1Encoder(weights, rate=1).encode(shell())
     batch = replace(coded.batches[0], check=coded.batches[0].check ^ 1)
     with pytest.raises(InputError, match="chose other entropy tables"):
-        Decoder(weights).decode(replace(coded, batches=(batch,)))
+        Pcgcv1Decoder(weights).decode(replace(coded, batches=(batch,)))
 
 
 def test_pcc_arenas_rates() -> None:
@@ -412,9 +423,11 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
     assert open_codec("pcgcv1", rest).available().ok
 
 
-def _coded() -> Coded:
-    batches = (Batch(7, b"hyper"), Batch(9, b"latent"))
-    return Coded(b"12345678", 1, 0.625, 40, True, 12, b"where", b"many", b"few", b"latent", batches)
+def _coded() -> Pcgcv1Stream:
+    batches = (CubeBatch(7, b"hyper"), CubeBatch(9, b"latent"))
+    return Pcgcv1Stream(
+        b"12345678", 1, 0.625, 40, True, 12, b"where", b"many", b"few", b"latent", batches
+    )
 
 
 def test_streams_come_back() -> None:
@@ -428,7 +441,7 @@ def test_a_stream_without_a_scale_is_refused(scale: float) -> None:
 
 
 def test_a_small_stream_cannot_promise_many_cubes() -> None:
-    few = replace(_coded(), cubes=64 + 32 * 40, batches=(Batch(0, b""),) * 42)
+    few = replace(_coded(), cubes=64 + 32 * 40, batches=(CubeBatch(0, b""),) * 42)
     with pytest.raises(InputError, match="too many cubes"):
         write_stream(few)
 

@@ -7,9 +7,9 @@ import torch
 from torch import nn
 
 from puckbench.learned.pcgcv1.initialisation import initialise, sphere
-from puckbench.learned.pcgcv1.model import PCGCv1, Shape
-from puckbench.learned.pcgcv1.training import Trainer
-from puckbench.learned.pcgcv1.training_settings import Training
+from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
+from puckbench.learned.pcgcv1.training import Pcgcv1Trainer
+from puckbench.learned.pcgcv1.training_settings import Pcgcv1Training
 from puckbench.learned.sparse.voxels import morton_keys, unique_keys
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -41,7 +41,7 @@ def _plane() -> torch.Tensor:
 
 def test_no_layers_outputs_vanish_or_grow() -> None:
     torch.manual_seed(0)
-    before, after = PCGCv1(Shape(cube_size=SIDE)), PCGCv1(Shape(cube_size=SIDE))
+    before, after = PCGCv1(Pcgcv1Shape(cube_size=SIDE)), PCGCv1(Pcgcv1Shape(cube_size=SIDE))
     initialise(after, SIDE)
     rounding = math.sqrt(1 / 12)
     assert _deviations(before, _plane())["g_a.conv_out"] < rounding / 2
@@ -52,7 +52,7 @@ def test_no_layers_outputs_vanish_or_grow() -> None:
 
 def test_outputs_for_a_sphere_have_the_wanted_deviations() -> None:
     torch.manual_seed(0)
-    model = PCGCv1(Shape(cube_size=SIDE))
+    model = PCGCv1(Pcgcv1Shape(cube_size=SIDE))
     initialise(model, SIDE)
     deviations = _deviations(model, sphere(SIDE))
     assert deviations["g_a.conv_out"] == pytest.approx(4, rel=1e-3)
@@ -68,7 +68,7 @@ def test_a_spheres_shell_is_one_voxel_thick() -> None:
 
 def test_the_networks_learn_more_than_that_everything_is_empty() -> None:
     """Initialisation and rate warm-up together."""
-    training = Training(
+    training = Pcgcv1Training(
         steps=60,
         cube_size=SIDE,
         batch_size=1,
@@ -84,9 +84,9 @@ def test_the_networks_learn_more_than_that_everything_is_empty() -> None:
 
 
 def test_the_rate_counts_fully_after_its_warm_up() -> None:
-    training = Training(steps=100, rate_warm_up=0.5)
+    training = Pcgcv1Training(steps=100, rate_warm_up=0.5)
     with training.trainer() as trainer:
-        assert isinstance(trainer, Trainer)
+        assert isinstance(trainer, Pcgcv1Trainer)
         rate_weights = []
         for trainer.done in (0, 25, 50, 99):
             rate_weights.append(trainer.rate_weight())

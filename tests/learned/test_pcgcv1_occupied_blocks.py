@@ -9,9 +9,9 @@ from torch.nn.functional import max_pool3d
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.learned.pcgcv1.coder import Decoder, Encoder
+from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder, Pcgcv1Encoder
 from puckbench.learned.pcgcv1.cubes import cubes_of
-from puckbench.learned.pcgcv1.inference import Inference
+from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.model import coded_blocks
 from puckbench.learned.pcgcv1.occupied_blocks import (
     blocks_of,
@@ -20,7 +20,7 @@ from puckbench.learned.pcgcv1.occupied_blocks import (
     support_of,
 )
 from puckbench.learned.pcgcv1.training import rate_distortion_loss
-from puckbench.learned.pcgcv1.weights import Weights, save_weights
+from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, save_weights
 from tests.support.learned_codecs import LMBDAS, TINY1, endure_damage, network1, shell
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -33,12 +33,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def weights(path: Path) -> Weights:
+def weights(path: Path) -> Pcgcv1Weights:
     return save_weights(path, network1(WITH_BLOCKS), LMBDAS, {})
 
 
 @pytest.fixture
-def codec(path: Path, weights: Weights) -> Codec:
+def codec(path: Path, weights: Pcgcv1Weights) -> Codec:
     rates = {"r1": {"lmbda": float(LMBDAS[0])}, "r2": {"lmbda": float(LMBDAS[1])}}
     options = {"weights": str(path), "point_reconstruction": False}
     return open_codec("pcgcv1_plus", {"options": options, "rates": rates})
@@ -97,22 +97,26 @@ def test_decoded_points_are_in_the_blocks_of_the_points_and_in_each(codec: Codec
     assert np.array_equal(np.unique(decoded // 4, axis=0), np.unique(points // 4, axis=0))
 
 
-def test_the_latent_is_coded_in_blocks_with_voxels_alone(weights: Weights) -> None:
+def test_the_latent_is_coded_in_blocks_with_voxels_alone(weights: Pcgcv1Weights) -> None:
     model, occupied = network1(WITH_BLOCKS), np.zeros((16, 16, 16), dtype=np.float32)
     occupied[2:6, 9, 9] = 1
     with torch.no_grad():
         model.log_gains.fill_(8)
         model.h_a.conv3.weight.mul_(100)
-    y_hat, z_hat = Inference(model).analyse(occupied, 1)
+    y_hat, z_hat = CpuTransforms(model).analyse(occupied, 1)
     assert {tuple(place[1:]) for place in np.argwhere(y_hat)} == {(0, 2, 2), (1, 2, 2)}
     assert {tuple(place[1:]) for place in np.argwhere(z_hat)} == {(0, 1, 1)}
 
 
-def test_threads_change_nothing(weights: Weights) -> None:
+def test_threads_change_nothing(weights: Pcgcv1Weights) -> None:
     points = np.vstack([shell(), shell() + np.array([60, 0, 0])])
-    one, two = (Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2))
+    one, two = (
+        Pcgcv1Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2)
+    )
     assert one == two
-    assert np.array_equal(Decoder(weights, 1).decode(one), Decoder(weights, 2).decode(one))
+    assert np.array_equal(
+        Pcgcv1Decoder(weights, 1).decode(one), Pcgcv1Decoder(weights, 2).decode(one)
+    )
 
 
 def test_blocks_without_voxels_cost_nothing_in_training() -> None:

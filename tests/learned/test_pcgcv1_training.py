@@ -11,11 +11,11 @@ from puckbench.learned.gains import initialise_gains
 from puckbench.learned.pcgcv1.model import PCGCv1
 from puckbench.learned.pcgcv1.training import (
     BETA,
-    Trainer,
+    Pcgcv1Trainer,
     dense_cubes,
     rate_distortion_loss,
 )
-from puckbench.learned.pcgcv1.training_settings import Training
+from puckbench.learned.pcgcv1.training_settings import Pcgcv1Training
 from puckbench.learned.sparse.voxels import morton_keys, unique_keys
 from tests.support.learned_codecs import LMBDAS, TINY1
 
@@ -70,10 +70,10 @@ def test_the_latents_bits_grow_with_its_gain() -> None:
 def test_steps_lower_the_loss_and_reach_every_network() -> None:
     torch.manual_seed(0)
     model = PCGCv1(TINY1)
-    training = Training(
+    training = Pcgcv1Training(
         lmbdas=LMBDAS, steps=10, cube_size=16, learning_rate=1e-2, final_learning_rate=1e-2
     )
-    trainer = Trainer(model, training)
+    trainer = Pcgcv1Trainer(model, training)
     before = rate_distortion_loss(model, _cubes(), 1, 4.0, _noise()).total.item()
     start = {name: value.clone() for name, value in model.state_dict().items()}
     for _ in range(10):

@@ -18,13 +18,13 @@ from puckbench.learned.entropy_bottleneck import (
     FrequencyTable,
     frequency_tables,
 )
-from puckbench.learned.pcgcv2.coder import Coder, split
+from puckbench.learned.pcgcv2.coder import Pcgcv2Coder, split
 from puckbench.learned.pcgcv2.inference import analyse, synthesise
-from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Shape
-from puckbench.learned.pcgcv2.stream import Block, Coded, read_stream, write_coded
+from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
+from puckbench.learned.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 from puckbench.learned.pcgcv2.weights import (
     _NAMES,
-    Weights,
+    Pcgcv2Weights,
     load_published,
     load_weights,
     save_weights,
@@ -59,7 +59,7 @@ KEYS = np.sort(morton_keys(_shell()))
 
 
 @pytest.fixture(scope="module")
-def weights(tmp_path_factory: pytest.TempPathFactory) -> Weights:
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Pcgcv2Weights:
     path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
     return save_weights(path, network2(), (1.0, 4.0), {"data": "none"})
 
@@ -127,7 +127,7 @@ def test_latents_come_back_even_those_outside_their_table() -> None:
     assert np.array_equal(decode_latent(data, 500, (table,) * 3), latent)
 
 
-def test_a_set_of_weights_comes_back_from_its_file(weights: Weights, tmp_path: Path) -> None:
+def test_a_set_of_weights_comes_back_from_its_file(weights: Pcgcv2Weights, tmp_path: Path) -> None:
     for name, value in network2().state_dict().items():
         found = weights.model.state_dict()[name]
         torch.testing.assert_close(found, value.half().float(), rtol=0, atol=0)
@@ -147,7 +147,7 @@ def _their_shape(name: str, value: torch.Tensor) -> torch.Tensor:
 
 def _lookalike() -> dict[str, dict[str, torch.Tensor]]:
     """A checkpoint with the authors' names, shapes and random values."""
-    state = PCGCv2(Shape()).state_dict()
+    state = PCGCv2(Pcgcv2Shape()).state_dict()
     parts: dict[str, dict[str, torch.Tensor]] = {"encoder": {}, "decoder": {}}
     for (part, theirs), ours in _NAMES.items():
         for kind in ("kernel", "bias"):
@@ -220,9 +220,9 @@ def test_few_points_come_back_as_they_are(codec: Codec) -> None:
     assert np.array_equal(decoded, np.unique(points, axis=0))
 
 
-def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Weights) -> None:
+def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Pcgcv2Weights) -> None:
     voxels = _shell().astype(np.int64)
-    coders = [Coder(weights, rate=1, threads=threads) for threads in (1, 2, 3)]
+    coders = [Pcgcv2Coder(weights, rate=1, threads=threads) for threads in (1, 2, 3)]
     coded = [coder.encode(voxels) for coder in coders]
     assert coded[0] == coded[1] == coded[2]
     decoded = [coder.decode(coded[0]) for coder in coders]
@@ -230,15 +230,15 @@ def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Weigh
     assert np.array_equal(decoded[0], decoded[2])
 
 
-def test_rho_is_the_share_of_voxels_kept(weights: Weights) -> None:
+def test_rho_is_the_share_of_voxels_kept(weights: Pcgcv2Weights) -> None:
     voxels = _shell().astype(np.int64)
-    coder = Coder(weights, rate=0, rho=0.5)
+    coder = Pcgcv2Coder(weights, rate=0, rho=0.5)
     assert len(coder.decode(coder.encode(voxels))) == round(0.5 * len(voxels))
 
 
-def test_large_clouds_are_coded_in_blocks(weights: Weights) -> None:
+def test_large_clouds_are_coded_in_blocks(weights: Pcgcv2Weights) -> None:
     voxels = _shell().astype(np.int64)
-    coder = Coder(weights, rate=0, max_voxels=1500)
+    coder = Pcgcv2Coder(weights, rate=0, max_voxels=1500)
     coded = coder.encode(voxels)
     assert len(coded.blocks) == -(-len(voxels) // 1500)
     decoded = coder.decode(coded)
@@ -276,9 +276,9 @@ def test_what_is_lacking_is_said(
     assert fault in why
 
 
-def _coded() -> Coded:
-    block = Block((300, 80, 20, 5), b"abc", b"defg")
-    return Coded(b"12345678", 1, (-8, 0, 16), (block, block))
+def _coded() -> Pcgcv2Stream:
+    block = CodedBlock((300, 80, 20, 5), b"abc", b"defg")
+    return Pcgcv2Stream(b"12345678", 1, (-8, 0, 16), (block, block))
 
 
 def test_streams_come_back() -> None:
@@ -302,7 +302,7 @@ def test_impossible_counts_are_refused(name: str) -> None:
 
 
 def test_a_small_stream_cannot_promise_many_voxels() -> None:
-    huge = Block((2**20, 2**18, 2**16, 2**14), b"", b"")
+    huge = CodedBlock((2**20, 2**18, 2**16, 2**14), b"", b"")
     with pytest.raises(InputError, match="too many voxels"):
         read_stream(write_coded(replace(_coded(), blocks=(huge,) * 3)))
 

@@ -7,11 +7,11 @@ import torch
 from puckbench.core.errors import InputError
 from puckbench.learned.gains import initialise_gains
 from puckbench.learned.pcgcv2.model import PCGCv2
-from puckbench.learned.pcgcv2.training import Loss, Trainer, rate_distortion_loss
-from puckbench.learned.pcgcv2.training_settings import Training
+from puckbench.learned.pcgcv2.training import Pcgcv2Loss, Pcgcv2Trainer, rate_distortion_loss
+from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training
 from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels
-from puckbench.learned.training.examples import Examples, batch
+from puckbench.learned.training.examples import CubeExamples, batch
 from puckbench.learned.training.loop import train
 from tests.support.learned_codecs import LMBDAS, TINY2
 
@@ -24,11 +24,13 @@ def _cloud(step: int) -> list[np.ndarray]:
     return [np.sort(morton_keys(shell + rng.integers(0, 4, 3)))]
 
 
-def _trainer(pool: ThreadPool, steps: int = 4) -> Trainer:
+def _trainer(pool: ThreadPool, steps: int = 4) -> Pcgcv2Trainer:
     torch.manual_seed(0)
     model = PCGCv2(TINY2)
     initialise_gains(model, LMBDAS)
-    return Trainer(model, Training(lmbdas=LMBDAS, steps=steps, learning_rate=5e-3), pool)
+    return Pcgcv2Trainer(
+        model, Pcgcv2Training(lmbdas=LMBDAS, steps=steps, learning_rate=5e-3), pool
+    )
 
 
 def _number(value: torch.Tensor) -> float:
@@ -82,7 +84,7 @@ def test_every_parameter_of_the_chosen_rate_has_a_gradient() -> None:
     assert all(name.startswith("entropy_bottlenecks.0.") for name in lacking)
 
 
-def _ignore(step: int, loss: Loss) -> None:
+def _ignore(step: int, loss: Pcgcv2Loss) -> None:
     pass
 
 
@@ -114,7 +116,9 @@ def _plane() -> np.ndarray:
 
 
 def test_a_batch_depends_on_its_number_and_the_seed_alone() -> None:
-    examples = [Examples([_plane()], cube_size=32, batch_size=3, seed=seed) for seed in (1, 1, 2)]
+    examples = [
+        CubeExamples([_plane()], cube_size=32, batch_size=3, seed=seed) for seed in (1, 1, 2)
+    ]
     batches = [made.batch(7) for made in examples]
     assert all(np.array_equal(a, b) for a, b in zip(batches[0], batches[1], strict=True))
     assert not np.array_equal(batches[0][0], batches[2][0])
@@ -126,4 +130,4 @@ def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
     with pytest.raises(
         InputError, match="no cube of 8 voxels' side holds 200 voxels: give denser clouds"
     ):
-        Examples([_plane()], cube_size=8).batch(0)
+        CubeExamples([_plane()], cube_size=8).batch(0)

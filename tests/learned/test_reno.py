@@ -20,7 +20,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.reno import coder as coder_module
-from puckbench.learned.reno.coder import Coder
+from puckbench.learned.reno.coder import RenoCoder
 from puckbench.learned.reno.inference import predicted, prior_features, target_features
 from puckbench.learned.reno.layers import convolution, cumulate, exponential, head
 from puckbench.learned.reno.range_coder import decoded, encoded
@@ -335,7 +335,7 @@ def test_each_damage_ends_in_one_error(codec: Codec) -> None:
 def test_what_a_decoder_would_refuse_is_not_encoded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    coder = Coder(load_weights(folder / "Ford.pt"), 1)
+    coder = RenoCoder(load_weights(folder / "Ford.pt"), 1)
     assert np.array_equal(coder.decode(coder.encode(KEYS)), KEYS)
     monkeypatch.setattr(coder_module, "MAX_LEVEL", len(parents_of(KEYS)[0]) - 1)
     with pytest.raises(InputError, match=r"more than \d+ voxels"):

@@ -18,20 +18,20 @@ from puckbench.learned.sparse.layers import (
     top_k,
 )
 from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
-from puckbench.learned.sparse.voxels import Voxels, morton_keys, morton_voxels, pyramid
+from puckbench.learned.sparse.voxels import VoxelSet, morton_keys, morton_voxels, pyramid
 
 SIDE = 16
 CHILDREN = np.array([[child & 1, child >> 1 & 1, child >> 2] for child in range(8)])
 KERNEL_MAPS = {"voxels": voxel_kernel_map(), "blocks": block_kernel_map()}
 
 
-def _sets() -> tuple[Voxels, Voxels]:
+def _sets() -> tuple[VoxelSet, VoxelSet]:
     voxels = np.unique(np.random.default_rng(1).integers(0, SIDE // 2, (160, 3)), axis=0)
     sets, _ = pyramid(np.sort(morton_keys(voxels)), scales=1)
     return sets[0], sets[1]
 
 
-def _positions(kernel_map: KernelMap) -> tuple[Voxels, torch.Tensor]:
+def _positions(kernel_map: KernelMap) -> tuple[VoxelSet, torch.Tensor]:
     """A set, and where each feature of it lies in the dense grid: (n, children, 3)."""
     fine, coarse = _sets()
     if kernel_map.children == 1:

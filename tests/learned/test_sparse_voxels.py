@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from puckbench.learned.sparse.voxels import (
-    Voxels,
+    VoxelSet,
     children_voxels,
     morton_keys,
     morton_voxels,
@@ -74,6 +74,6 @@ def test_parents_left_without_children_are_gone_from_the_neighbourhood() -> None
 def test_one_voxel_has_itself_alone() -> None:
     sets, _ = pyramid(np.array([5]), scales=3)
     for voxels in sets:
-        assert isinstance(voxels, Voxels)
+        assert isinstance(voxels, VoxelSet)
         assert voxels.neighbours[:, 0].tolist() == [-1] * 13 + [0] + [-1] * 13
     assert children_voxels(sets[1], np.array([5])).keys.tolist() == [5]

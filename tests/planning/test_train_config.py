@@ -31,7 +31,7 @@ def planned(name: str) -> TrainingPlan:
     return Workflow(config).training.training(name)
 
 
-def header_of(name: str) -> catalogue.Header:
+def header_of(name: str) -> catalogue.WeightsHeader:
     return catalogue.header_of(catalogue.shipped()[name])
 
 

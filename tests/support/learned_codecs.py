@@ -15,20 +15,17 @@ import torch
 from puckbench.codecs.base import Codec
 from puckbench.core.errors import InputError
 from puckbench.learned.octree_net import weights as octree_weights
-from puckbench.learned.octree_net.model import Layer, OctreeNet
-from puckbench.learned.octree_net.model import Shape as OctreeShape
+from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
-from puckbench.learned.pcgcv1.model import PCGCv1
-from puckbench.learned.pcgcv1.model import Shape as Shape1
+from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from puckbench.learned.pcgcv2 import weights as pcgcv2_weights
-from puckbench.learned.pcgcv2.model import PCGCv2
-from puckbench.learned.pcgcv2.model import Shape as Shape2
+from puckbench.learned.pcgcv2.model import PCGCv2, Pcgcv2Shape
 from puckbench.learned.reno.weights import shapes as reno_shapes
 
-TINY1 = Shape1(
+TINY1 = Pcgcv1Shape(
     cube_size=16, channels=(4, 8, 16), latent_channels=4, hyper_channels=(16, 8), blocks=1, rates=2
 )
-TINY2 = Shape2(channels=(4, 8, 8, 8), latent_channels=2, blocks=1, rates=2)
+TINY2 = Pcgcv2Shape(channels=(4, 8, 8, 8), latent_channels=2, blocks=1, rates=2)
 LMBDAS = (1.0, 4.0)
 RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
@@ -38,7 +35,7 @@ RATES: dict[str, dict[str, Any]] = {
 RENO_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
 
 
-def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
+def network1(shape: Pcgcv1Shape = TINY1, seed: int = 0) -> PCGCv1:
     torch.manual_seed(seed)
     model = PCGCv1(shape)
     with torch.no_grad():
@@ -46,7 +43,7 @@ def network1(shape: Shape1 = TINY1, seed: int = 0) -> PCGCv1:
     return model.eval()
 
 
-def network2(shape: Shape2 = TINY2, seed: int = 0) -> PCGCv2:
+def network2(shape: Pcgcv2Shape = TINY2, seed: int = 0) -> PCGCv2:
     torch.manual_seed(seed)
     model = PCGCv2(shape)
     with torch.no_grad():
@@ -54,12 +51,12 @@ def network2(shape: Shape2 = TINY2, seed: int = 0) -> PCGCv2:
     return model.eval()
 
 
-def octree_network(shape: OctreeShape | None = None, seed: int = 0) -> OctreeNet:
+def octree_network(shape: OctreeNetShape | None = None, seed: int = 0) -> OctreeNet:
     torch.manual_seed(seed)
-    model = OctreeNet(shape or OctreeShape(channels=8))
+    model = OctreeNet(shape or OctreeNetShape(channels=8))
     with torch.no_grad():
         for layer in model.modules():
-            if isinstance(layer, Layer):
+            if isinstance(layer, FixedPointLayer):
                 layer.kernel.mul_(3)
                 layer.bias.normal_(std=0.3)
     return model.eval().requires_grad_(False)

@@ -20,7 +20,7 @@ from puckbench.core.errors import InputError, naming
 from puckbench.core.files import sha256
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
-from puckbench.learned.catalogue import SUFFIX, Network, header_of
+from puckbench.learned.catalogue import SUFFIX, NetworkType, header_of
 from puckbench.learned.device import DeviceName, why_not
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
@@ -65,7 +65,7 @@ class Learned(Codec, Generic[W]):
     several sets the first by name codes.
     """
 
-    network: Network
+    network: NetworkType
     Options: type[LearnedOptions] = LearnedOptions
     options: LearnedOptions
     memory = Memory(1500, 1500)

@@ -28,11 +28,11 @@ from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import PCGCV1
-from puckbench.learned.pcgcv1.stream import Coded, read_stream, write_stream
+from puckbench.learned.pcgcv1.stream import Pcgcv1Stream, read_stream, write_stream
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv1.coder import Encoder
-    from puckbench.learned.pcgcv1.weights import Weights
+    from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder
+    from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
 
 
 class Pcgcv1Options(PublishedOptions):
@@ -43,7 +43,7 @@ class Pcgcv1Options(PublishedOptions):
 
 
 @CODECS.register("pcgcv1")
-class Pcgcv1(LearnedByLambda["Weights"]):
+class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
 
     title = "PCGCv1"
@@ -64,7 +64,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
     Options: type[Pcgcv1Options] = Pcgcv1Options
     options: Pcgcv1Options
     magic = b"PCG1"
-    training = "puckbench.learned.pcgcv1.training_settings:Training"
+    training = "puckbench.learned.pcgcv1.training_settings:Pcgcv1Training"
     version = "PCGCv1, stream version 4"
     network = PCGCV1
 
@@ -78,7 +78,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
         level = self._level(points * float(parameters.get("scale", 1)), parameters)
         return self._written(self._encoder(parameters, level).encode(points))
 
-    def _written(self, coded: Coded) -> bytes:
+    def _written(self, coded: Pcgcv1Stream) -> bytes:
         if not coded.cubes and not coded.sparse:
             least = self.options.min_points
             raise InputError(
@@ -87,17 +87,19 @@ class Pcgcv1(LearnedByLambda["Weights"]):
         return write_stream(coded)
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv1.coder import Decoder
+        from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder
 
         coded = read_stream(stream)
-        return Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(coded)
+        return Pcgcv1Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(
+            coded
+        )
 
-    def _encoder(self, parameters: Parameters, level: int) -> Encoder:
+    def _encoder(self, parameters: Parameters, level: int) -> Pcgcv1Encoder:
         from puckbench.learned.grid_level import voxel_size
-        from puckbench.learned.pcgcv1.coder import Encoder
+        from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder
 
         weights, rate = self._numbered(parameters)
-        return Encoder(
+        return Pcgcv1Encoder(
             weights,
             rate,
             scale=float(parameters.get("scale", 1)) / voxel_size(level),
@@ -109,7 +111,7 @@ class Pcgcv1(LearnedByLambda["Weights"]):
             point_reconstruction=self.point_reconstruction,
         )
 
-    def _read(self, path: Path) -> Weights:
+    def _read(self, path: Path) -> Pcgcv1Weights:
         from puckbench.learned.pcgcv1.weights import load_weights
 
         return load_weights(path, self.options.device)
@@ -123,7 +125,7 @@ class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
 
 
 @CODECS.register("pcgcv1_plus")
-class Pcgcv1Plus(Improved["Weights"], Pcgcv1):
+class Pcgcv1Plus(Improved["Pcgcv1Weights"], Pcgcv1):
     """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
 
     title = "PCGCv1+"

@@ -23,16 +23,16 @@ from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import PCGCV2
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv2.coder import Coder
-    from puckbench.learned.pcgcv2.stream import Tools
-    from puckbench.learned.pcgcv2.weights import Weights
+    from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+    from puckbench.learned.pcgcv2.stream import CodingTools
+    from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
 
 _MAX_RAW_POINTS = 64
 """Clouds of at most this many points are stored uncompressed: a network cannot help there."""
 
 
 @CODECS.register("pcgcv2")
-class Pcgcv2(LearnedByLambda["Weights"]):
+class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
     The most likely voxels are kept wherever they are: those of sparse parts may vanish.
@@ -55,16 +55,16 @@ class Pcgcv2(LearnedByLambda["Weights"]):
         "r7": {"lmbda": 10},
     }
     magic = b"PCG2"
-    training = "puckbench.learned.pcgcv2.training_settings:Training"
+    training = "puckbench.learned.pcgcv2.training_settings:Pcgcv2Training"
     version = "PCGCv2, stream version 6"
     network = PCGCV2
     grid = 1.0
 
-    def _tools(self) -> Tools:
+    def _tools(self) -> CodingTools:
         """Return the coding tools in use that the authors' program does not have."""
-        from puckbench.learned.pcgcv2.stream import Tools
+        from puckbench.learned.pcgcv2.stream import CodingTools
 
-        return Tools(0)
+        return CodingTools(0)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.grid_level import voxelised
@@ -77,12 +77,12 @@ class Pcgcv2(LearnedByLambda["Weights"]):
         level = self._level(points, parameters)
         return write_coded(self._coder(parameters).encode(voxelised(points, level), level))
 
-    def _coder(self, parameters: Parameters) -> Coder:
-        from puckbench.learned.pcgcv2.coder import Coder
+    def _coder(self, parameters: Parameters) -> Pcgcv2Coder:
+        from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
 
         weights, rate = self._numbered(parameters)
         rho = float(parameters.get("rho", 1))
-        return Coder(
+        return Pcgcv2Coder(
             weights,
             rate,
             rho,
@@ -92,16 +92,16 @@ class Pcgcv2(LearnedByLambda["Weights"]):
         )
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv2.coder import Coder
-        from puckbench.learned.pcgcv2.stream import Coded, read_stream
+        from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+        from puckbench.learned.pcgcv2.stream import Pcgcv2Stream, read_stream
 
         coded = read_stream(stream)
-        if not isinstance(coded, Coded):
+        if not isinstance(coded, Pcgcv2Stream):
             return coded
         weights = self._of_rate(coded.digest, coded.rate)
-        return Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
+        return Pcgcv2Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
 
-    def _read(self, path: Path) -> Weights:
+    def _read(self, path: Path) -> Pcgcv2Weights:
         from puckbench.learned.pcgcv2.weights import load_weights
 
         return load_weights(path, self.options.device)
@@ -114,7 +114,7 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 
 
 @CODECS.register("pcgcv2_plus")
-class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
+class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
 
     Each voxel keeps its most likely child, so that no part of a cloud vanishes.
@@ -140,7 +140,9 @@ class Pcgcv2Plus(Improved["Weights"], Pcgcv2):
     based_on = "pcgcv2"
     version = "PCGCv2+, stream version 6"
 
-    def _tools(self) -> Tools:
-        from puckbench.learned.pcgcv2.stream import Tools
+    def _tools(self) -> CodingTools:
+        from puckbench.learned.pcgcv2.stream import CodingTools
 
-        return Tools.CHILD_PER_PARENT | (Tools.CONTEXT_MIXING if self.context_mixing else Tools(0))
+        return CodingTools.CHILD_PER_PARENT | (
+            CodingTools.CONTEXT_MIXING if self.context_mixing else CodingTools(0)
+        )

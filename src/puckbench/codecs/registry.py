@@ -23,7 +23,7 @@ from puckbench.core.registry import Registry, is_place, load, trust
 from puckbench.core.yaml_files import read_yaml
 
 if TYPE_CHECKING:
-    from puckbench.learned.training.settings import Training
+    from puckbench.learned.training.settings import BaseTraining
 
 Entry = Mapping[str, Any]
 """A configuration's entry of a codec: class, options, rates, metric_rates, and `LOOKS`."""
@@ -198,7 +198,7 @@ def training_class(name: str, changes: Entry | None = None) -> str:
     return place
 
 
-def open_training(codec: str, changes: Entry | None, settings: Entry) -> Training:
+def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
     """Return the training of a codec with its settings by name.
 
     Raises
@@ -206,7 +206,7 @@ def open_training(codec: str, changes: Entry | None, settings: Entry) -> Trainin
     InputError
         The codec has no training, or a setting is unknown or out of range.
     """
-    training: type[Training] = load(training_class(codec, changes), f"codec {codec}")
+    training: type[BaseTraining] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
 
 

@@ -21,7 +21,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import RENO
 
 if TYPE_CHECKING:
-    from puckbench.learned.reno.weights import Weights
+    from puckbench.learned.reno.weights import RenoWeights
 
 PUBLISHED_WEIGHTS = "data/reno_weights"
 """Where `puckbench data reno_weights` puts the weights of RENO's authors."""
@@ -45,7 +45,7 @@ class RenoOptions(LearnedOptions):
 
 
 @CODECS.register("reno")
-class Reno(Learned["Weights"]):
+class Reno(Learned["RenoWeights"]):
     """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
 
     A rate is its posQ, in mm: those of the paper, and 4, for which its authors give results too.
@@ -88,8 +88,8 @@ class Reno(Learned["Weights"]):
         return next((path for path in files if one or path.stem == name), None)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.reno.coder import Coder
-        from puckbench.learned.reno.stream import Coded, write_stream
+        from puckbench.learned.reno.coder import RenoCoder
+        from puckbench.learned.reno.stream import RenoStream, write_stream
         from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
         posq = _posq(float(parameters["step_m"]))
@@ -101,22 +101,22 @@ class Reno(Learned["Weights"]):
                 f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}"
             )
         weights = self._weights(parameters)
-        tree = Coder(weights, self.options.threads).encode(unique_keys(morton_keys(voxels)))
+        tree = RenoCoder(weights, self.options.threads).encode(unique_keys(morton_keys(voxels)))
         x, y, z = offsets.tolist()
-        return write_stream(Coded(weights.digest, posq, (x, y, z), tree))
+        return write_stream(RenoStream(weights.digest, posq, (x, y, z), tree))
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.reno.coder import Coder
+        from puckbench.learned.reno.coder import RenoCoder
         from puckbench.learned.reno.stream import read_stream
         from puckbench.learned.sparse.voxels import morton_voxels
 
         coded = read_stream(stream)
-        keys = Coder(self._made_with(coded.digest), self.options.threads).decode(coded.tree)
+        keys = RenoCoder(self._made_with(coded.digest), self.options.threads).decode(coded.tree)
         corner = np.array(coded.offsets) * float(_OFFSET)
         points: Floats = (morton_voxels(keys) * coded.posq - corner) * _MM
         return points
 
-    def _read(self, path: Path) -> Weights:
+    def _read(self, path: Path) -> RenoWeights:
         from puckbench.learned.reno.weights import load_weights
 
         return load_weights(path)

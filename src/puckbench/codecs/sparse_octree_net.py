@@ -22,8 +22,8 @@ from puckbench.gpcc.grid import input_coordinates, input_grid, quantise
 from puckbench.learned.catalogue import OCTREE_NET
 
 if TYPE_CHECKING:
-    from puckbench.learned.octree_net.stream import Coded
-    from puckbench.learned.octree_net.weights import Weights
+    from puckbench.learned.octree_net.stream import OctreeNetStream
+    from puckbench.learned.octree_net.weights import OctreeNetWeights
 
 
 class OctreeNetOptions(LearnedOptions, UnitOptions):
@@ -35,7 +35,7 @@ class OctreeNetOptions(LearnedOptions, UnitOptions):
 
 
 @CODECS.register("sparse_octree_net")
-class SparseOctreeNet(Learned["Weights"]):
+class SparseOctreeNet(Learned["OctreeNetWeights"]):
     """A learned octree coder, lossless on its grid; a rate is the scale or step, as G-PCC's."""
 
     title = "Sparse octree net"
@@ -50,7 +50,7 @@ class SparseOctreeNet(Learned["Weights"]):
     magic = b"PBON"
     most_steps = float(2**20 - 2)
     memory = Memory(1500, 3000)
-    training = "puckbench.learned.octree_net.training_settings:Training"
+    training = "puckbench.learned.octree_net.training_settings:OctreeNetTraining"
     version = "sparse_octree_net, stream version 3"
     network = OCTREE_NET
 
@@ -68,9 +68,9 @@ class SparseOctreeNet(Learned["Weights"]):
 
         return write_stream(self._coded(points, parameters))
 
-    def _coded(self, points: Floats, parameters: Parameters) -> Coded:
-        from puckbench.learned.octree_net.coder import Coder, split
-        from puckbench.learned.octree_net.stream import Coded
+    def _coded(self, points: Floats, parameters: Parameters) -> OctreeNetStream:
+        from puckbench.learned.octree_net.coder import OctreeNetCoder, split
+        from puckbench.learned.octree_net.stream import OctreeNetStream
         from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
 
         scale = float(parameters.get("scale", 1.0))
@@ -81,23 +81,23 @@ class SparseOctreeNet(Learned["Weights"]):
                 f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}{NARROWER}"
             )
         weights = self._weights(parameters)
-        coder = Coder(weights.model, self.options.threads)
+        coder = OctreeNetCoder(weights.model, self.options.threads)
         parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
         x, y, z = origin.tolist()
-        return Coded(weights.digest, scale, (x, y, z), grid, parts)
+        return OctreeNetStream(weights.digest, scale, (x, y, z), grid, parts)
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.octree_net.coder import Coder
+        from puckbench.learned.octree_net.coder import OctreeNetCoder
         from puckbench.learned.octree_net.stream import read_stream
         from puckbench.learned.sparse.voxels import morton_voxels
 
         coded = read_stream(stream)
-        coder = Coder(self._made_with(coded.digest).model, self.options.threads)
+        coder = OctreeNetCoder(self._made_with(coded.digest).model, self.options.threads)
         keys = np.concatenate([coder.decode(part) for part in coded.parts])
         units = (morton_voxels(keys) + np.array(coded.origin)) / coded.scale
         return input_coordinates(units, coded.grid)
 
-    def _read(self, path: Path) -> Weights:
+    def _read(self, path: Path) -> OctreeNetWeights:
         from puckbench.learned.octree_net.weights import load_weights
 
         return load_weights(path, self.options.device)

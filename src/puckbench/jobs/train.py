@@ -18,10 +18,10 @@ from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.learned.catalogue import weights_file
-from puckbench.learned.training.settings import Training
+from puckbench.learned.training.settings import BaseTraining
 
 if TYPE_CHECKING:
-    from puckbench.learned.training.loop import Trainer
+    from puckbench.learned.training.loop import BaseTrainer
 
 
 @JOBS.register("train")
@@ -81,7 +81,7 @@ class Train(Job):
         return self._export(card, training, trainer, weights, validate)
 
     def _begin(
-        self, trainer: Trainer[Any, Any], training: Training, clouds: Sequence[Path]
+        self, trainer: BaseTrainer[Any, Any], training: BaseTraining, clouds: Sequence[Path]
     ) -> None:
         """Start from weights, if asked to, and note what the training is one of."""
         trainer.identity = {"data": [sha256(path) for path in clouds]}
@@ -92,7 +92,7 @@ class Train(Job):
             training.begin(trainer.model, start)
             trainer.identity["start"] = sha256(start)
 
-    def _resume(self, trainer: Trainer[Any, Any], checkpoint: Path) -> None:
+    def _resume(self, trainer: BaseTrainer[Any, Any], checkpoint: Path) -> None:
         """Go on from the checkpoint; with a fingerprint of the code, remove another training's."""
         from puckbench.learned.training.loop import OtherTrainingError
 
@@ -109,8 +109,8 @@ class Train(Job):
     def _export(
         self,
         card: dict[str, Any],
-        training: Training,
-        trainer: Trainer[Any, Any],
+        training: BaseTraining,
+        trainer: BaseTrainer[Any, Any],
         weights: Path,
         validate: Sequence[Path],
     ) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class Train(Job):
         return card
 
     def _measured(
-        self, training: Training, weights: Path, validate: Sequence[Path]
+        self, training: BaseTraining, weights: Path, validate: Sequence[Path]
     ) -> dict[str, Any]:
         """What the codec does with a set on the validation's clouds; warnings where at fault."""
         from puckbench.jobs.validation import peak_of, validation
@@ -142,8 +142,8 @@ class Train(Job):
 
     def _measure_now(
         self,
-        training: Training,
-        trainer: Trainer[Any, Any],
+        training: BaseTraining,
+        trainer: BaseTrainer[Any, Any],
         weights: Path,
         validate: Sequence[Path],
     ) -> None:

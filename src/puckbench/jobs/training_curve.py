@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.files import write_bytes
-from puckbench.learned.training.loop import Trainer
+from puckbench.learned.training.loop import BaseTrainer
 
 _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0
@@ -19,7 +19,7 @@ _SECONDS_BETWEEN_LINES = 20.0
 class Curve:
     """Records the losses of training steps; prints them and writes a CSV table at intervals."""
 
-    def __init__(self, trainer: Trainer[Any, Any], path: Path, every: int) -> None:
+    def __init__(self, trainer: BaseTrainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
         self._start = time.perf_counter() - self.seconds
         self._told = 0.0

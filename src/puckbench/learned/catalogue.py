@@ -1,8 +1,8 @@
 """The sets of trained weights of each network: shipped ones, files and folders, without PyTorch.
 
-Two kinds of files count. A set of ours is a safetensors file (``*.safetensors``), whose metadata
-hold a `Header`; some are shipped. The authors of a network publish one file for each rate, whose
-name says the rate.
+A set of puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its metadata;
+some are shipped. The authors of a network publish one file for each rate, whose name tells the
+rate.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ MAX_FILE_BYTES = 2**28
 _PUBLISHED = (".npz", ".pth", ".pt")
 
 
-class Header(Model):
+class WeightsHeader(Model):
     """What the metadata of a set of weights say of it.
 
     Parameters
     ----------
     network
-        Name of the network (see `Network`).
+        Name of the network (see `NetworkType`).
     shape
         Sizes of the network, the arguments of its `Shape`.
     lmbdas
@@ -54,7 +54,7 @@ class Header(Model):
     digest: str | None = None
 
 
-def header_of(path: Path) -> Header:
+def header_of(path: Path) -> WeightsHeader:
     """The header of a set of weights, without its tensors.
 
     Raises
@@ -70,7 +70,7 @@ def header_of(path: Path) -> Header:
 
 
 @lru_cache(maxsize=64)
-def _header(path: Path, _changed: int, size: int) -> Header:
+def _header(path: Path, _changed: int, size: int) -> WeightsHeader:
     """Read once for each state of a file: headers are asked for at every call of a codec."""
     from safetensors import SafetensorError, safe_open
 
@@ -78,7 +78,7 @@ def _header(path: Path, _changed: int, size: int) -> Header:
         raise InputError(f"{path}: damaged weights (more than {MAX_FILE_BYTES} bytes)")
     try:
         with safe_open(path, framework="np") as file:
-            return Header.model_validate_json((file.metadata() or {})[HEADER_KEY])
+            return WeightsHeader.model_validate_json((file.metadata() or {})[HEADER_KEY])
     except (SafetensorError, KeyError, ValueError) as error:
         raise InputError(f"{path}: damaged weights, or not a set of weights") from error
 
@@ -122,7 +122,7 @@ def weights_file(where: str) -> Path:
 
 
 @dataclass(frozen=True)
-class Network:
+class NetworkType:
     """A network as its weights name it.
 
     Parameters
@@ -172,10 +172,10 @@ def _tenths(digits: str) -> float:
     return float(f"0.{digits[1:]}" if digits.startswith("0") else digits)
 
 
-PCGCV1 = Network("pcgcv1", r"a(\d+(?:\.\d+)?)b3\.npz")
+PCGCV1 = NetworkType("pcgcv1", r"a(\d+(?:\.\d+)?)b3\.npz")
 """The authors' ``a0.75b3.npz`` was trained with lambda 0.75."""
-PCGCV2 = Network("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
+PCGCV2 = NetworkType("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 """The authors' ``c8_a025_32000.pth`` was trained with lambda 0.25."""
-OCTREE_NET = Network("sparse_octree_net")
-RENO = Network("reno", r"([\w.-]+)\.pt")
+OCTREE_NET = NetworkType("sparse_octree_net")
+RENO = NetworkType("reno", r"([\w.-]+)\.pt")
 """The authors' ``KITTIDetection.pt``; its rates need no weights of their own."""

@@ -24,7 +24,7 @@ from torch import Tensor
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes, write_bytes
-from puckbench.learned.catalogue import HEADER_KEY, SUFFIX, Header, Network, header_of
+from puckbench.learned.catalogue import HEADER_KEY, SUFFIX, NetworkType, WeightsHeader, header_of
 from puckbench.learned.entropy_bottleneck import FrequencyTable, frequency_tables
 from puckbench.learned.gains import MultiRateNetwork
 
@@ -55,7 +55,7 @@ class WeightsFile:
         The 8 bytes by which streams name the set.
     """
 
-    header: Header
+    header: WeightsHeader
     state: dict[str, Tensor]
     integers: dict[str, NDArray[np.int32]]
     digest: bytes
@@ -77,7 +77,7 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set of weights; `about` holds the fields of its `Header` but `sha256`."""
+    """Write a set of weights; `about` holds the fields of its `WeightsHeader` but `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
@@ -151,7 +151,7 @@ class MultiRateWeights(Generic[N]):
 
 
 def save_multi_rate(
-    path: Path, network: Network, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
+    path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> None:
     """Write a network as a set of weights; its tables are made here, from what is written."""
     rounded = type(model)(model.shape)
@@ -167,7 +167,7 @@ def save_multi_rate(
 
 def load_multi_rate(
     path: Path,
-    network: Network,
+    network: NetworkType,
     build: Callable[[Mapping[str, Any]], N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:

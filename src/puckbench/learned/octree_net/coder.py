@@ -20,17 +20,17 @@ from puckbench.learned.octree_net.causal_neighbourhood import (
     empty_state,
     find_neighbourhood,
 )
-from puckbench.learned.octree_net.device_inference import DeviceNetwork
+from puckbench.learned.octree_net.device_inference import DevicePredictor
 from puckbench.learned.octree_net.inference import (
-    Group,
-    Network,
+    LevelPredictor,
+    VoxelGroup,
     chunks_of,
     compiled_network,
 )
 from puckbench.learned.octree_net.layers import Rows
 from puckbench.learned.octree_net.mixing import code_symbols, reader, writer
 from puckbench.learned.octree_net.model import OctreeNet
-from puckbench.learned.octree_net.stream import MAX_VOXELS, Part, max_nodes
+from puckbench.learned.octree_net.stream import MAX_VOXELS, CodedPart, max_nodes
 from puckbench.learned.octree_net.symbols import (
     Frequencies,
     Symbols,
@@ -42,7 +42,7 @@ from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import (
     AXIS_BITS,
     Keys,
-    Voxels,
+    VoxelSet,
     children_voxels,
     keys_of_slots,
     morton_keys,
@@ -60,7 +60,7 @@ Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
 """Codes the first or second symbols of some rows of a level's group; returns the symbols."""
 
 
-class Limits(NamedTuple):
+class DecodingLimits(NamedTuple):
     """Voxels of a level and of all but the finest, at most; whether a stream has not ended yet."""
 
     voxels: int
@@ -69,13 +69,13 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Coder:
+class OctreeNetCoder:
     """Encoder and decoder of voxels; the number of threads does not change the result."""
 
     model: OctreeNet
     threads: int | None = None
 
-    def encode(self, keys: Keys) -> Part:
+    def encode(self, keys: Keys) -> CodedPart:
         """Code voxels by their keys (n,), ascending and distinct.
 
         InputError where a decoder would refuse the part.
@@ -94,15 +94,15 @@ class Coder:
             code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        limits = Limits(len(keys), nodes, lambda: True)
+        limits = DecodingLimits(len(keys), nodes, lambda: True)
         self._traverse(sets[-1], len(sets) - 1, code, limits)
         top = encode_voxels(morton_voxels(sets[-1]))
-        part = Part(len(keys), len(sets) - 1, top, written(mixer.bits))
+        part = CodedPart(len(keys), len(sets) - 1, top, written(mixer.bits))
         if nodes > max_nodes(part):
             raise InputError(f"the cloud's octree has {nodes} nodes, too many for its bytes")
         return part
 
-    def decode(self, part: Part) -> Keys:
+    def decode(self, part: CodedPart) -> Keys:
         """The keys of a part; InputError when it is damaged."""
         mixer = reader(part.symbols)
 
@@ -113,13 +113,13 @@ class Coder:
             code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
-        limits = Limits(part.count, max_nodes(part), lambda: not exhausted(mixer.bits))
+        limits = DecodingLimits(part.count, max_nodes(part), lambda: not exhausted(mixer.bits))
         keys = self._traverse(_top_keys(part), part.levels, code, limits)
         if len(keys) != part.count or not read_to_its_end(mixer.bits):
             raise InputError("the stream is damaged (its number of voxels)")
         return keys
 
-    def _traverse(self, top: Keys, levels: int, code: Code, limits: Limits) -> Keys:
+    def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
         """Code from the top level down; the keys of the finest level.
 
         InputError where a stream exceeds its limits.
@@ -128,7 +128,7 @@ class Coder:
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
             voxels = pyramid(top, 0)[0][0]
-            level = Level(network, pool, voxels, network.root_features(len(top)))
+            level = OctreeLevel(network, pool, voxels, network.root_features(len(top)))
             for depth in range(levels, 0, -1):
                 nodes += len(level.voxels)
                 if nodes > limits.nodes or not limits.goes_on():
@@ -137,23 +137,23 @@ class Coder:
         return level.voxels.keys
 
 
-def network_of(model: OctreeNet) -> Network[Any]:
+def network_of(model: OctreeNet) -> LevelPredictor[Any]:
     """The network for coding, on the device that the model is on."""
     if device_of(model).type == "cpu":
         return compiled_network(model)
-    return DeviceNetwork(model)
+    return DevicePredictor(model)
 
 
 @dataclass(frozen=True)
-class Level(Generic[F]):
+class OctreeLevel(Generic[F]):
     """Voxels of an octree level, with the features handed down by the levels above."""
 
-    network: Network[F]
+    network: LevelPredictor[F]
     pool: ThreadPool
-    voxels: Voxels
+    voxels: VoxelSet
     features: F
 
-    def next(self, code: Code, max_voxels: int, last: bool) -> Level[F]:
+    def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
         """Code the next finer level; of the `last` one only the keys are made.
 
         Raises
@@ -166,10 +166,10 @@ class Level(Generic[F]):
             raise InputError("the stream is damaged (its number of voxels)")
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
-            return Level(self.network, self.pool, _keys_only(keys), features)
+            return OctreeLevel(self.network, self.pool, _keys_only(keys), features)
         handed_down = self.network.child_features(features, slots, self.pool)
         voxels = children_voxels(self.voxels, keys, self.pool)
-        return Level(self.network, self.pool, voxels, handed_down)
+        return OctreeLevel(self.network, self.pool, voxels, handed_down)
 
     def _coded(self, code: Code) -> tuple[F, Rows]:
         """Code all symbols: the updated features, and the slots of the occupied children."""
@@ -183,7 +183,9 @@ class Level(Generic[F]):
             raise InputError("the stream is damaged (a voxel without children)")
         return features, slots_of(*symbols)
 
-    def _code_group(self, group: Group, state: LevelState, symbols: Symbols, code: Code) -> None:
+    def _code_group(
+        self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
+    ) -> None:
         """Code a group's symbols; while those of a chunk are coded other threads predict more."""
 
         def predict_first(chunk: slice) -> Frequencies:
@@ -212,11 +214,11 @@ def _symbol_runs(keys: Keys, children: Keys) -> Iterator[Symbols]:
             yield from (symbols[rows[chunk]] for chunk in chunks_of(len(rows)))
 
 
-def _keys_only(keys: Keys) -> Voxels:
-    return Voxels(keys, np.empty((0, 0), dtype=np.int32))
+def _keys_only(keys: Keys) -> VoxelSet:
+    return VoxelSet(keys, np.empty((0, 0), dtype=np.int32))
 
 
-def _top_keys(part: Part) -> Keys:
+def _top_keys(part: CodedPart) -> Keys:
     voxels: NDArray[np.int64] = decode_voxels(part.top, _MAX_TOP)
     least, most = 0, 2 ** (AXIS_BITS - part.levels)
     if not 0 < len(voxels) <= _MAX_TOP or voxels.min() < least or voxels.max() >= most:

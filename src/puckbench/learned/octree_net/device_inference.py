@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from puckbench.learned.device import device_of
 from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.layers import Rows
-from puckbench.learned.octree_net.model import Head, OctreeNet, as_index
+from puckbench.learned.octree_net.model import OctreeNet, SymbolHead, as_index
 from puckbench.learned.octree_net.symbols import Frequencies, Symbols, powers_of_two
 from puckbench.learned.sparse.convolution import Neighbourhood, device_neighbourhood
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
@@ -31,22 +31,22 @@ class DeviceFeatures:
     where: Neighbourhood | None = None
 
 
-class DeviceNetwork:
-    """As `Network`, of a model in place."""
+class DevicePredictor:
+    """As `LevelPredictor`, of a model in place."""
 
     def __init__(self, model: OctreeNet) -> None:
         self.model, self._device = model, device_of(model)
         self._powers = torch.from_numpy(powers_of_two()).to(self._device)
 
     def root_features(self, count: int) -> DeviceFeatures:
-        """As in `Network`."""
+        """As in `LevelPredictor`."""
         return DeviceFeatures(self.model.root_features(count).detach())
 
     @torch.no_grad()
     def convolved(
         self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
     ) -> DeviceFeatures:
-        """As in `Network`."""
+        """As in `LevelPredictor`."""
         where = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
         return DeviceFeatures(self.model.convolved(features.all, where), where)
 
@@ -54,7 +54,7 @@ class DeviceNetwork:
     def group(
         self, number: int, rows: Rows, features: DeviceFeatures, table: NeighbourTable
     ) -> DeviceGroup:
-        """As in `Network`; the table is that which `convolved` was given."""
+        """As in `LevelPredictor`; the table is that which `convolved` was given."""
         index, where = as_index(rows, features.all), cast(Neighbourhood, features.where)
         own = self.model.group_features(number, features.all, index, where)
         return DeviceGroup(self, number, rows, index, features, own)
@@ -63,7 +63,7 @@ class DeviceNetwork:
     def child_features(
         self, features: DeviceFeatures, slots: Rows, pool: ThreadPool
     ) -> DeviceFeatures:
-        """As in `Network`."""
+        """As in `LevelPredictor`."""
         return DeviceFeatures(
             self.model.child_features(features.all, as_index(slots, features.all))
         )
@@ -71,7 +71,7 @@ class DeviceNetwork:
     @torch.no_grad()
     def frequencies(self, heads: nn.ModuleList, number: int, features: Tensor) -> Frequencies:
         """Frequencies (n, 16) of symbols from features (n, channels), as `symbols.frequencies`."""
-        units = cast(Head, heads[number])(features) * UNITS
+        units = cast(SymbolHead, heads[number])(features) * UNITS
         below = (units.amax(dim=1, keepdim=True) - units).clamp_max(len(self._powers) - 1)
         found: NDArray[Any] = self._powers[below.long()].cpu().numpy()
         return found
@@ -79,9 +79,9 @@ class DeviceNetwork:
 
 @dataclass(frozen=True)
 class DeviceGroup:
-    """As `Group`, with the features `own` (m, channels) of its voxels."""
+    """As `VoxelGroup`, with the features `own` (m, channels) of its voxels."""
 
-    network: DeviceNetwork
+    network: DevicePredictor
     number: int
     rows: Rows
     index: Tensor
@@ -89,19 +89,19 @@ class DeviceGroup:
     own: Tensor
 
     def predict_first(self, chunk: slice) -> Frequencies:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         heads = self.network.model.first_heads
         return self.network.frequencies(heads, self.number, self.own[chunk])
 
     @torch.no_grad()
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         model = self.network.model
         self.own[chunk] = model.with_first(self.own[chunk], as_index(first, self.own))
         return self.network.frequencies(model.second_heads, self.number, self.own[chunk])
 
     @torch.no_grad()
     def update(self, chunk: slice, second: Symbols) -> None:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         made = self.network.model.with_second(self.own[chunk], as_index(second, self.own))
         self.features.all[self.index[chunk]] = made

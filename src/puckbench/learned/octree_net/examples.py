@@ -9,12 +9,11 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.sparse.voxels import Keys, morton_keys, unique_keys
-from puckbench.learned.training.examples import Examples as VoxelExamples
-from puckbench.learned.training.examples import Voxels, random_symmetry
+from puckbench.learned.training.examples import CubeExamples, Voxels, random_symmetry
 
 
 @dataclass(frozen=True)
-class Examples(VoxelExamples):
+class OctreeExamples(CubeExamples):
     """Batches of cubes; a batch depends on its number and the seed alone.
 
     Parameters

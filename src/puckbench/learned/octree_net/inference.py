@@ -1,7 +1,7 @@
 """The network on a level's voxels for coding: integers, no gradients, in chunks.
 
 The sums are exact (see `fixed_point`), so that the results are those of the model's own layers.
-`Network` and `Group` say what a coder needs; here are their compiled forms for the CPU.
+`LevelPredictor` and `VoxelGroup` say what a coder needs; here are their compiled forms for the CPU.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from puckbench.learned.octree_net.layers import (
     scattering,
     upsampling,
 )
-from puckbench.learned.octree_net.model import Head, Layer, OctreeNet
+from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, SymbolHead
 from puckbench.learned.octree_net.symbols import VALUES, Frequencies, Symbols, powers_of_two
 from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
@@ -41,7 +41,7 @@ F = TypeVar("F")
 """Features of a level's voxels."""
 
 
-class Group(Protocol):
+class VoxelGroup(Protocol):
     """Voxels of a level that are coded together; each method works on a chunk of them."""
 
     @property
@@ -62,7 +62,7 @@ class Group(Protocol):
         """Add both symbols' embeddings to the features of the level."""
 
 
-class Network(Protocol[F]):
+class LevelPredictor(Protocol[F]):
     """A network that predicts the symbols of a level."""
 
     def root_features(self, count: int) -> F:
@@ -71,7 +71,7 @@ class Network(Protocol[F]):
     def convolved(self, features: F, table: NeighbourTable, pool: ThreadPool) -> F:
         """Features of a level's voxels before any of their children are known."""
 
-    def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> Group:
+    def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
         """A group of the level's voxels, when all groups before it are coded."""
 
     def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F:
@@ -84,7 +84,7 @@ def chunks_of(count: int) -> list[slice]:
 
 
 @dataclass(frozen=True)
-class Features:
+class CompiledFeatures:
     """Features of a level's voxels (n * channels,), and their activations."""
 
     all: Floats32
@@ -92,7 +92,7 @@ class Features:
 
 
 @dataclass(frozen=True)
-class CompiledNetwork:
+class CompiledPredictor:
     """The integers of a model, flat, for compiled layers.
 
     Parameters
@@ -119,22 +119,24 @@ class CompiledNetwork:
     embeddings: list[Floats32]
     upsampling: Matrix
 
-    def root_features(self, count: int) -> Features:
-        """As in `Network`."""
+    def root_features(self, count: int) -> CompiledFeatures:
+        """As in `LevelPredictor`."""
         features = np.tile(self.root, count)
-        return Features(features, features.clip(0, MAX_ACTIVATION))
+        return CompiledFeatures(features, features.clip(0, MAX_ACTIVATION))
 
-    def convolved(self, features: Features, table: NeighbourTable, pool: ThreadPool) -> Features:
-        """As in `Network`."""
+    def convolved(
+        self, features: CompiledFeatures, table: NeighbourTable, pool: ThreadPool
+    ) -> CompiledFeatures:
+        """As in `LevelPredictor`."""
         for layer in self.convolutions:
             features = self._convolved(layer, features, table, pool)
         return features
 
     def _convolved(
-        self, layer: Matrix, features: Features, table: NeighbourTable, pool: ThreadPool
-    ) -> Features:
+        self, layer: Matrix, features: CompiledFeatures, table: NeighbourTable, pool: ThreadPool
+    ) -> CompiledFeatures:
         rows = np.arange(table.shape[1])
-        made = Features(np.empty_like(features.all), np.empty_like(features.all))
+        made = CompiledFeatures(np.empty_like(features.all), np.empty_like(features.all))
         convolve, scatter = convolution(self.channels), scattering(self.channels)
 
         def work(chunk: slice, _: Scratch) -> None:
@@ -146,16 +148,18 @@ class CompiledNetwork:
         return made
 
     def group(
-        self, number: int, rows: Rows, features: Features, table: NeighbourTable
+        self, number: int, rows: Rows, features: CompiledFeatures, table: NeighbourTable
     ) -> CompiledGroup:
-        """As in `Network`."""
+        """As in `LevelPredictor`."""
         own = np.empty(len(rows) * self.channels, np.float32)
         return CompiledGroup(self, number, rows, features, table, own)
 
-    def child_features(self, features: Features, slots: Rows, pool: ThreadPool) -> Features:
-        """As in `Network`."""
+    def child_features(
+        self, features: CompiledFeatures, slots: Rows, pool: ThreadPool
+    ) -> CompiledFeatures:
+        """As in `LevelPredictor`."""
         size = len(slots) * self.channels
-        made = Features(np.empty(size, np.float32), np.empty(size, np.float32))
+        made = CompiledFeatures(np.empty(size, np.float32), np.empty(size, np.float32))
         upsample = upsampling(self.channels)
 
         def work(chunk: slice, _: Scratch) -> None:
@@ -166,10 +170,10 @@ class CompiledNetwork:
         return made
 
 
-def compiled_network(model: OctreeNet) -> CompiledNetwork:
+def compiled_network(model: OctreeNet) -> CompiledPredictor:
     """The integers of a model."""
     embeddings = (model.first_embedding, model.second_embedding)
-    return CompiledNetwork(
+    return CompiledPredictor(
         model.shape.channels,
         _integers(quantised(model.root), UNITS),
         _matrices(model.convolutions),
@@ -181,15 +185,15 @@ def compiled_network(model: OctreeNet) -> CompiledNetwork:
 
 
 def _heads(heads: nn.ModuleList) -> list[tuple[Matrix, Matrix]]:
-    found = [cast(Head, one) for one in heads]
+    found = [cast(SymbolHead, one) for one in heads]
     return [(_matrix(one.hidden), _matrix(one.logits)) for one in found]
 
 
 def _matrices(layers: nn.ModuleList) -> list[Matrix]:
-    return [_matrix(cast(Layer, layer)) for layer in layers]
+    return [_matrix(cast(FixedPointLayer, layer)) for layer in layers]
 
 
-def _matrix(layer: Layer) -> Matrix:
+def _matrix(layer: FixedPointLayer) -> Matrix:
     kernel = _integers(quantised_weight(layer.kernel), WEIGHT_UNITS)
     return kernel, _integers(quantised(layer.bias), UNITS)
 
@@ -202,15 +206,15 @@ def _integers(values: Tensor, units: int) -> Floats32:
 class CompiledGroup:
     """A group, with the features of its voxels `own` (m * channels,)."""
 
-    network: CompiledNetwork
+    network: CompiledPredictor
     number: int
     rows: Rows
-    features: Features
+    features: CompiledFeatures
     table: NeighbourTable
     own: Floats32
 
     def predict_first(self, chunk: slice) -> Frequencies:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         channels, features = self.network.channels, self.features
         if self.number:
             convolution(channels)(
@@ -223,12 +227,12 @@ class CompiledGroup:
         return self._predict(0, chunk)
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         self._embed(0, chunk, first)
         return self._predict(1, chunk)
 
     def update(self, chunk: slice, second: Symbols) -> None:
-        """As in `Group`."""
+        """As in `VoxelGroup`."""
         self._embed(1, chunk, second)
         scatter, features = scattering(self.network.channels), self.features
         scatter(self.own, chunk.start, chunk.stop, self.rows, features.all, features.active)

@@ -35,7 +35,7 @@ from puckbench.learned.sparse.layers import SparseLayer
 from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
 
 
-class Shape(Model):
+class OctreeNetShape(Model):
     """Sizes of the network.
 
     Parameters
@@ -50,7 +50,7 @@ class Shape(Model):
     convolutions: Annotated[int, Field(ge=0, le=8)] = 1
 
 
-class Layer(SparseLayer):
+class FixedPointLayer(SparseLayer):
     """A fixed-point layer: its kernel (offsets, c, d) and bias are rounded when they are used."""
 
     def forward(self, active: Tensor, where: Neighbourhood) -> Tensor:
@@ -63,12 +63,15 @@ class Layer(SparseLayer):
         return active @ quantised_weight(self.kernel[0]) + quantised(self.bias)
 
 
-class Head(nn.Module):
+class SymbolHead(nn.Module):
     """Two pointwise layers from features to logits, to the base 2, of a symbol."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.hidden, self.logits = Layer(1, channels, channels), Layer(1, channels, VALUES)
+        self.hidden, self.logits = (
+            FixedPointLayer(1, channels, channels),
+            FixedPointLayer(1, channels, VALUES),
+        )
 
     def forward(self, features: Tensor) -> Tensor:
         """Features (n, channels) to logits (n, 16), multiples of the unit."""
@@ -79,18 +82,18 @@ class Head(nn.Module):
 class OctreeNet(nn.Module):
     """Predicts one level after the other; features are (n, channels), multiples of the unit."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: OctreeNetShape) -> None:
         super().__init__()
         self.shape = shape
         channels = shape.channels
         self.root = nn.Parameter(torch.ones(channels))
         self.convolutions = _convolutions(shape.convolutions, channels)
         self.group_convolutions = _convolutions(GROUPS - 1, channels)
-        self.first_heads = nn.ModuleList(Head(channels) for _ in range(GROUPS))
-        self.second_heads = nn.ModuleList(Head(channels) for _ in range(GROUPS))
+        self.first_heads = nn.ModuleList(SymbolHead(channels) for _ in range(GROUPS))
+        self.second_heads = nn.ModuleList(SymbolHead(channels) for _ in range(GROUPS))
         self.first_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
         self.second_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
-        self.upsampling = Layer(CHILDREN, channels, channels)
+        self.upsampling = FixedPointLayer(CHILDREN, channels, channels)
 
     def root_features(self, count: int) -> Tensor:
         """Features of the voxels of the top level."""
@@ -131,7 +134,7 @@ class OctreeNet(nn.Module):
 
     def check_exact(self) -> None:
         """Raise InputError if weights are so large that sums might not be exact."""
-        layers = [module for module in self.modules() if isinstance(module, Layer)]
+        layers = [module for module in self.modules() if isinstance(module, FixedPointLayer)]
         for layer in layers:
             kernel, bias = quantised_weight(layer.kernel), quantised(layer.bias)
             if largest_sum(kernel, bias) >= MAX_SUM:
@@ -139,7 +142,7 @@ class OctreeNet(nn.Module):
 
 
 def _convolutions(count: int, channels: int) -> nn.ModuleList:
-    return nn.ModuleList(Layer(OFFSETS, channels, channels) for _ in range(count))
+    return nn.ModuleList(FixedPointLayer(OFFSETS, channels, channels) for _ in range(count))
 
 
 def as_index(symbols: Symbols | NDArray[Any], like: Tensor) -> Tensor:

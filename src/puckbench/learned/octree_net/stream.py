@@ -41,7 +41,7 @@ _PART = struct.Struct("<IBHI")
 
 
 @dataclass(frozen=True)
-class Part:
+class CodedPart:
     """A part of a cloud: voxels, levels that the network codes, the top level, the symbols."""
 
     count: int
@@ -51,17 +51,17 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Coded:
+class OctreeNetStream:
     """A coded cloud: identity of the weights, grid, and parts."""
 
     digest: bytes
     scale: float
     origin: tuple[int, int, int]
     grid: InputGrid
-    parts: tuple[Part, ...]
+    parts: tuple[CodedPart, ...]
 
 
-def write_stream(coded: Coded) -> bytes:
+def write_stream(coded: OctreeNetStream) -> bytes:
     """The bytes of a coded cloud; InputError when it has too many voxels."""
     if sum(part.count for part in coded.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
@@ -77,7 +77,7 @@ def write_stream(coded: Coded) -> bytes:
     return _FRAMING.framed(b"".join(body))
 
 
-def read_stream(stream: bytes) -> Coded:
+def read_stream(stream: bytes) -> OctreeNetStream:
     """Parse a stream; the counts in it are checked against its size before any work begins.
 
     Raises
@@ -91,14 +91,14 @@ def read_stream(stream: bytes) -> Coded:
         raise InputError("the stream is truncated") from error
 
 
-def _read(stream: bytes) -> Coded:
+def _read(stream: bytes) -> OctreeNetStream:
     _, body = _FRAMING.unframed(stream)
     digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
     grid, at = _read_grid(body, _HEADER.size, framed)
     parts = _read_parts(body, at)
     if not _MIN_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
-    return Coded(digest, scale, (x, y, z), grid, parts)
+    return OctreeNetStream(digest, scale, (x, y, z), grid, parts)
 
 
 def _read_grid(body: bytes, at: int, framed: int) -> tuple[InputGrid, int]:
@@ -110,7 +110,7 @@ def _read_grid(body: bytes, at: int, framed: int) -> tuple[InputGrid, int]:
     return InputGrid(unit, (offset[0], offset[1], offset[2])), at + _GRID.size
 
 
-def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
+def _read_parts(body: bytes, at: int) -> tuple[CodedPart, ...]:
     (count,) = _COUNT.unpack_from(body, at)
     at += _COUNT.size
     parts = []
@@ -118,7 +118,7 @@ def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
         voxels, levels, top, symbols = _PART.unpack_from(body, at)
         at += _PART.size
         end = at + top + symbols
-        parts.append(Part(voxels, levels, body[at : at + top], body[at + top : end]))
+        parts.append(CodedPart(voxels, levels, body[at : at + top], body[at + top : end]))
         at = end
     if at != len(body) or not parts:
         raise InputError("the stream is damaged (its length)")
@@ -126,12 +126,12 @@ def _read_parts(body: bytes, at: int) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def max_nodes(part: Part) -> int:
+def max_nodes(part: CodedPart) -> int:
     """Voxels of all levels above the finest that a part of its size may have."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 
-def _check(parts: Sequence[Part]) -> None:
+def _check(parts: Sequence[CodedPart]) -> None:
     """A damaged stream must not keep the decoder busy for long, and no encoder makes one."""
     for part in parts:
         most = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))

@@ -14,15 +14,15 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy
 
 from puckbench.learned.octree_net.fixed_point import MAX_ACTIVATION, MAX_SUM, WEIGHT_UNITS
-from puckbench.learned.octree_net.model import Layer, OctreeNet, as_index
+from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, as_index
 from puckbench.learned.octree_net.symbols import Symbols, groups_of, symbols_of
 from puckbench.learned.sparse.convolution import Neighbourhood, neighbourhood
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import Keys, pyramid
 from puckbench.learned.training.examples import batch
-from puckbench.learned.training.loop import Trainer as BaseTrainer
-from puckbench.learned.training.settings import Training
+from puckbench.learned.training.loop import BaseTrainer
+from puckbench.learned.training.settings import BaseTraining
 
 _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 """Sum of a layer's weights onto one feature, at most: sums stay exact, with a margin."""
@@ -73,12 +73,12 @@ def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
     return nats / math.log(2)
 
 
-class Trainer(BaseTrainer[OctreeNet, float]):
+class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
     """The learned octree coder in training."""
 
     max_gradient_norm = 1.0
 
-    def __init__(self, model: OctreeNet, training: Training, pool: ThreadPool) -> None:
+    def __init__(self, model: OctreeNet, training: BaseTraining, pool: ThreadPool) -> None:
         super().__init__(model, training)
         self.pool = pool
 
@@ -100,6 +100,6 @@ def limit_weights(model: OctreeNet) -> None:
     """Shrink the weights onto each feature whose sums might cease to be exact."""
     with torch.no_grad():
         for layer in model.modules():
-            if isinstance(layer, Layer):
+            if isinstance(layer, FixedPointLayer):
                 rows = layer.kernel.abs().sum(dim=(0, 1))
                 layer.kernel.mul_((_MAX_ROW / rows).clamp_max(1))

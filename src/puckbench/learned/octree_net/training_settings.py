@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import PositiveFloat, PositiveInt
 
-from puckbench.learned.training.settings import Training as BaseTraining
+from puckbench.learned.training.settings import BaseTraining
 
 if TYPE_CHECKING:
     from puckbench.geometry.cloud import Floats
-    from puckbench.learned.octree_net.examples import Examples
-    from puckbench.learned.octree_net.training import Trainer
+    from puckbench.learned.octree_net.examples import OctreeExamples
+    from puckbench.learned.octree_net.training import OctreeNetTrainer
 
 
-class Training(BaseTraining):
+class OctreeNetTraining(BaseTraining):
     """A training of the learned octree coder; `cube_size` should be a power of two.
 
     Parameters
@@ -42,26 +42,26 @@ class Training(BaseTraining):
     symmetries: Literal[8, 48] = 48
 
     @contextmanager
-    def trainer(self) -> Iterator[Trainer]:
+    def trainer(self) -> Iterator[OctreeNetTrainer]:
         """A new model with its optimiser."""
         import torch
 
-        from puckbench.learned.octree_net.model import OctreeNet, Shape
-        from puckbench.learned.octree_net.training import Trainer
+        from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
+        from puckbench.learned.octree_net.training import OctreeNetTrainer
         from puckbench.learned.sparse.thread_pool import thread_pool
         from puckbench.learned.training.loop import on_device
 
         torch.manual_seed(self.seed)
-        model = OctreeNet(Shape(channels=self.channels, convolutions=self.convolutions))
+        model = OctreeNet(OctreeNetShape(channels=self.channels, convolutions=self.convolutions))
         with thread_pool() as pool:
-            yield Trainer(on_device(model), self, pool)
+            yield OctreeNetTrainer(on_device(model), self, pool)
 
-    def examples(self, clouds: Sequence[Floats]) -> Examples:
+    def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
         """Cubes of clouds (n, 3) on grids of random scales."""
-        from puckbench.learned.octree_net.examples import Examples
+        from puckbench.learned.octree_net.examples import OctreeExamples
 
         coarsest, finest = self.scales
-        return Examples(
+        return OctreeExamples(
             clouds, self.cube_size, self.batch_size, seed=self.seed, coarsest=coarsest,
             finest=finest, upright=self.symmetries == 8,
         )  # fmt: skip

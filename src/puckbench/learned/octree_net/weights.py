@@ -14,12 +14,12 @@ from puckbench.core.models import parsed
 from puckbench.learned.catalogue import OCTREE_NET
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
-from puckbench.learned.octree_net.model import OctreeNet, Shape
+from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
 from puckbench.learned.weights_file import read_weights, write_weights
 
 
 @dataclass(frozen=True)
-class Weights:
+class OctreeNetWeights:
     """A network, the digest by which streams name it, and its model card."""
 
     model: OctreeNet
@@ -43,18 +43,18 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
     write_weights(path, about, state)
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+def load_weights(path: Path, device: DeviceName = "cpu") -> OctreeNetWeights:
     """Read a set; InputError when it is damaged, of another network, or too large to be exact."""
     found = read_weights(path)
     try:
-        model = OctreeNet(parsed(Shape, found.header.shape, f"{path}: shape"))
+        model = OctreeNet(parsed(OctreeNetShape, found.header.shape, f"{path}: shape"))
         model.load_state_dict(parameters(found.state))
     except RuntimeError as error:
         raise InputError(f"{path}: damaged weights") from error
     with naming(path):
         model.check_exact()
     model = placed(model.eval().requires_grad_(False), device)
-    return Weights(model, found.digest, found.header.card)
+    return OctreeNetWeights(model, found.digest, found.header.card)
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:

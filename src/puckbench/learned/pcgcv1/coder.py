@@ -13,7 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.learned.pcgcv1.cubes import (
-    Cubes,
+    OccupiedCubes,
     cubes_of,
     most_likely,
     occupancy,
@@ -30,11 +30,11 @@ from puckbench.learned.pcgcv1.entropy_coding import (
     encode_hyper,
     latent_positions,
 )
-from puckbench.learned.pcgcv1.laplace import Indexes, joined
+from puckbench.learned.pcgcv1.laplace import TableIndexes, joined
 from puckbench.learned.pcgcv1.occupied_blocks import (
     STRIDE,
     Bools,
-    Support,
+    CodedCubes,
     blocks_of,
     full_support,
     most_likely_per_block,
@@ -42,8 +42,8 @@ from puckbench.learned.pcgcv1.occupied_blocks import (
     rows_of,
     support_of,
 )
-from puckbench.learned.pcgcv1.stream import BATCH, Batch, Coded, check_work, max_sparse
-from puckbench.learned.pcgcv1.weights import Weights
+from puckbench.learned.pcgcv1.stream import BATCH, CubeBatch, Pcgcv1Stream, check_work, max_sparse
+from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
 from puckbench.learned.point_reconstruction import (
     SiblingBlocks,
     check_points_per_voxel,
@@ -60,7 +60,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Encoder:
+class Pcgcv1Encoder:
     """Codes points at one rate of a set of weights.
 
     Parameters
@@ -85,7 +85,7 @@ class Encoder:
         Decode as many points as were coded, not one for each voxel.
     """
 
-    weights: Weights
+    weights: Pcgcv1Weights
     rate: int
     scale: float = 1.0
     rho: float = 1.0
@@ -95,7 +95,7 @@ class Encoder:
     context_mixing: bool = True
     point_reconstruction: bool = True
 
-    def encode(self, points: Floats) -> Coded:
+    def encode(self, points: Floats) -> Pcgcv1Stream:
         """Code points (n, 3), n >= 1; InputError for what a decoder would refuse."""
         side = self.weights.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
@@ -114,7 +114,7 @@ class Encoder:
         density = 0
         if self.point_reconstruction:
             density = points_per_voxel(len(points), len(cubes.keys), self.rho)
-        coded = Coded(
+        coded = Pcgcv1Stream(
             self.weights.digest,
             self.rate,
             self.scale,
@@ -132,8 +132,10 @@ class Encoder:
             raise InputError("the cloud has too many voxels in sparse cubes")
         return coded
 
-    def _analyse(self, cubes: Cubes, blocks: Bools, first: int, pool: ThreadPool) -> _Analysed:
-        def one(cube: int) -> tuple[Integers, Integers, Indexes]:
+    def _analyse(
+        self, cubes: OccupiedCubes, blocks: Bools, first: int, pool: ThreadPool
+    ) -> _EncodedBatch:
+        def one(cube: int) -> tuple[Integers, Integers, TableIndexes]:
             x = occupancy(cubes.keys_of(first + cube), cubes.side)
             y_hat, z_hat = self.weights.network.analyse(x, self.rate)
             return y_hat, z_hat, self.weights.hyper_synthesis.tables(z_hat)
@@ -141,17 +143,17 @@ class Encoder:
         y_hats, z_hats, tables = zip(*_each(len(blocks), one, pool), strict=True)
         indexes = joined(np.stack, tables)
         hyper = encode_hyper(np.stack(z_hats), pooled(blocks), self.weights.tables[self.rate])
-        batch = Batch(checksum(indexes), hyper)
-        return _Analysed(batch, rows_of(np.stack(y_hats), blocks), indexes.rows(blocks))
+        batch = CubeBatch(checksum(indexes), hyper)
+        return _EncodedBatch(batch, rows_of(np.stack(y_hats), blocks), indexes.rows(blocks))
 
 
-class Decoder:
+class Pcgcv1Decoder:
     """Decodes streams made with a set of weights."""
 
-    def __init__(self, weights: Weights, threads: int | None = None) -> None:
+    def __init__(self, weights: Pcgcv1Weights, threads: int | None = None) -> None:
         self.weights, self.threads = weights, threads
 
-    def decode(self, coded: Coded) -> Floats:
+    def decode(self, coded: Pcgcv1Stream) -> Floats:
         """The points (m, 3); InputError when the stream is damaged."""
         side = self.weights.shape.cube_size
         check_work(coded, side, 0)
@@ -172,7 +174,7 @@ class Decoder:
         return np.concatenate(points) / coded.scale
 
     def _decode_cubes(
-        self, coded: Coded, support: Support, counts: list[int]
+        self, coded: Pcgcv1Stream, support: CodedCubes, counts: list[int]
     ) -> list[SiblingBlocks]:
         side, parts = self.weights.shape.cube_size, []
         batches = _batches(coded.cubes)
@@ -192,7 +194,9 @@ class Decoder:
                 ]
         return parts
 
-    def _indexes(self, rate: int, batch: Batch, blocks: Bools, pool: ThreadPool) -> Indexes:
+    def _indexes(
+        self, rate: int, batch: CubeBatch, blocks: Bools, pool: ThreadPool
+    ) -> TableIndexes:
         """The tables (n, channels) of a batch's latent; InputError when damaged."""
         z_hats = decode_hyper(batch.hyper, pooled(blocks), self.weights.tables[rate])
         tables = self.weights.hyper_synthesis.tables
@@ -220,15 +224,15 @@ class Decoder:
 
 
 @dataclass(frozen=True)
-class _Analysed:
+class _EncodedBatch:
     """A batch of cubes: its hyper-latents, its latent (n, channels) and the latent's tables."""
 
-    batch: Batch
+    batch: CubeBatch
     y_hat: Integers
-    indexes: Indexes
+    indexes: TableIndexes
 
 
-def _encode_latents(parts: list[_Analysed], positions: LatentPositions | None) -> bytes:
+def _encode_latents(parts: list[_EncodedBatch], positions: LatentPositions | None) -> bytes:
     if not parts:
         return b""
     y_hat = np.concatenate([part.y_hat for part in parts])
@@ -237,7 +241,9 @@ def _encode_latents(parts: list[_Analysed], positions: LatentPositions | None) -
     return encode(y_hat, indexes)
 
 
-def _decode_latents(coded: Coded, parts: list[Indexes], support: Support) -> list[Integers]:
+def _decode_latents(
+    coded: Pcgcv1Stream, parts: list[TableIndexes], support: CodedCubes
+) -> list[Integers]:
     if not parts:
         return []
     indexes = joined(np.concatenate, parts)
@@ -249,7 +255,7 @@ def _decode_latents(coded: Coded, parts: list[Indexes], support: Support) -> lis
     return np.split(decode(coded.latent, indexes), ends[:-1])
 
 
-def _support(positions: Voxels, weights: Weights) -> Support:
+def _support(positions: Voxels, weights: Pcgcv1Weights) -> CodedCubes:
     """The cubes and blocks of positions (n, 3) of blocks, or of cubes."""
     side = weights.shape.cube_size
     make = support_of if weights.shape.occupied_blocks else full_support

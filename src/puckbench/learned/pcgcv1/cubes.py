@@ -16,7 +16,7 @@ S = TypeVar("S", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Cubes:
+class OccupiedCubes:
     """Occupied cubes in the order of their positions.
 
     Parameters
@@ -41,11 +41,11 @@ class Cubes:
         """Voxels of each cube."""
         return np.diff(self.starts)
 
-    def selected(self, mask: NDArray[np.bool_]) -> Cubes:
+    def selected(self, mask: NDArray[np.bool_]) -> OccupiedCubes:
         """The cubes where a mask (m,) holds."""
         kept = np.repeat(mask, self.counts)
         starts = np.append(0, np.cumsum(self.counts[mask]))
-        return Cubes(self.side, self.positions[mask], starts, self.keys[kept])
+        return OccupiedCubes(self.side, self.positions[mask], starts, self.keys[kept])
 
     def keys_of(self, cube: int) -> Whole:
         """The keys of one cube's voxels."""
@@ -68,7 +68,7 @@ def in_order(positions: NDArray[np.integer[Any]]) -> Voxels:
     return rows[np.lexsort(rows.T[::-1])]
 
 
-def cubes_of(voxels: Voxels, side: int) -> Cubes:
+def cubes_of(voxels: Voxels, side: int) -> OccupiedCubes:
     """The cubes, at multiples of `side`, of voxels (n, 3) in any order, with duplicates or not."""
     above = voxels // side
     x, y, z = (voxels - above * side).T
@@ -78,7 +78,7 @@ def cubes_of(voxels: Voxels, side: int) -> Cubes:
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0).any(axis=1))]
     begins = np.append(True, (np.diff(rows[:, :3], axis=0) != 0).any(axis=1))
     starts = np.append(np.flatnonzero(begins), len(rows))
-    return Cubes(side, rows[begins, :3], starts, rows[:, 3])
+    return OccupiedCubes(side, rows[begins, :3], starts, rows[:, 3])
 
 
 def occupancy(keys: Whole, side: int) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from puckbench.learned.pcgcv1.model import PCGCv1, coded_blocks
 from puckbench.learned.pcgcv1.occupied_blocks import Bools
 
 
-class DeviceInference:
+class DeviceTransforms:
     """Transforms g_a, h_a and g_s of a model."""
 
     def __init__(self, model: PCGCv1) -> None:

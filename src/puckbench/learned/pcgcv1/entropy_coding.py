@@ -17,8 +17,8 @@ from puckbench.learned.adaptive_entropy import (
 )
 from puckbench.learned.entropy_bottleneck import FrequencyTable
 from puckbench.learned.pcgcv1.cubes import Whole
-from puckbench.learned.pcgcv1.laplace import OFFSETS, SCALES, Indexes, laplace_table
-from puckbench.learned.pcgcv1.occupied_blocks import Bools, Support
+from puckbench.learned.pcgcv1.laplace import OFFSETS, SCALES, TableIndexes, laplace_table
+from puckbench.learned.pcgcv1.occupied_blocks import Bools, CodedCubes
 from puckbench.learned.range_coding import (
     decode_groups,
     decode_latent,
@@ -55,7 +55,7 @@ def decode_hyper(data: bytes, where: Bools, tables: tuple[FrequencyTable, ...]) 
     return np.ascontiguousarray(np.moveaxis(whole, -1, 1))
 
 
-def encode_conditional(y_hat: Integers, indexes: Indexes) -> bytes:
+def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
     """Code integers of any shape with their tables, table by table."""
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
@@ -66,7 +66,7 @@ def encode_conditional(y_hat: Integers, indexes: Indexes) -> bytes:
     )
 
 
-def decode_conditional(data: bytes, indexes: Indexes) -> Integers:
+def decode_conditional(data: bytes, indexes: TableIndexes) -> Integers:
     """The integers of `encode_conditional`; InputError when damaged."""
     order, sizes = _by_table(indexes)
     parts = decode_groups(data, [(size, laplace_table(number)) for number, size in sizes])
@@ -76,7 +76,7 @@ def decode_conditional(data: bytes, indexes: Indexes) -> Integers:
     return whole
 
 
-def _by_table(indexes: Indexes) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
+def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
     """Values in the order of their tables, and for each table in use its number and its values."""
     tables = indexes.table.ravel()
     sizes = np.bincount(tables, minlength=SCALES * OFFSETS)
@@ -99,12 +99,12 @@ class LatentPositions:
     order: Whole
     neighbours: NeighbourTable
 
-    def encode(self, y_hat: Integers, indexes: Indexes) -> bytes:
+    def encode(self, y_hat: Integers, indexes: TableIndexes) -> bytes:
         """Code integers (n, channels), cube by cube, given their tables."""
         prior = _prior(indexes, self.order)
         return encode_with_contexts(y_hat[self.order], self.neighbours, prior)
 
-    def decode(self, data: bytes, indexes: Indexes) -> Integers:
+    def decode(self, data: bytes, indexes: TableIndexes) -> Integers:
         """The integers (n, channels) of `encode`; InputError when the data are damaged."""
         y_hat = np.empty(indexes.table.shape, np.int32)
         prior = _prior(indexes, self.order)
@@ -112,7 +112,7 @@ class LatentPositions:
         return y_hat
 
 
-def latent_positions(support: Support) -> LatentPositions | None:
+def latent_positions(support: CodedCubes) -> LatentPositions | None:
     """The positions in cubes; None if there are none, too many, or too far apart for their keys."""
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
@@ -126,13 +126,13 @@ def latent_positions(support: Support) -> LatentPositions | None:
     return LatentPositions(order, pyramid(keys[order], 0)[0][0].neighbours)
 
 
-def _prior(indexes: Indexes, order: Whole) -> Prior:
+def _prior(indexes: TableIndexes, order: Whole) -> Prior:
     used, number = np.unique(indexes.table[order], return_inverse=True)
     tables = tuple(map(laplace_table, used.tolist()))
     return Prior(tables, number.reshape(indexes.table.shape), indexes.centre[order])
 
 
-def checksum(indexes: Indexes) -> int:
+def checksum(indexes: TableIndexes) -> int:
     """CRC-32 of the tables of a batch: a decoder with other ones must stop."""
     return zlib.crc32(indexes.centre.tobytes(), zlib.crc32(indexes.table.tobytes()))
 

@@ -62,7 +62,7 @@ class Transforms(Protocol):
         """
 
 
-class Inference:
+class CpuTransforms:
     """The transforms on a CPU; kernels are rearranged once."""
 
     def __init__(self, model: PCGCv1) -> None:
@@ -176,23 +176,23 @@ def quantised(features: Tensor) -> Integers:
 
 
 @dataclass(frozen=True)
-class Kernel:
+class ConvolutionKernel:
     """Kernel and bias of a convolution."""
 
     kernel: Tensor
     bias: Tensor | None
 
 
-def _kernel(layer: nn.Conv3d) -> Kernel:
+def _kernel(layer: nn.Conv3d) -> ConvolutionKernel:
     bias = None if layer.bias is None else layer.bias.detach()
-    return Kernel(_channels_last(layer.weight.detach()), bias)
+    return ConvolutionKernel(_channels_last(layer.weight.detach()), bias)
 
 
-def _strided_conv(features: Tensor, layer: Kernel) -> Tensor:
+def _strided_conv(features: Tensor, layer: ConvolutionKernel) -> Tensor:
     return _conv3d(_channels_last(pad(features, (0, 1) * 3)), layer, [2, 2, 2], 0)
 
 
-def _conv3d(features: Tensor, layer: Kernel, stride: list[int], padding: int) -> Tensor:
+def _conv3d(features: Tensor, layer: ConvolutionKernel, stride: list[int], padding: int) -> Tensor:
     """conv3d by oneDNN where available; PyTorch would choose a slower algorithm for one image."""
     if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
@@ -206,7 +206,7 @@ def _conv3d(features: Tensor, layer: Kernel, stride: list[int], padding: int) ->
 class StripConv:
     """A 3x3x3 convolution that computes `joint` voxels along z jointly."""
 
-    layer: Kernel
+    layer: ConvolutionKernel
     out: int
     joint: int
 
@@ -222,7 +222,7 @@ def _strip_conv(layer: Conv) -> StripConv:
     joint = max(1, min(_TILE, _LANES // layer.out_channels))
     kernel = joint_kernel(layer.weight.detach(), joint, axis=4)
     bias = cast(Tensor, layer.bias).detach().repeat(joint)
-    return StripConv(Kernel(_channels_last(kernel), bias), layer.out_channels, joint)
+    return StripConv(ConvolutionKernel(_channels_last(kernel), bias), layer.out_channels, joint)
 
 
 def joint_kernel(kernel: Tensor, joint: int, axis: int) -> Tensor:
@@ -232,13 +232,13 @@ def joint_kernel(kernel: Tensor, joint: int, axis: int) -> Tensor:
     return torch.cat(moved)
 
 
-def _tile_kernel(layer: Conv) -> Kernel:
+def _tile_kernel(layer: Conv) -> ConvolutionKernel:
     kernel = joint_kernel(layer.weight.detach(), _TILE, axis=4)
     bias = cast(Tensor, layer.bias).detach().repeat(_TILE**2)
-    return Kernel(_channels_last(joint_kernel(kernel, _TILE, axis=3)), bias)
+    return ConvolutionKernel(_channels_last(joint_kernel(kernel, _TILE, axis=3)), bias)
 
 
-def _logits(features: Tensor, layer: Kernel) -> Tensor:
+def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
     """The layer with one output for each voxel of (1, c, s, t, u): (s, t, u)."""
     sides = features.shape[2:]
     found = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
@@ -254,7 +254,9 @@ class PolyphaseConv:
     products with zeros of one large kernel. Both parities of z are computed jointly.
     """
 
-    layers: tuple[tuple[Kernel, Kernel], tuple[Kernel, Kernel]]
+    layers: tuple[
+        tuple[ConvolutionKernel, ConvolutionKernel], tuple[ConvolutionKernel, ConvolutionKernel]
+    ]
     out: int
 
     def apply(self, features: Tensor) -> Tensor:
@@ -274,10 +276,10 @@ def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
     kernel = layer.weight.detach().transpose(0, 1)
     bias = cast(Tensor, layer.bias).detach().repeat(2)
 
-    def one(x: int, y: int) -> Kernel:
+    def one(x: int, y: int) -> ConvolutionKernel:
         part = _taps(_taps(kernel, x, axis=2), y, axis=3)
         even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
-        return Kernel(_channels_last(torch.cat([even, odd])), bias)
+        return ConvolutionKernel(_channels_last(torch.cat([even, odd])), bias)
 
     return PolyphaseConv(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
 
@@ -311,7 +313,7 @@ def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
 
 
 @dataclass(frozen=True)
-class ResidualBlock:
+class InferenceVoxceptionResNet:
     """A Voxception-ResNet block."""
 
     conv1_1: StripConv
@@ -321,12 +323,12 @@ class ResidualBlock:
     conv2_3: MatrixConv
 
 
-def _residual_blocks(blocks: nn.Module) -> list[ResidualBlock]:
+def _residual_blocks(blocks: nn.Module) -> list[InferenceVoxceptionResNet]:
     return [_residual_block(block) for block in cast(Iterable[VoxceptionResNet], blocks)]
 
 
-def _residual_block(block: VoxceptionResNet) -> ResidualBlock:
-    return ResidualBlock(
+def _residual_block(block: VoxceptionResNet) -> InferenceVoxceptionResNet:
+    return InferenceVoxceptionResNet(
         _strip_conv(block.conv1_1),
         _strip_conv(block.conv1_2),
         _matrix_conv(block.conv2_1),
@@ -335,7 +337,7 @@ def _residual_block(block: VoxceptionResNet) -> ResidualBlock:
     )
 
 
-def _apply_blocks(blocks: list[ResidualBlock], features: Tensor) -> Tensor:
+def _apply_blocks(blocks: list[InferenceVoxceptionResNet], features: Tensor) -> Tensor:
     """Apply blocks one after the other; `features` is overwritten."""
     features = _channels_last(features)
     rows = _rows(features)

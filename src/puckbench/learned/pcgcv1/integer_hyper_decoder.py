@@ -23,7 +23,7 @@ from torch import Tensor
 from torch.nn.functional import conv3d, conv_transpose3d
 
 from puckbench.core.errors import InputError
-from puckbench.learned.pcgcv1.laplace import UNITS, Indexes, build_indexes
+from puckbench.learned.pcgcv1.laplace import UNITS, TableIndexes, build_indexes
 from puckbench.learned.pcgcv1.model import HyperSynthesis
 
 _WEIGHT_UNITS = 2**16
@@ -56,7 +56,7 @@ class IntegerHyperSynthesis:
             torch.cat([head.kernel for head in heads]), torch.cat([head.bias for head in heads])
         )
 
-    def tables(self, z_hat: NDArray[np.int32]) -> Indexes:
+    def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
         """The tables of y (latent_channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
             features = (

@@ -36,7 +36,7 @@ _TAIL_SCALES = 13.9
 Whole = NDArray[np.int64]
 
 
-class Indexes(NamedTuple):
+class TableIndexes(NamedTuple):
     """Tables of the values of a latent.
 
     Parameters
@@ -50,26 +50,26 @@ class Indexes(NamedTuple):
     table: NDArray[np.uint16]
     centre: NDArray[np.int32]
 
-    def rows(self, blocks: NDArray[np.bool_]) -> Indexes:
+    def rows(self, blocks: NDArray[np.bool_]) -> TableIndexes:
         """Those of the blocks that are coded, as `rows_of` selects them."""
-        return Indexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
+        return TableIndexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
 
 
 Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
 
 
-def joined(join: Join, parts: Sequence[Indexes]) -> Indexes:
+def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
     """Several parts as one, joined by a function such as `numpy.stack`."""
-    return Indexes(join([part.table for part in parts]), join([part.centre for part in parts]))
+    return TableIndexes(join([part.table for part in parts]), join([part.centre for part in parts]))
 
 
-def build_indexes(location: Whole, scale: Whole) -> Indexes:
+def build_indexes(location: Whole, scale: Whole) -> TableIndexes:
     """The tables of values with locations and scales in integers of 1 / `UNITS`."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)
     table = level << OFFSET_BITS | offset & (OFFSETS - 1)
-    return Indexes(table.astype(np.uint16), (offset >> OFFSET_BITS).astype(np.int32))
+    return TableIndexes(table.astype(np.uint16), (offset >> OFFSET_BITS).astype(np.int32))
 
 
 def _scale(level: Decimal) -> Decimal:

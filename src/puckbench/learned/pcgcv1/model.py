@@ -30,7 +30,7 @@ _Channels = Annotated[int, Field(ge=1, le=1024)]
 _Few = Annotated[int, Field(ge=1, le=64)]
 
 
-class Shape(Model):
+class Pcgcv1Shape(Model):
     """Sizes of the network, by default those of the paper.
 
     Parameters
@@ -124,10 +124,10 @@ def _blocks(channels: int, count: int) -> nn.Sequential:
     return nn.Sequential(*(VoxceptionResNet(channels) for _ in range(count)))
 
 
-class Analysis(nn.Module):
+class Pcgcv1Analysis(nn.Module):
     """Analysis transform g_a: from occupied voxels to the latent y at stride 4."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
         one, two, four = shape.channels
         self.conv_in = Conv(1, one)
@@ -145,10 +145,10 @@ class Analysis(nn.Module):
         return cast(Tensor, self.conv_out(features))
 
 
-class Synthesis(nn.Module):
+class Pcgcv1Synthesis(nn.Module):
     """Synthesis transform g_s: from the latent to a logit of occupancy for every voxel."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
         one, two, four = shape.channels
         self.conv_in = Conv(shape.latent_channels, four)
@@ -169,7 +169,7 @@ class Synthesis(nn.Module):
 class HyperAnalysis(nn.Module):
     """Hyper-analysis transform h_a: from the latent y to the hyper-latent z at stride 8."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
         channels, coded = shape.hyper_channels
         self.conv1 = Conv(shape.latent_channels, channels)
@@ -181,7 +181,7 @@ class HyperAnalysis(nn.Module):
         return cast(Tensor, self.conv3(self.conv2(self.conv1(y).relu()).relu()))
 
 
-class Laplacians(NamedTuple):
+class LaplaceParameters(NamedTuple):
     """Location and scale of the distribution of each value of y, (n, c, s, s, s) each."""
 
     location: Tensor
@@ -191,7 +191,7 @@ class Laplacians(NamedTuple):
 class HyperSynthesis(nn.Module):
     """Hyper-synthesis transform h_s: from the hyper-latent to the distributions of the latent."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
         channels, coded = shape.hyper_channels
         self.conv1 = Conv(coded, channels)
@@ -200,20 +200,20 @@ class HyperSynthesis(nn.Module):
         self.location = Conv(2 * channels, shape.latent_channels)
         self.scale = Conv(2 * channels, shape.latent_channels)
 
-    def forward(self, z_hat: Tensor) -> Laplacians:
+    def forward(self, z_hat: Tensor) -> LaplaceParameters:
         """z_hat (n, d, s / 2, s / 2, s / 2) to the distributions of y (n, c, s, s, s)."""
         features = self.conv3(self.conv2(self.conv1(z_hat).relu()).relu()).relu()
-        return Laplacians(self.location(features), self.scale(features).abs())
+        return LaplaceParameters(self.location(features), self.scale(features).abs())
 
 
 class PCGCv1(MultiRateNetwork):
     """Transforms g_a, g_s, h_a and h_s, and for each rate a bottleneck of z and gains of y."""
 
-    shape: Shape
+    shape: Pcgcv1Shape
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__(shape)
-        self.g_a, self.g_s = Analysis(shape), Synthesis(shape)
+        self.g_a, self.g_s = Pcgcv1Analysis(shape), Pcgcv1Synthesis(shape)
         self.h_a, self.h_s = HyperAnalysis(shape), HyperSynthesis(shape)
         self.add_rates(shape.hyper_channels[1])
 
@@ -222,7 +222,7 @@ class PCGCv1(MultiRateNetwork):
         return super().gain(rate)[:, None, None, None]
 
 
-def coded_blocks(shape: Shape, x: Tensor) -> Tensor:
+def coded_blocks(shape: Pcgcv1Shape, x: Tensor) -> Tensor:
     """Ones in the blocks whose latent is coded, zeros elsewhere.
 
     Parameters

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.learned.pcgcv1.cubes import Cubes, Voxels, Whole, in_order, most_likely
+from puckbench.learned.pcgcv1.cubes import OccupiedCubes, Voxels, Whole, in_order, most_likely
 
 STRIDE = 4
 """Voxels along an edge of a block; the hyper-latent has a position for 2x2x2 blocks."""
@@ -24,7 +24,7 @@ N = TypeVar("N", bound=np.number[Any])
 
 
 @dataclass(frozen=True)
-class Support:
+class CodedCubes:
     """Cubes that a network codes.
 
     Parameters
@@ -39,25 +39,25 @@ class Support:
     blocks: Bools
 
 
-def full_support(positions: Voxels, side: int) -> Support:
+def full_support(positions: Voxels, side: int) -> CodedCubes:
     """All blocks of the cubes at positions (m, 3)."""
     ordered, blocks = in_order(positions), side // STRIDE
-    return Support(ordered, np.ones((len(ordered), blocks, blocks, blocks), dtype=bool))
+    return CodedCubes(ordered, np.ones((len(ordered), blocks, blocks, blocks), dtype=bool))
 
 
-def blocks_of(cubes: Cubes) -> Voxels:
+def blocks_of(cubes: OccupiedCubes) -> Voxels:
     """Positions (n, 3), in blocks, of the occupied ones."""
     rows: Voxels = np.unique(cubes.voxels() // STRIDE, axis=0)
     return rows
 
 
-def support_of(blocks: Voxels, side: int) -> Support:
+def support_of(blocks: Voxels, side: int) -> CodedCubes:
     """The cubes of blocks at distinct positions (n, 3), in blocks."""
     across = side // STRIDE
     positions, cube = np.unique(blocks // across, axis=0, return_inverse=True)
     occupied = np.zeros((len(positions), across, across, across), dtype=bool)
     occupied[(cube.ravel(), *(blocks % across).T)] = True
-    return Support(positions.reshape(-1, 3), occupied)
+    return CodedCubes(positions.reshape(-1, 3), occupied)
 
 
 def pooled(blocks: Bools) -> Bools:

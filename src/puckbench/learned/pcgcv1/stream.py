@@ -37,7 +37,7 @@ _CHECK = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
-class Batch:
+class CubeBatch:
     """Up to `BATCH` cubes: check sum of the tables of their latents, and their hyper-latents."""
 
     check: int
@@ -45,7 +45,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Coded:
+class Pcgcv1Stream:
     """A cloud coded by the network.
 
     Parameters
@@ -84,10 +84,10 @@ class Coded:
     counts: bytes
     sparse: bytes
     latent: bytes
-    batches: tuple[Batch, ...]
+    batches: tuple[CubeBatch, ...]
 
 
-def write_stream(coded: Coded) -> bytes:
+def write_stream(coded: Pcgcv1Stream) -> bytes:
     """The stream of a coded cloud; InputError when its cubes are too many for its size."""
     parts = (coded.positions, coded.counts, coded.sparse, coded.latent)
     numbers = [*map(len, parts), coded.cubes]
@@ -101,7 +101,7 @@ def write_stream(coded: Coded) -> bytes:
     return _FRAMING.framed(body)
 
 
-def _batch_bytes(batch: Batch) -> bytes:
+def _batch_bytes(batch: CubeBatch) -> bytes:
     return _CHECK.pack(batch.check) + base_128(len(batch.hyper)) + batch.hyper
 
 
@@ -110,7 +110,7 @@ def _max_cubes(body: bytes) -> int:
     return 64 + len(body)
 
 
-def check_work(coded: Coded, side: int, kept: int) -> None:
+def check_work(coded: Pcgcv1Stream, side: int, kept: int) -> None:
     """InputError for cubes, of a side in voxels, that would keep a decoder busy for too long.
 
     kept: voxels of all cubes that are decoded.
@@ -123,12 +123,12 @@ def check_work(coded: Coded, side: int, kept: int) -> None:
         raise InputError(f"{kept} voxels are too many for {size} bytes")
 
 
-def max_sparse(coded: Coded) -> int:
+def max_sparse(coded: Pcgcv1Stream) -> int:
     """Voxels coded without the network, at most; in sparse cubes one takes more than half a bit."""
     return min(_SPARSE + _SPARSE_PER_BYTE * len(coded.sparse), 2**21)
 
 
-def read_stream(stream: bytes) -> Coded:
+def read_stream(stream: bytes) -> Pcgcv1Stream:
     """Parse a stream; the number of cubes is checked against its size before any work begins.
 
     Raises
@@ -140,7 +140,7 @@ def read_stream(stream: bytes) -> Coded:
     return _read_body(Reader(body))
 
 
-def _read_body(reader: Reader) -> Coded:
+def _read_body(reader: Reader) -> Pcgcv1Stream:
     digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(
         reader.take(_HEADER.size)
     )
@@ -152,10 +152,12 @@ def _read_body(reader: Reader) -> Coded:
     batches = tuple(_read_batch(reader) for _ in range(-(-cubes // BATCH)))
     if reader.at != len(reader.body):
         raise InputError("the stream is damaged (its length)")
-    return Coded(digest, rate, scale, cubes, bool(context_mixing), points_per_voxel, positions,
-                 counts, sparse, latent, batches)  # fmt: skip
+    return Pcgcv1Stream(
+        digest, rate, scale, cubes, bool(context_mixing), points_per_voxel, positions, counts,
+        sparse, latent, batches,
+    )  # fmt: skip
 
 
-def _read_batch(reader: Reader) -> Batch:
+def _read_batch(reader: Reader) -> CubeBatch:
     check = _CHECK.unpack(reader.take(_CHECK.size))[0]
-    return Batch(check, reader.take(reader.number()))
+    return CubeBatch(check, reader.take(reader.number()))

@@ -22,15 +22,15 @@ from puckbench.learned.gains import parameter_groups
 from puckbench.learned.pcgcv1.laplace import likelihood
 from puckbench.learned.pcgcv1.model import PCGCv1, coded_blocks
 from puckbench.learned.pcgcv1.occupied_blocks import STRIDE
-from puckbench.learned.pcgcv1.training_settings import Training
+from puckbench.learned.pcgcv1.training_settings import Pcgcv1Training
 from puckbench.learned.sparse.voxels import Keys, morton_voxels
-from puckbench.learned.training.loop import Trainer as BaseTrainer
+from puckbench.learned.training.loop import BaseTrainer
 
 BETA = 3.0
 _MIN_RATE_WEIGHT = 0.01
 
 
-class Loss(NamedTuple):
+class Pcgcv1Loss(NamedTuple):
     """The loss of a batch.
 
     Parameters
@@ -53,7 +53,7 @@ class Loss(NamedTuple):
 def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
-) -> Loss:  # fmt: skip
+) -> Pcgcv1Loss:  # fmt: skip
     """The loss at a rate of cubes x (n, 1, size, size, size) of zeros and ones, not all zero."""
     blocks = coded_blocks(model.shape, x)
     hyper_blocks = max_pool3d(blocks, 2)
@@ -71,7 +71,7 @@ def rate_distortion_loss(
     empty = softplus(logits[free]).sum() / free.sum().clamp_min(1)
     occupied = softplus(-logits[full]).mean()
     total = (lmbda * (beta * empty + occupied) + rate_weight * (bpp + hyper_bpp)) / math.sqrt(lmbda)
-    return Loss(total, empty, occupied, bpp, hyper_bpp)
+    return Pcgcv1Loss(total, empty, occupied, bpp, hyper_bpp)
 
 
 def _noisy(values: Tensor, noise: torch.Generator) -> Tensor:
@@ -86,17 +86,17 @@ def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
     return torch.from_numpy(cubes)
 
 
-class Trainer(BaseTrainer[PCGCv1, Loss]):
+class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
     """PCGCv1 in training, each step at a rate drawn at random."""
 
-    training: Training
+    training: Pcgcv1Training
 
-    def __init__(self, model: PCGCv1, training: Training) -> None:
+    def __init__(self, model: PCGCv1, training: Pcgcv1Training) -> None:
         # the memory layout in which a CPU's convolutions are fast, forwards and backwards
         ordered = model.to(memory_format=torch.channels_last_3d)  # type: ignore[call-overload]
         super().__init__(ordered, training, parameter_groups(model))
 
-    def step(self, clouds: Sequence[Keys]) -> Loss:
+    def step(self, clouds: Sequence[Keys]) -> Pcgcv1Loss:
         """One step on a batch of cubes."""
         cubes = dense_cubes(clouds, self.training.cube_size).to(self.model.log_gains.device)
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
@@ -104,13 +104,13 @@ class Trainer(BaseTrainer[PCGCv1, Loss]):
         lmbda, rate_weight = self.training.lmbdas[rate], self.rate_weight()
         loss = rate_distortion_loss(self.model, x, rate, lmbda, self.noise, rate_weight=rate_weight)
         self.optimiser_step(loss.total)
-        return Loss(*(value.detach() for value in loss))
+        return Pcgcv1Loss(*(value.detach() for value in loss))
 
     def rate_weight(self) -> float:
         """The weight of the rate in the loss: it grows from a hundredth to one."""
         warm_up = self.training.rate_warm_up * self.training.steps
         return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 
-    def row(self, loss: Loss) -> dict[str, float]:
+    def row(self, loss: Pcgcv1Loss) -> dict[str, float]:
         """The loss and its parts."""
         return {name: float(value) for name, value in loss._asdict().items()}

@@ -12,10 +12,10 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from puckbench.learned.training.settings import Channels, Lmbdas, MultiRateTraining
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv1.training import Trainer
+    from puckbench.learned.pcgcv1.training import Pcgcv1Trainer
 
 
-class Training(MultiRateTraining):
+class Pcgcv1Training(MultiRateTraining):
     """A training of PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
 
     Cubes may be smaller than those that the codec cuts, since the network is convolutional.
@@ -34,22 +34,22 @@ class Training(MultiRateTraining):
     rate_warm_up: PositiveFloat = 0.5
 
     @contextmanager
-    def trainer(self) -> Iterator[Trainer]:
+    def trainer(self) -> Iterator[Pcgcv1Trainer]:
         """A new model with its optimiser."""
         import torch
 
         from puckbench.learned.gains import initialise_gains
         from puckbench.learned.pcgcv1.initialisation import initialise
-        from puckbench.learned.pcgcv1.model import PCGCv1, Shape
-        from puckbench.learned.pcgcv1.training import Trainer
+        from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
+        from puckbench.learned.pcgcv1.training import Pcgcv1Trainer
         from puckbench.learned.training.loop import on_device
 
         torch.manual_seed(self.seed)
         rates = len(self.lmbdas)
-        model = PCGCv1(Shape(channels=self.channels, rates=rates, occupied_blocks=True))
+        model = PCGCv1(Pcgcv1Shape(channels=self.channels, rates=rates, occupied_blocks=True))
         initialise(model, self.cube_size)
         initialise_gains(model, self.lmbdas)
-        yield Trainer(on_device(model), self)
+        yield Pcgcv1Trainer(on_device(model), self)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""

@@ -24,10 +24,10 @@ from puckbench.core.files import read_bytes
 from puckbench.core.models import parsed
 from puckbench.learned.catalogue import PCGCV1
 from puckbench.learned.device import DeviceName, placed
-from puckbench.learned.pcgcv1.device_inference import DeviceInference
-from puckbench.learned.pcgcv1.inference import Inference, Transforms
+from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
+from puckbench.learned.pcgcv1.inference import CpuTransforms, Transforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
-from puckbench.learned.pcgcv1.model import PCGCv1, Shape
+from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from puckbench.learned.weights_file import Tables, load_multi_rate, save_multi_rate
 
 _BLOCK_LAYERS = ("conv1_1", "conv1_2", "conv2_1", "conv2_2", "conv2_3")
@@ -52,7 +52,7 @@ _KERNEL_AXES = (4, 3, 0, 1, 2)
 
 
 @dataclass(frozen=True)
-class Weights:
+class Pcgcv1Weights:
     """A network ready for coding; see `MultiRateWeights` for the other fields.
 
     Parameters
@@ -65,7 +65,7 @@ class Weights:
         Frequency tables of the hyper-latent.
     """
 
-    shape: Shape
+    shape: Pcgcv1Shape
     network: Transforms
     hyper_synthesis: IntegerHyperSynthesis
     lmbdas: tuple[float, ...]
@@ -74,25 +74,28 @@ class Weights:
     card: Mapping[str, Any]
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+def load_weights(path: Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
     """Read a set of ours or one of the authors' archives; InputError when it is neither.
 
     Transform h_s stays on the CPU, whose double precision is exact.
     """
     found = load_multi_rate(
-        path, PCGCV1, lambda sizes: PCGCv1(parsed(Shape, sizes, f"{path}: shape")), load_published
+        path,
+        PCGCV1,
+        lambda sizes: PCGCv1(parsed(Pcgcv1Shape, sizes, f"{path}: shape")),
+        load_published,
     )
     with naming(path):
         hyper_synthesis = IntegerHyperSynthesis(found.model.h_s)
     rest = (found.lmbdas, found.tables, found.digest, found.card)
     model = found.model
-    network = Inference(model) if device == "cpu" else DeviceInference(placed(model, device))
-    return Weights(model.shape, network, hyper_synthesis, *rest)
+    network = CpuTransforms(model) if device == "cpu" else DeviceTransforms(placed(model, device))
+    return Pcgcv1Weights(model.shape, network, hyper_synthesis, *rest)
 
 
 def save_weights(
     path: Path, model: PCGCv1, lmbdas: tuple[float, ...], card: Mapping[str, Any]
-) -> Weights:
+) -> Pcgcv1Weights:
     """Write a network as a set of weights and return the set, as `load_weights` reads it."""
     save_multi_rate(path, PCGCV1, model, lmbdas, card)
     return load_weights(path)
@@ -101,7 +104,7 @@ def save_weights(
 def load_published(path: Path) -> PCGCv1:
     """Read an archive of the authors' variables; InputError when it is not one."""
     variables = _read(path)
-    model = PCGCv1(Shape())
+    model = PCGCv1(Pcgcv1Shape())
     try:
         model.load_state_dict(_translated(variables))
     except (KeyError, RuntimeError, ValueError) as error:
@@ -121,7 +124,7 @@ def _read(path: Path) -> dict[str, NDArray[np.float32]]:
 def _translated(variables: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
     """Parameters from the authors' variables; KeyError for a name that is not theirs."""
     names = dict(_names())
-    state = {"log_gains": torch.zeros(1, Shape().latent_channels)}
+    state = {"log_gains": torch.zeros(1, Pcgcv1Shape().latent_channels)}
     for name, value in variables.items():
         layer, _, kind = name.rpartition("/")
         kernel = kind == "kernel"
@@ -135,7 +138,7 @@ def _names() -> Iterator[tuple[str, str]]:
     """The authors' names of layers, and of the variables of the entropy bottleneck, and ours."""
     yield from _LAYERS.items()
     parts = {"analysis": "g_a", "synthesis": "g_s"}
-    blocks = range(Shape().blocks)
+    blocks = range(Pcgcv1Shape().blocks)
     for part, scale, block, layer in product(parts, range(3), blocks, _BLOCK_LAYERS):
         theirs = f"{part}_transform/vrn{scale + 1}_{block + 1}/{layer}"
         yield theirs, f"{parts[part]}.blocks.{scale}.{block}.{layer}"

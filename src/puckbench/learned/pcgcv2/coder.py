@@ -21,8 +21,14 @@ from puckbench.learned.entropy_bottleneck import FrequencyTable
 from puckbench.learned.grid_level import voxel_size
 from puckbench.learned.pcgcv2 import device_inference, inference
 from puckbench.learned.pcgcv2.model import SCALES
-from puckbench.learned.pcgcv2.stream import ALL_TOOLS, MAX_VOXELS, Block, Coded, Tools
-from puckbench.learned.pcgcv2.weights import Weights
+from puckbench.learned.pcgcv2.stream import (
+    ALL_TOOLS,
+    MAX_VOXELS,
+    CodedBlock,
+    CodingTools,
+    Pcgcv2Stream,
+)
+from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
 from puckbench.learned.point_reconstruction import (
     SiblingBlocks,
     concatenated,
@@ -34,7 +40,7 @@ from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import (
     AXIS_BITS,
     Keys,
-    Voxels,
+    VoxelSet,
     morton_keys,
     morton_voxels,
     pyramid,
@@ -47,7 +53,7 @@ STRIDE = 2**SCALES
 
 
 @dataclass(frozen=True)
-class Coder:
+class Pcgcv2Coder:
     """Encoder and decoder of voxels at one rate of a set of weights.
 
     Parameters
@@ -68,15 +74,15 @@ class Coder:
         Decode as many points as were coded, not one for each voxel.
     """
 
-    weights: Weights
+    weights: Pcgcv2Weights
     rate: int
     rho: float = 1.0
     max_voxels: int = MAX_VOXELS
     threads: int | None = None
-    tools: Tools = ALL_TOOLS
+    tools: CodingTools = ALL_TOOLS
     point_reconstruction: bool = True
 
-    def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Coded:
+    def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
         """Code voxels.
 
         Parameters
@@ -103,9 +109,11 @@ class Coder:
         if self.point_reconstruction:
             density = points_per_voxel(len(voxels), len(keys), self.rho)
         digest = self.weights.digest
-        return Coded(digest, self.rate, (x, y, z), blocks, quarter_octaves, self.tools, density)
+        return Pcgcv2Stream(
+            digest, self.rate, (x, y, z), blocks, quarter_octaves, self.tools, density
+        )
 
-    def decode(self, coded: Coded) -> Floats:
+    def decode(self, coded: Pcgcv2Stream) -> Floats:
         """The points (n, 3) of a stream made with these weights; InputError when it is damaged."""
         with thread_pool(self.threads) as pool, torch.no_grad():
             parts = [self._decode_block(block, coded.tools, pool) for block in coded.blocks]
@@ -113,31 +121,33 @@ class Coder:
         shifted: Floats = points + np.array(coded.origin)
         return shifted * voxel_size(coded.quarter_octaves)
 
-    def _encode_block(self, keys: Keys, pool: ThreadPool) -> Block:
+    def _encode_block(self, keys: Keys, pool: ThreadPool) -> CodedBlock:
         analyse = inference.analyse if self._on_cpu() else device_inference.analyse
         found = analyse(self.weights.model, keys, pool)
         y_hat = np.rint(found.y * self._gain()).astype(np.int32)
         fine, two, four = found.counts
         counts = (max(1, round(self.rho * fine)), two, four, len(found.coarse))
         coordinates = encode_voxels(morton_voxels(found.coarse.keys))
-        return Block(counts, coordinates, self._encode_latent(y_hat, found.coarse))
+        return CodedBlock(counts, coordinates, self._encode_latent(y_hat, found.coarse))
 
-    def _encode_latent(self, y_hat: Integers, coarse: Voxels) -> bytes:
-        if Tools.CONTEXT_MIXING in self.tools:
+    def _encode_latent(self, y_hat: Integers, coarse: VoxelSet) -> bytes:
+        if CodingTools.CONTEXT_MIXING in self.tools:
             prior = factorised_prior(self._tables(), len(coarse))
             return encode_with_contexts(y_hat, coarse.neighbours, prior)
         return encode_latent(y_hat, self._tables())
 
-    def _decode_block(self, block: Block, tools: Tools, pool: ThreadPool) -> SiblingBlocks:
+    def _decode_block(
+        self, block: CodedBlock, tools: CodingTools, pool: ThreadPool
+    ) -> SiblingBlocks:
         coarse = pyramid(_coarse_keys(block), 0, pool)[0][0]
         y_hat = self._decode_latent(block, coarse, tools).astype(np.float32) / self._gain()
-        child_per_parent = Tools.CHILD_PER_PARENT in tools
+        child_per_parent = CodingTools.CHILD_PER_PARENT in tools
         network, counts = self.weights.model, block.counts[:3]
         synthesise = inference.synthesise if self._on_cpu() else device_inference.synthesise
         return synthesise(network, y_hat, coarse, counts, pool, child_per_parent)
 
-    def _decode_latent(self, block: Block, coarse: Voxels, tools: Tools) -> Integers:
-        if Tools.CONTEXT_MIXING in tools:
+    def _decode_latent(self, block: CodedBlock, coarse: VoxelSet, tools: CodingTools) -> Integers:
+        if CodingTools.CONTEXT_MIXING in tools:
             prior = factorised_prior(self._tables(), len(coarse))
             return decode_with_contexts(block.latent, coarse.neighbours, prior)
         return decode_latent(block.latent, len(coarse), self._tables())
@@ -153,7 +163,7 @@ class Coder:
         return device_of(self.weights.model).type == "cpu"
 
 
-def _coarse_keys(block: Block) -> Keys:
+def _coarse_keys(block: CodedBlock) -> Keys:
     voxels = decode_voxels(block.coordinates, block.counts[3])
     if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
         raise InputError("the stream is damaged (coordinates)")

@@ -9,17 +9,17 @@ import torch
 from numpy.typing import NDArray
 
 from puckbench.learned.device import device_of
-from puckbench.learned.pcgcv2.inference import Analysed, decoded_blocks
+from puckbench.learned.pcgcv2.inference import AnalysisResult, decoded_blocks
 from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
 from puckbench.learned.point_reconstruction import SiblingBlocks
 from puckbench.learned.sparse.convolution import device_neighbourhood
 from puckbench.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.layers import kept_children
 from puckbench.learned.sparse.thread_pool import ThreadPool
-from puckbench.learned.sparse.voxels import Keys, Voxels, pyramid, selected_children
+from puckbench.learned.sparse.voxels import Keys, VoxelSet, pyramid, selected_children
 
 
-def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
+def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
     """As `inference.analyse`."""
     device = device_of(model)
     sets, child_maps = pyramid(keys, SCALES, pool)
@@ -28,13 +28,13 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
     ]
     y = model.g_a(sites, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
-    return Analysed(y.cpu().numpy(), sets[SCALES], counts)
+    return AnalysisResult(y.cpu().numpy(), sets[SCALES], counts)
 
 
 def synthesise(
     model: PCGCv2,
     y_hat: NDArray[np.float32],
-    coarse: Voxels,
+    coarse: VoxelSet,
     counts: Sequence[int],
     pool: ThreadPool,
     child_per_parent: bool = True,

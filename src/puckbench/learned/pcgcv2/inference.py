@@ -36,7 +36,7 @@ from puckbench.learned.sparse.voxels import (
     CHILDREN,
     ChildMap,
     Keys,
-    Voxels,
+    VoxelSet,
     morton_voxels,
     pyramid,
     selected_children,
@@ -136,7 +136,7 @@ def residual_block(
 
 
 @dataclass(frozen=True)
-class Buffers:
+class FeatureBuffers:
     """Three arrays that the layers of a scale pass features through."""
 
     first: Tensor
@@ -144,14 +144,19 @@ class Buffers:
     hidden: Tensor
 
 
-def _buffers(pool: ThreadPool, rows: int, children: int, channels: int) -> Buffers:
+def _buffers(pool: ThreadPool, rows: int, children: int, channels: int) -> FeatureBuffers:
     sizes = {"first": channels, "second": channels, "hidden": channels // 2}
     flat = {name: pool.shared.take(name, rows * children * size) for name, size in sizes.items()}
-    return Buffers(**{name: flat[name].view(rows, children, size) for name, size in sizes.items()})
+    return FeatureBuffers(
+        **{name: flat[name].view(rows, children, size) for name, size in sizes.items()}
+    )
 
 
 def _residual_blocks(
-    features: Tensor, blocks: Iterable[InceptionResNet], where: Neighbourhood, buffers: Buffers
+    features: Tensor,
+    blocks: Iterable[InceptionResNet],
+    where: Neighbourhood,
+    buffers: FeatureBuffers,
 ) -> Tensor:
     for block in blocks:
         other = buffers.second if features is buffers.first else buffers.first
@@ -160,7 +165,7 @@ def _residual_blocks(
 
 
 @dataclass(frozen=True)
-class Analysed:
+class AnalysisResult:
     """What g_a makes of a block of voxels.
 
     Parameters
@@ -174,11 +179,11 @@ class Analysed:
     """
 
     y: NDArray[np.float32]
-    coarse: Voxels
+    coarse: VoxelSet
     counts: tuple[int, int, int]
 
 
-def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
+def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
     """Apply g_a to voxels in Morton order."""
     sets, child_maps = pyramid(keys, SCALES, pool)
     features = _conv0(model, sets[0], pool)
@@ -186,10 +191,10 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> Analysed:
         where = neighbourhood(sets[scale + 1].neighbours, voxel_kernel_map(), pool)
         features = _analysis_scale(model, scale, features, child_maps[scale], where)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
-    return Analysed(features[:, 0].numpy().copy(), sets[SCALES], counts)
+    return AnalysisResult(features[:, 0].numpy().copy(), sets[SCALES], counts)
 
 
-def _conv0(model: PCGCv2, voxels: Voxels, pool: ThreadPool) -> Tensor:
+def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
     """The first convolution and its ReLU: (n, 1, c). Its input is one wherever there is a voxel."""
     kernel, bias = model.g_a.conv0.kernel.detach()[:, 0], model.g_a.conv0.bias.detach()
     into = _buffers(pool, len(voxels), 1, len(bias)).first
@@ -241,7 +246,7 @@ def _downsampled(
 def synthesise(
     model: PCGCv2,
     y_hat: NDArray[np.float32],
-    coarse: Voxels,
+    coarse: VoxelSet,
     counts: Sequence[int],
     pool: ThreadPool,
     child_per_parent: bool = True,
@@ -280,7 +285,7 @@ def synthesise(
 
 
 def decoded_blocks(
-    parents: Voxels, logits: NDArray[np.float32], kept: NDArray[np.int64]
+    parents: VoxelSet, logits: NDArray[np.float32], kept: NDArray[np.int64]
 ) -> SiblingBlocks:
     """The decoded voxels, by their slots ``8 * parent + child``, with logits (m, 8) of all."""
     chosen = np.zeros(logits.shape, dtype=bool)
@@ -297,7 +302,7 @@ def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
 
 
 def _synthesis_scale(
-    model: PCGCv2, scale: int, features: Tensor, parents: Voxels, pool: ThreadPool
+    model: PCGCv2, scale: int, features: Tensor, parents: VoxelSet, pool: ThreadPool
 ) -> tuple[Tensor, Tensor]:
     """Features (m, 8, d) of all children and their logits (m, 8)."""
     layers, kernel_map = model.g_s.scale(scale), block_kernel_map()

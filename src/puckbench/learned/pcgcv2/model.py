@@ -35,7 +35,7 @@ _Channels = Annotated[int, Field(ge=1, le=1024)]
 _Few = Annotated[int, Field(ge=1, le=64)]
 
 
-class Shape(Model):
+class Pcgcv2Shape(Model):
     """Sizes of the network, by default those of the paper.
 
     Parameters
@@ -75,7 +75,7 @@ class InceptionResNet(nn.Module):
         return features + torch.cat([out0, self.conv1_2(out1)], dim=2)
 
 
-class Blocks(nn.ModuleList):
+class InceptionResNetBlocks(nn.ModuleList):
     """Inception-ResNet blocks, one after the other."""
 
     def __init__(self, channels: int, count: int) -> None:
@@ -97,7 +97,7 @@ class AnalysisScale(nn.Module):
     def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
         super().__init__()
         self.down = StridedConvolution(channels, inner)
-        self.blocks = Blocks(inner, blocks)
+        self.blocks = InceptionResNetBlocks(inner, blocks)
         self.conv = SparseConvolution(inner, out)
 
     def forward(self, features: Tensor, child_map: ChildMap, where: Neighbourhood) -> Tensor:
@@ -107,10 +107,10 @@ class AnalysisScale(nn.Module):
         return result
 
 
-class Analysis(nn.Module):
+class Pcgcv2Analysis(nn.Module):
     """Analysis transform g_a: from occupied voxels to the latent y at stride 8."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()
         channels = shape.channels
         outs = [*channels[1:-1], shape.latent_channels]
@@ -141,7 +141,7 @@ class SynthesisScale(nn.Module):
         super().__init__()
         self.up = GenerativeTransposedConvolution(channels, inner)
         self.conv = SparseConvolution(inner, inner)
-        self.blocks = Blocks(inner, blocks)
+        self.blocks = InceptionResNetBlocks(inner, blocks)
         self.conv_cls = SparseConvolution(inner, 1)
 
     def forward(self, features: Tensor, where: Neighbourhood) -> tuple[Tensor, Tensor]:
@@ -151,10 +151,10 @@ class SynthesisScale(nn.Module):
         return children, self.conv_cls(children, where)[:, :, 0]
 
 
-class Synthesis(nn.Module):
+class Pcgcv2Synthesis(nn.Module):
     """Synthesis transform g_s: from the latent at stride 8 to occupancy, scale by scale."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()
         channels = (shape.latent_channels, *shape.channels[2::-1])
         self.scales = nn.ModuleList(
@@ -169,10 +169,10 @@ class Synthesis(nn.Module):
 class PCGCv2(MultiRateNetwork):
     """Transforms g_a and g_s, and for each rate an entropy bottleneck and gains of y."""
 
-    shape: Shape
+    shape: Pcgcv2Shape
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__(shape)
-        self.g_a = Analysis(shape)
-        self.g_s = Synthesis(shape)
+        self.g_a = Pcgcv2Analysis(shape)
+        self.g_s = Pcgcv2Synthesis(shape)
         self.add_rates(shape.latent_channels)

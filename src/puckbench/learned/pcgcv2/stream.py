@@ -37,7 +37,7 @@ _HEADER = struct.Struct("<8sBBBH")
 
 
 @dataclass(frozen=True)
-class Block:
+class CodedBlock:
     """A part of a cloud.
 
     Parameters
@@ -55,7 +55,7 @@ class Block:
     latent: bytes
 
 
-class Tools(IntFlag):
+class CodingTools(IntFlag):
     """Coding tools that the authors' program does not have."""
 
     CHILD_PER_PARENT = 1
@@ -64,11 +64,11 @@ class Tools(IntFlag):
     """The latent is coded with context mixing, not with the entropy bottleneck's tables alone."""
 
 
-ALL_TOOLS = Tools.CHILD_PER_PARENT | Tools.CONTEXT_MIXING
+ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 
 @dataclass(frozen=True)
-class Coded:
+class Pcgcv2Stream:
     """A cloud coded by the network.
 
     Parameters
@@ -92,9 +92,9 @@ class Coded:
     digest: bytes
     rate: int
     origin: tuple[int, int, int]
-    blocks: tuple[Block, ...]
+    blocks: tuple[CodedBlock, ...]
     quarter_octaves: int = 0
-    tools: Tools = ALL_TOOLS
+    tools: CodingTools = ALL_TOOLS
     points_per_voxel: int = 0
 
     @property
@@ -108,7 +108,7 @@ def write_raw(points: Floats) -> bytes:
     return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
 
 
-def write_coded(coded: Coded) -> bytes:
+def write_coded(coded: Pcgcv2Stream) -> bytes:
     """The stream of a coded cloud; InputError when a decoder would refuse it."""
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
@@ -121,7 +121,7 @@ def write_coded(coded: Coded) -> bytes:
     return _FRAMING.framed(body, bytes([_NETWORK]))
 
 
-def read_stream(stream: bytes) -> Coded | Floats:
+def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
     """Parse a stream; the counts in it are checked against its size before any work begins.
 
     Returns
@@ -147,7 +147,7 @@ def _read_raw(body: bytes) -> Floats:
     return points
 
 
-def _read_coded(body: bytes) -> Coded:
+def _read_coded(body: bytes) -> Pcgcv2Stream:
     reader = Reader(body)
     header = _HEADER.unpack(reader.take(_HEADER.size))
     digest, rate, quarter_octaves, tools, points_per_voxel = header
@@ -157,13 +157,15 @@ def _read_coded(body: bytes) -> Coded:
     blocks = tuple(_read_block(reader) for _ in range(min(reader.number(), MAX_BLOCKS)))
     if reader.at != len(body) or not blocks:
         raise InputError("the stream is damaged (its length)")
-    coded = Coded(digest, rate, origin, blocks, quarter_octaves, Tools(tools), points_per_voxel)
+    coded = Pcgcv2Stream(
+        digest, rate, origin, blocks, quarter_octaves, CodingTools(tools), points_per_voxel
+    )
     _check_work(coded, body)
     check_points_per_voxel(points_per_voxel, coded.voxels)
     return coded
 
 
-def _check_work(coded: Coded, body: bytes) -> None:
+def _check_work(coded: Pcgcv2Stream, body: bytes) -> None:
     """InputError for voxels that would keep a decoder busy for too long for the stream's size."""
     coarse = sum(sum(block.counts[1:]) for block in coded.blocks)
     if (
@@ -174,11 +176,11 @@ def _check_work(coded: Coded, body: bytes) -> None:
         raise InputError(f"too many voxels for a stream of {len(body)} bytes")
 
 
-def _read_block(reader: Reader) -> Block:
+def _read_block(reader: Reader) -> CodedBlock:
     fine, two, four, eight, coordinates, latent = (reader.number() for _ in range(6))
     counts = (fine, two, four, eight)
     _check_counts(counts)
-    return Block(counts, reader.take(coordinates), reader.take(latent))
+    return CodedBlock(counts, reader.take(coordinates), reader.take(latent))
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:

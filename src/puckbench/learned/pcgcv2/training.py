@@ -29,20 +29,20 @@ from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import (
     CHILDREN,
     Keys,
-    Voxels,
+    VoxelSet,
     keys_of_slots,
     pyramid,
     selected_children,
 )
 from puckbench.learned.training.examples import batch
-from puckbench.learned.training.loop import Trainer as BaseTrainer
+from puckbench.learned.training.loop import BaseTrainer
 from puckbench.learned.training.settings import MultiRateTraining
 
 SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 """Of strides 4, 2 and 1 in the loss; their sum is the authors'."""
 
 
-class Loss(NamedTuple):
+class Pcgcv2Loss(NamedTuple):
     """The loss of a batch.
 
     Parameters
@@ -62,7 +62,7 @@ class Loss(NamedTuple):
 
 def rate_distortion_loss(
     model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
-) -> Loss:
+) -> Pcgcv2Loss:
     """The loss at a rate of voxels in Morton order (n,)."""
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
@@ -75,11 +75,11 @@ def rate_distortion_loss(
     bpp = bits / len(keys)
     distortion = torch.stack(cross_entropies) @ torch.tensor(SCALE_WEIGHTS, device=device)
     total = (lmbda * distortion + bpp) / math.sqrt(lmbda)
-    return Loss(total, tuple(cross_entropies), bpp)
+    return Pcgcv2Loss(total, tuple(cross_entropies), bpp)
 
 
 def _cross_entropies(
-    model: PCGCv2, features: Tensor, sets: list[Voxels], pool: ThreadPool
+    model: PCGCv2, features: Tensor, sets: list[VoxelSet], pool: ThreadPool
 ) -> list[Tensor]:
     found, parents = [], sets[SCALES]
     for scale in range(SCALES):
@@ -97,7 +97,7 @@ def _cross_entropies(
     return found
 
 
-def _occupied(parents: Voxels, truth: Keys) -> NDArray[np.bool_]:
+def _occupied(parents: VoxelSet, truth: Keys) -> NDArray[np.bool_]:
     """Which of all children of the parents are in a set of keys, ascending."""
     candidates = keys_of_slots(parents.keys, np.arange(CHILDREN * len(parents)))
     nearest = np.minimum(np.searchsorted(truth, candidates), len(truth) - 1)
@@ -105,7 +105,7 @@ def _occupied(parents: Voxels, truth: Keys) -> NDArray[np.bool_]:
     return occupied
 
 
-class Trainer(BaseTrainer[PCGCv2, Loss]):
+class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
     """PCGCv2 in training, each step at a rate drawn at random."""
 
     training: MultiRateTraining
@@ -114,7 +114,7 @@ class Trainer(BaseTrainer[PCGCv2, Loss]):
         super().__init__(model, training, parameter_groups(model))
         self.pool = pool
 
-    def step(self, clouds: Sequence[Keys]) -> Loss:
+    def step(self, clouds: Sequence[Keys]) -> Pcgcv2Loss:
         """One step on a batch of cubes."""
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         lmbda = self.training.lmbdas[rate]
@@ -122,9 +122,9 @@ class Trainer(BaseTrainer[PCGCv2, Loss]):
         loss = rate_distortion_loss(self.model, keys, rate, lmbda, self.pool, self.noise)
         self.optimiser_step(loss.total)
         cross_entropies = tuple(value.detach() for value in loss.cross_entropies)
-        return Loss(loss.total.detach(), cross_entropies, loss.bpp.detach())
+        return Pcgcv2Loss(loss.total.detach(), cross_entropies, loss.bpp.detach())
 
-    def row(self, loss: Loss) -> dict[str, float]:
+    def row(self, loss: Pcgcv2Loss) -> dict[str, float]:
         """Loss, bits of a candidate voxel at each stride, bits of the latent per point."""
         names = ("loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
         values = (loss.total, *loss.cross_entropies, loss.bpp)

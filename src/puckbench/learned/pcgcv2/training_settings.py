@@ -10,30 +10,30 @@ from typing import TYPE_CHECKING, Any
 from puckbench.learned.training.settings import Channels, MultiRateTraining
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv2.training import Trainer
+    from puckbench.learned.pcgcv2.training import Pcgcv2Trainer
 
 
-class Training(MultiRateTraining):
+class Pcgcv2Training(MultiRateTraining):
     """A training of PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
 
     channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
 
     @contextmanager
-    def trainer(self) -> Iterator[Trainer]:
+    def trainer(self) -> Iterator[Pcgcv2Trainer]:
         """A new model with its optimiser."""
         import torch
 
         from puckbench.learned.gains import initialise_gains
-        from puckbench.learned.pcgcv2.model import PCGCv2, Shape
-        from puckbench.learned.pcgcv2.training import Trainer
+        from puckbench.learned.pcgcv2.model import PCGCv2, Pcgcv2Shape
+        from puckbench.learned.pcgcv2.training import Pcgcv2Trainer
         from puckbench.learned.sparse.thread_pool import thread_pool
         from puckbench.learned.training.loop import on_device
 
         torch.manual_seed(self.seed)
-        model = PCGCv2(Shape(channels=self.channels, rates=len(self.lmbdas)))
+        model = PCGCv2(Pcgcv2Shape(channels=self.channels, rates=len(self.lmbdas)))
         initialise_gains(model, self.lmbdas)
         with thread_pool() as pool:
-            yield Trainer(on_device(model), self, pool)
+            yield Pcgcv2Trainer(on_device(model), self, pool)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""

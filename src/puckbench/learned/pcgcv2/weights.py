@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.models import parsed
 from puckbench.learned.catalogue import PCGCV2
 from puckbench.learned.device import DeviceName, placed
-from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Shape
+from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from puckbench.learned.weights_file import (
     MultiRateWeights,
     load_multi_rate,
@@ -22,16 +22,19 @@ from puckbench.learned.weights_file import (
     save_multi_rate,
 )
 
-Weights = MultiRateWeights[PCGCv2]
+Pcgcv2Weights = MultiRateWeights[PCGCv2]
 _BLOCK_LAYERS = ("conv0_0", "conv0_1", "conv1_0", "conv1_1", "conv1_2")
 _PARTS = {"encoder": "g_a", "decoder": "g_s"}
 _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factors"}
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
+def load_weights(path: Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
     """Read a set of ours or one of the authors' checkpoints; InputError when it is neither."""
     found = load_multi_rate(
-        path, PCGCV2, lambda sizes: PCGCv2(parsed(Shape, sizes, f"{path}: shape")), load_published
+        path,
+        PCGCV2,
+        lambda sizes: PCGCv2(parsed(Pcgcv2Shape, sizes, f"{path}: shape")),
+        load_published,
     )
     placed(found.model, device)
     return found
@@ -39,7 +42,7 @@ def load_weights(path: Path, device: DeviceName = "cpu") -> Weights:
 
 def save_weights(
     path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
-) -> Weights:
+) -> Pcgcv2Weights:
     """Write a network as a set of weights and return the set, as `load_weights` reads it."""
     save_multi_rate(path, PCGCV2, model, lmbdas, card)
     return load_weights(path)
@@ -57,7 +60,7 @@ def load_published(path: Path) -> PCGCv2:
         The file is not such a checkpoint.
     """
     checkpoint = _read(path)
-    model = PCGCv2(Shape())
+    model = PCGCv2(Pcgcv2Shape())
     try:
         model.load_state_dict(_translated(checkpoint))
     except (KeyError, RuntimeError) as error:
@@ -85,7 +88,7 @@ def _translated(checkpoint: dict[str, dict[str, Tensor]]) -> dict[str, Tensor]:
     for (own, theirs), layer in product(_BOTTLENECK.items(), range(4)):
         found = checkpoint["entropy_bottleneck"][f"{theirs}.{layer}"]
         state[f"entropy_bottlenecks.0.{own}.{layer}"] = found
-    state["log_gains"] = torch.zeros(1, Shape().latent_channels)
+    state["log_gains"] = torch.zeros(1, Pcgcv2Shape().latent_channels)
     return state
 
 
@@ -99,7 +102,7 @@ def _names() -> dict[tuple[str, str], str]:
         names["decoder", f"up{scale}"] = f"{g_s}.up"
         names["decoder", f"conv{scale}"] = f"{g_s}.conv"
         names["decoder", f"conv{scale}_cls"] = f"{g_s}.conv_cls"
-        for part, block, layer in product(_PARTS, range(Shape().blocks), _BLOCK_LAYERS):
+        for part, block, layer in product(_PARTS, range(Pcgcv2Shape().blocks), _BLOCK_LAYERS):
             own = f"{_PARTS[part]}.scales.{scale}.blocks.{block}.{layer}"
             names[part, f"block{scale}.{block}.{layer}"] = own
     return names

@@ -18,8 +18,8 @@ from puckbench.learned.reno.inference import (
 )
 from puckbench.learned.reno.layers import Cumulative, Symbols
 from puckbench.learned.reno.range_coder import decoded, encoded
-from puckbench.learned.reno.stream import MAX_BASE, MAX_LEVEL, Tree, check_work, max_nodes
-from puckbench.learned.reno.weights import VALUES, Weights
+from puckbench.learned.reno.stream import MAX_BASE, MAX_LEVEL, CodedTree, check_work, max_nodes
+from puckbench.learned.reno.weights import VALUES, RenoWeights
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import (
     CHILDREN,
@@ -41,13 +41,13 @@ OTHERWISE = (
 
 
 @dataclass(frozen=True)
-class Coder:
+class RenoCoder:
     """Encoder and decoder of voxels; the number of threads does not change the result."""
 
-    weights: Weights
+    weights: RenoWeights
     threads: int | None = None
 
-    def encode(self, keys: Keys) -> Tree:
+    def encode(self, keys: Keys) -> CodedTree:
         """Code voxels by their keys (n,), ascending and distinct.
 
         InputError where a decoder would refuse the stream.
@@ -65,11 +65,11 @@ class Coder:
         if max(nodes, default=0) > MAX_LEVEL:
             raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
         self._traverse(base, occupancy, len(nodes), code, sum(nodes))
-        tree = Tree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _check(keys))
+        tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _check(keys))
         check_work(tree, sum(nodes))
         return tree
 
-    def decode(self, tree: Tree) -> Keys:
+    def decode(self, tree: CodedTree) -> Keys:
         """The keys of a stream; InputError when they are not those that were coded."""
 
         def code(number: int, frequencies: Cumulative) -> Symbols:

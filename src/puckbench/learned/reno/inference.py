@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.learned.reno.layers import Cumulative, Symbols, convolution, head
-from puckbench.learned.reno.weights import VALUES, Floats32, Weights
+from puckbench.learned.reno.weights import VALUES, Floats32, RenoWeights
 from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
 
@@ -19,7 +19,7 @@ _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 
 
 def prior_features(
-    weights: Weights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
+    weights: RenoWeights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
 ) -> Floats32:
     """Features (n * channels,) of a level whose occupancy is known."""
     embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
@@ -27,7 +27,7 @@ def prior_features(
 
 
 def target_features(
-    weights: Weights,
+    weights: RenoWeights,
     parents: Floats32,
     slots: NDArray[np.int64],
     table: NeighbourTable,
@@ -66,7 +66,11 @@ def _residual_network(
 
 
 def predicted(
-    weights: Weights, half: int, features: Floats32, pool: ThreadPool, first: Symbols = _NO_SYMBOLS
+    weights: RenoWeights,
+    half: int,
+    features: Floats32,
+    pool: ThreadPool,
+    first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
     """Cumulative frequencies (n, 17) of first symbols (half 0), or of second ones given these."""
     own, predict = weights.heads[half], head(weights.channels)

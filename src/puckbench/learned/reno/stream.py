@@ -37,7 +37,7 @@ Triple = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
-class Tree:
+class CodedTree:
     """Coded voxels.
 
     Parameters
@@ -60,16 +60,16 @@ class Tree:
 
 
 @dataclass(frozen=True)
-class Coded:
+class RenoStream:
     """A coded cloud: identity of the weights, step (mm), offsets (131,072 mm), voxels."""
 
     digest: bytes
     posq: float
     offsets: Triple
-    tree: Tree
+    tree: CodedTree
 
 
-def write_stream(coded: Coded) -> bytes:
+def write_stream(coded: RenoStream) -> bytes:
     """The bytes of a coded cloud."""
     tree = coded.tree
     parts = [_HEADER.pack(coded.digest, tree.count, tree.check), *map(signed_128, coded.offsets)]
@@ -80,7 +80,7 @@ def write_stream(coded: Coded) -> bytes:
     return _FRAMING.framed(b"".join(parts))
 
 
-def read_stream(stream: bytes) -> Coded:
+def read_stream(stream: bytes) -> RenoStream:
     """Parse a stream; the counts in it are checked against its size before any work begins.
 
     Raises
@@ -100,15 +100,15 @@ def read_stream(stream: bytes) -> Coded:
     symbols = tuple(
         reader.take(_LENGTH.unpack(reader.take(_LENGTH.size))[0]) for _ in range(min(runs, 64))
     )
-    tree = Tree(base, occupancy, symbols, count, check)
+    tree = CodedTree(base, occupancy, symbols, count, check)
     _check_base(tree)
     if reader.at != len(reader.body) or len(symbols) != runs:
         raise InputError("the stream is damaged (its length)")
     check_work(tree, 0)
-    return Coded(digest, posq, offsets, tree)
+    return RenoStream(digest, posq, offsets, tree)
 
 
-def _check_base(tree: Tree) -> None:
+def _check_base(tree: CodedTree) -> None:
     levels, odd = divmod(len(tree.symbols), 2)
     side = 2 ** max(AXIS_BITS - levels - 1, 0)
     inside = not odd and tree.base.min() >= 0 and tree.base.max() < side
@@ -116,12 +116,12 @@ def _check_base(tree: Tree) -> None:
         raise InputError("the stream is damaged (its base)")
 
 
-def max_nodes(tree: Tree) -> int:
+def max_nodes(tree: CodedTree) -> int:
     """Voxels of all levels that the network codes, at most, for a stream of its size."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 
-def check_work(tree: Tree, nodes: int) -> None:
+def check_work(tree: CodedTree, nodes: int) -> None:
     """A damaged stream must not keep the decoder busy for long, and no encoder makes one.
 
     Parameters

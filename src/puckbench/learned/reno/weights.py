@@ -24,7 +24,7 @@ _HEADS = ("pred_head_s0", "pred_head_s1")
 
 
 @dataclass(frozen=True)
-class Head:
+class RenoHead:
     """Two linear layers, from features to the logits of a symbol: matrices (in, out), flat."""
 
     hidden: Floats32
@@ -34,7 +34,7 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Weights:
+class RenoWeights:
     """A network of `channels` channels, all arrays flat.
 
     Parameters
@@ -59,10 +59,10 @@ class Weights:
     symbol_embedding: Floats32
     prior: tuple[Floats32, ...]
     target: tuple[Floats32, ...]
-    heads: tuple[Head, Head]
+    heads: tuple[RenoHead, RenoHead]
 
 
-def load_weights(path: Path) -> Weights:
+def load_weights(path: Path) -> RenoWeights:
     """Read a checkpoint of the authors' program; InputError when it is none."""
     from puckbench.core.files import read_bytes
     from puckbench.learned.weights_file import digest_of, read_checkpoint
@@ -106,12 +106,12 @@ def shapes(channels: int) -> dict[str, tuple[int, ...]]:
     return found
 
 
-def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> Weights:
+def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
     prior, target = (
         tuple(arrays[f"{network}.{layer}.kernel"].ravel() for layer in _LAYERS)
         for network in _NETWORKS
     )
-    return Weights(
+    return RenoWeights(
         digest,
         arrays["prior_embedding.weight"].shape[1],
         arrays["prior_embedding.weight"].ravel(),
@@ -123,7 +123,7 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> Weights:
     )
 
 
-def _head(name: str, arrays: Mapping[str, Floats32]) -> Head:
+def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
     """PyTorch's linear layers hold their matrices as (out, in)."""
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
-    return Head(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])
+    return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

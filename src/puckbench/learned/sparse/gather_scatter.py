@@ -27,7 +27,7 @@ Segments = list[Tensor | None]
 """For each offset the features (m, count * channels) of its m pairs of rows; None if m is 0."""
 
 
-class Pairs(NamedTuple):
+class NeighbourPairs(NamedTuple):
     """The pairs of a row and its neighbour, offset by offset, by rising rows; none at the centre.
 
     Parameters
@@ -44,7 +44,7 @@ class Pairs(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Layout:
+class PairLayout:
     """Where a chunk's pairs of rows stand in flat memory, offset by offset.
 
     Offsets that join equally many children stand side by side.
@@ -70,7 +70,7 @@ class Layout:
 class GatherScatter(Protocol):
     """Gathers and scatters features between neighbouring rows, for a chunk of rows."""
 
-    def layout(self, kernel_map: KernelMap, rows: slice) -> Layout:
+    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
         """Where the chunk's pairs stand in memory for `segments`."""
 
     def gather(
@@ -107,7 +107,7 @@ class _Chunk(NamedTuple):
     """First pair of each offset of a chunk of rows, and where its pairs stand in memory."""
 
     firsts: NDArray[np.int64]
-    layout: Layout
+    layout: PairLayout
 
 
 class CompiledGatherScatter:
@@ -125,7 +125,7 @@ class CompiledGatherScatter:
             self._chunks[key] = _Chunk(firsts, layout_of(counts, kernel_map))
         return self._chunks[key]
 
-    def layout(self, kernel_map: KernelMap, rows: slice) -> Layout:
+    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
         """As in `GatherScatter`."""
         return self._chunk(kernel_map, rows).layout
 
@@ -184,7 +184,7 @@ class TorchGatherScatter:
             self._chunks[key] = list(zip(*parts, strict=True))
         return self._chunks[key]
 
-    def layout(self, kernel_map: KernelMap, rows: slice) -> Layout:
+    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
         """As in `GatherScatter`."""
         return layout_of(np.array([len(inside) for inside, _ in self._pairs(rows)]), kernel_map)
 
@@ -221,7 +221,7 @@ class TorchGatherScatter:
                 onto[target] = onto[target] + product.view(len(inside), len(children), -1)
 
 
-def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> Layout:
+def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
     """The layout of a chunk with so many pairs of rows at each offset (27,)."""
     sizes = (counts * kernel_map.counts)[kernel_map.order]
     ends, starts = np.cumsum(sizes), np.empty_like(counts)
@@ -230,10 +230,10 @@ def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> Layout:
     for children, offsets in kernel_map.groups:
         present = [offset for offset in offsets if pairs[offset]]
         groups.append((children, present, [pairs[offset] for offset in present]))
-    return Layout(counts, starts, int(ends[-1]), groups)
+    return PairLayout(counts, starts, int(ends[-1]), groups)
 
 
-def segments(room: Tensor, layout: Layout, width: int) -> Segments:
+def segments(room: Tensor, layout: PairLayout, width: int) -> Segments:
     """Views of flat memory as the pairs of rows of each offset."""
     found: Segments = [None] * OFFSETS
     at = 0
@@ -313,7 +313,7 @@ def _adder(width: int) -> Callable[..., None]:
 
 
 @compiled
-def _pairs_of(table: NDArray[np.int32]) -> Pairs:
+def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
     firsts = np.zeros(OFFSETS + 1, np.int64)
     for offset in range(OFFSETS):
         present = 0 if offset == CENTRE else (table[offset] >= 0).sum()
@@ -325,12 +325,12 @@ def _pairs_of(table: NDArray[np.int32]) -> Pairs:
             for row in range(table.shape[1]):  # without a branch that cannot be foreseen
                 rows[at], others[at] = row, table[offset, row]
                 at += table[offset, row] >= 0
-    return Pairs(firsts, rows[:-1], others[:-1])
+    return NeighbourPairs(firsts, rows[:-1], others[:-1])
 
 
 @compiled
 def _pairs_of_rows(
-    pairs: Pairs, first: int, last: int
+    pairs: NeighbourPairs, first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """First pair and number of pairs of each offset (27,) whose rows are in [first, last)."""
     firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)

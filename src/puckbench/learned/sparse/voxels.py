@@ -36,7 +36,7 @@ _X_LOWEST = np.array([2, 1, 0])
 
 
 @dataclass(frozen=True)
-class Voxels:
+class VoxelSet:
     """Distinct voxels in Morton order.
 
     Parameters
@@ -96,7 +96,7 @@ def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
 
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
-) -> tuple[list[Voxels], list[ChildMap]]:
+) -> tuple[list[VoxelSet], list[ChildMap]]:
     """A set of voxels and its coarser sets with their tables of neighbours.
 
     The tables are made from the coarsest set down: a child's neighbours are children of its
@@ -127,13 +127,13 @@ def pyramid(
     return voxels[::-1][: scales + 1], child_maps[:scales]
 
 
-def _root(keys: Keys) -> Voxels:
+def _root(keys: Keys) -> VoxelSet:
     table = np.full((OFFSETS, 1), -1, dtype=np.int32)
     table[CENTRE] = 0
-    return Voxels(keys, table)
+    return VoxelSet(keys, table)
 
 
-def children_voxels(parents: Voxels, keys: Keys, pool: ThreadPool | None = None) -> Voxels:
+def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
     """The set of some children of the parents, at least one of each, by their keys (n,)."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
@@ -148,7 +148,7 @@ def children_voxels(parents: Voxels, keys: Keys, pool: ThreadPool | None = None)
         work(slice(0, len(parents)))
     else:
         pool.map_chunks(len(parents), -(-len(parents) // pool.threads), work)
-    return Voxels(keys, table)
+    return VoxelSet(keys, table)
 
 
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
@@ -158,14 +158,14 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 
 
 def selected_children(
-    parents: Voxels, slots: NDArray[np.int64], pool: ThreadPool | None = None
-) -> Voxels:
+    parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
+) -> VoxelSet:
     """The set of the children in ascending slots; some parents may have none."""
     stays = np.zeros(len(parents), dtype=bool)
     stays[slots >> 3] = True
     row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
     table = parents.neighbours[:, stays]
-    left = Voxels(parents.keys[stays], np.where(table < 0, -1, row[table]))
+    left = VoxelSet(parents.keys[stays], np.where(table < 0, -1, row[table]))
     return children_voxels(left, keys_of_slots(parents.keys, slots), pool)
 
 

@@ -18,7 +18,7 @@ Voxels = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)
-class Examples:
+class CubeExamples:
     """Batches of cubes; a batch depends on its number and the seed alone.
 
     Parameters

@@ -17,7 +17,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.learned.device import placed
 from puckbench.learned.sparse.voxels import Keys
-from puckbench.learned.training.settings import Training
+from puckbench.learned.training.settings import BaseTraining
 from puckbench.learned.weights_file import read_checkpoint
 
 M = TypeVar("M", bound=nn.Module)
@@ -28,7 +28,7 @@ class OtherTrainingError(InputError):
     """A checkpoint is of another training than the one to resume."""
 
 
-class Trainer(ABC, Generic[M, L]):
+class BaseTrainer(ABC, Generic[M, L]):
     """A model in training with its optimiser, schedule and random numbers.
 
     Parameters
@@ -55,7 +55,7 @@ class Trainer(ABC, Generic[M, L]):
     """Gradients are clipped to this norm."""
 
     def __init__(
-        self, model: M, training: Training, groups: Sequence[Mapping[str, Any]] = ()
+        self, model: M, training: BaseTraining, groups: Sequence[Mapping[str, Any]] = ()
     ) -> None:
         self.model = model
         self.training = training
@@ -141,7 +141,7 @@ def on_device(model: M) -> M:
 
 
 def train(
-    trainer: Trainer[M, L],
+    trainer: BaseTrainer[M, L],
     clouds: Callable[[int], Sequence[Keys]],
     checkpoint: Path,
     every: int,

@@ -1,8 +1,8 @@
 """Settings of the training of learned codecs, as pydantic models.
 
-A codec that can be trained names in its entry (`training`) a class derived from `Training`, whose
-fields are the options that a configuration and ``puckbench train --options`` may set. PyTorch is
-not loaded to list and check them.
+A codec that can be trained names in its entry (`training`) a class derived from `BaseTraining`. The
+fields of the class are the options of a configuration and of ``puckbench train --options``. This
+module does not import PyTorch, so that options are listed and checked without it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from puckbench.core.models import Model
 
 if TYPE_CHECKING:
     from puckbench.geometry.cloud import Floats
-    from puckbench.learned.training.examples import Examples
-    from puckbench.learned.training.loop import Trainer
+    from puckbench.learned.training.examples import CubeExamples
+    from puckbench.learned.training.loop import BaseTrainer
 
 _MIN_VOXELS, _SIZE = 200, 64
 """Voxels of a cube of this size worth learning from; in smaller cubes in proportion to a face."""
@@ -38,7 +38,7 @@ Lmbdas = Annotated[tuple[PositiveFloat, ...], Field(min_length=1), AfterValidato
 """Lagrangian weights, in ascending order without duplicates."""
 
 
-class Training(Model, ABC):
+class BaseTraining(Model, ABC):
     """Settings of every training.
 
     Parameters
@@ -63,11 +63,11 @@ class Training(Model, ABC):
     seed: Annotated[int, Field(ge=0)] = 1
 
     @abstractmethod
-    def trainer(self) -> AbstractContextManager[Trainer[Any, Any]]:
+    def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
         """A new model with its optimiser; on CUDA if there, else on the CPU."""
 
     @abstractmethod
-    def examples(self, clouds: Sequence[Floats]) -> Examples:
+    def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
         """Batches of cubes of prepared clouds (n, 3)."""
 
     def begin(self, model: Any, weights: Path) -> None:
@@ -89,7 +89,7 @@ class Training(Model, ABC):
         return dict(known)
 
 
-class MultiRateTraining(Training):
+class MultiRateTraining(BaseTraining):
     """Settings of a training for several rates at once.
 
     Parameters
@@ -110,13 +110,13 @@ class MultiRateTraining(Training):
     min_kept_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
     mean_occupied_children: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
 
-    def examples(self, clouds: Sequence[Floats]) -> Examples:
+    def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
         """Cubes of the voxels of clouds (n, 3)."""
         from puckbench.learned.grid_level import on_dense_grids
-        from puckbench.learned.training.examples import Examples
+        from puckbench.learned.training.examples import CubeExamples
 
         voxels = [v for cloud in clouds for v in on_dense_grids(cloud, self.mean_occupied_children)]
-        return Examples(
+        return CubeExamples(
             voxels,
             self.cube_size,
             self.batch_size,
