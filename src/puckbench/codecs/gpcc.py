@@ -1,4 +1,4 @@
-"""G-PCC geometry as a codec: a grid, a bare stream of the standard, and what puckbench adds."""
+"""G-PCC's octree geometry, and the base of the codecs that code geometry on a grid as G-PCC."""
 
 from __future__ import annotations
 
@@ -61,9 +61,10 @@ class UnitOptions(Model):
 class GridOptions(UnitOptions):
     """How points come to the grid, and which of G-PCC's coding tools are used."""
 
-    profile: Literal["minimal", "ctc", "defaults"] = Field(
+    profile: Literal["minimal", "ctc", "spinning", "defaults"] = Field(
         "ctc",
-        description="coding tools: the octree alone, the common test conditions', TMC13's defaults",
+        description="coding tools: the octree alone; those of the common test conditions, or of "
+        "these for spinning sensors (without a sensor); TMC13's defaults",
     )
     rounding: Rounding = Field(
         "nearest", description="of coordinates; `truncate` as TMC13 reads floating-point files"
@@ -150,7 +151,7 @@ class OnGrid(NamedTuple):
 
 
 class OwnCodec(GridCodec):
-    """What the codecs that use our own coder have in common."""
+    """Base of the codecs that use our coder."""
 
     version = f"puckbench {__version__}"
 
@@ -182,12 +183,12 @@ class OwnCodec(GridCodec):
         return decode_geometry(stream).positions()
 
     @abstractmethod
-    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
-        """The bare stream of what is given, with a rate's parameters."""
+    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
+        """Encode points on the grid as a bare stream of the standard."""
 
 
 def scale_of(parameters: Parameters) -> float:
-    """What a rate multiplies coordinates by, in units of the grid."""
+    """Return the factor by which a rate multiplies coordinates, in units of the grid."""
     return float(parameters.get("scale", 1.0))
 
 
@@ -201,12 +202,14 @@ class Gpcc(OwnCodec):
     marker = "s"
     rank = 10
 
-    def _options(self, parameters: Parameters) -> GpccOptions:
-        merged = {"merge_duplicates": self._merges(parameters)}
-        return PROFILES[self.options.profile].model_copy(update=merged)
-
-    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.gpcc.coder import encode_geometry
 
-        tools = self._options(parameters)
-        return encode_geometry(given.positions, tools, given.scale, given.origin)
+        tools = self._tools(parameters)
+        return encode_geometry(points.positions, tools, points.scale, points.origin)
+
+    def _tools(self, parameters: Parameters) -> GpccOptions:
+        tools: dict[str, Any] = {"merge_duplicates": self._merges(parameters)}
+        if self.options.profile == "spinning" and self._loses(parameters):
+            tools["inferred_direct_coding_mode"] = 1
+        return PROFILES[self.options.profile].model_copy(update=tools)

@@ -46,11 +46,11 @@ class GpccAngular(SensorCodec):
     Options = AngularOptions
     options: AngularOptions
 
-    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.gpcc.coder import encode_geometry
 
         tools = self._tools(parameters)
-        return encode_geometry(given.positions, tools, given.scale, given.origin, given.sensor)
+        return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
 
     def _tools(self, parameters: Parameters) -> GpccOptions:
         """The coding tools of a rate: low nodes of its grid are of one height in metres."""

@@ -57,10 +57,10 @@ class GpccPredictive(SensorCodec):
     Options = TreeOptions
     options: TreeOptions
 
-    def _stream(self, given: OnGrid, parameters: Parameters) -> bytes:
+    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
         from puckbench.gpcc.predictive_coder import encode_predictive_geometry
 
-        positions, origin, scale, sensor = given
+        positions, origin, scale, sensor = points
         tools = self._tools(parameters, angular=sensor is not None)
         return encode_predictive_geometry(positions, tools, scale, origin, sensor)
 

@@ -37,6 +37,12 @@ PROFILES: dict[str, tuple[str, ...]] = {
     ),
     "defaults": (),
 }
+PROFILES["spinning"] = (
+    *PROFILES["ctc"],
+    "--maxNumQtBtBeforeOt=6",
+    "--planarModeIdcmUse=32",
+    "--planarBufferDisabled=1",
+)
 """Options of the program for each set of coding tools; what is not named is its default."""
 
 
@@ -84,9 +90,11 @@ class Tmc13(ExternalCodec, GridCodec):
                 positions, origin = quantise(points, grid, scale, self.options.rounding)
                 write_points(at / "in.ply", positions + origin, "float64")
                 scaling = ["--positionQuantizationScale=1", f"--externalScale={1 / scale!r}"]
-            merge = f"--mergeDuplicatedPoints={int(self._merges(parameters))}"
+            tools = [f"--mergeDuplicatedPoints={int(self._merges(parameters))}"]
+            if self.options.profile == "spinning":
+                tools.append(f"--inferredDirectCodingMode={1 if self._loses(parameters) else 3}")
             command = (
-                *(*self.programs, "--mode=0", "--disableAttributeCoding=1", merge),
+                *(*self.programs, "--mode=0", "--disableAttributeCoding=1", *tools),
                 *(*PROFILES[self.options.profile], *scaling),
                 f"--uncompressedDataPath={at / 'in.ply'}",
                 f"--compressedStreamPath={at / 'out.bin'}",

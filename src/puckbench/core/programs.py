@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from puckbench.core import launch
 from puckbench.core.errors import InputError
@@ -42,7 +43,9 @@ def run_program(
     words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]
     process = subprocess.run(words, capture_output=True, check=False)
     output = process.stderr.decode(errors="replace").strip()
-    end = json.loads(process.stdout) if process.returncode == 0 else {"status": "not started"}
+    end: dict[str, Any] = (
+        json.loads(process.stdout) if process.returncode == 0 else {"status": "not started"}
+    )
     if end["status"] != 0:
         last_line = output.rpartition("\n")[2][:_MAX_WORDS]
         raise InputError(f"{Path(command[0]).name} failed ({end['status']}: {last_line})")

@@ -86,3 +86,4 @@ SPINNING = {
 }
 """What MPEG's common test conditions for lossless coding of spinning sensors' frames change in the
 profile `ctc`. With loss they merge duplicates and code points of isolated nodes alone directly."""
+PROFILES["spinning"] = PROFILES["ctc"].model_copy(update=SPINNING)
