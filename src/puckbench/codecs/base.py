@@ -1,7 +1,7 @@
-"""What a codec is: a class with rates, `_encode` and `_decode`, registered under a name.
+"""The contract of codecs: a class with rates, `_encode` and `_decode`, registered under a name.
 
-What it codes with is here; what plans and figures need to know of it is in
-`puckbench.codecs.facts`. A codec of one's own is one file::
+This module has what encodes and decodes; `puckbench.codecs.facts` has what plans and figures need
+to know. A user's codec is one file::
 
     from puckbench.codecs.base import Codec
     from puckbench.codecs.registry import CODECS
@@ -51,7 +51,7 @@ __all__ = [
 
 
 class Availability(NamedTuple):
-    """Whether a codec can run here and, if not, why (one line)."""
+    """Whether a codec can run on this machine and, if not, the reason in one line."""
 
     ok: bool
     why: str = ""
@@ -61,29 +61,29 @@ class SharedWork(Protocol):
     """Work that the rates of one cloud share: the first call does it, later calls reuse it."""
 
     saved: Cost = NO_COST
-    """Cost of the work that the last call with this object did not do, since another one had."""
+    """Cost of the work that the last call reused."""
 
 
 class Codec(CodecFacts, ABC):
     """A codec of point-cloud geometry: points to a self-contained byte string, and back.
 
-    A subclass names its `rates` and implements `_encode` and `_decode`; everything else has a
-    default. Its module should import heavy packages inside of methods, since planning, figures and
-    ``puckbench codecs`` import it. A call depends on its arguments alone, never on earlier calls.
+    A subclass has `rates` and implements `_encode` and `_decode`; the rest has defaults. Its module
+    imports heavy packages inside methods, because planning, figures and ``puckbench codecs`` import
+    it. A call depends on its arguments alone, never on earlier calls.
     """
 
     magic: bytes = b""
-    """What its streams begin with, by which they are recognised."""
+    """First bytes of its streams, by which they are recognised."""
     bare_magic: bytes = b""
-    """First bytes of the reference program's streams, too few to recognise them by."""
+    """First bytes of the reference program's streams, which are too few to recognise them."""
     shifts_far_clouds: bool = True
-    """Whether clouds far from the origin are shifted to it before coding (`common.shift`)."""
+    """Whether clouds far from the origin are shifted to it before coding (`coding.shift`)."""
     is_single_precision: ClassVar[bool] = False
-    """Whether coordinates are coded from single precision, which wants a shift at fine steps."""
+    """Whether coordinates are coded in single precision, which needs the shift at fine steps."""
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether a stream can be decoded to a surface: the class implements `_decode_mesh`."""
+        """Whether streams can be decoded to surfaces: the class implements `_decode_mesh`."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
@@ -91,44 +91,34 @@ class Codec(CodecFacts, ABC):
         return Availability(True)
 
     def load(self) -> None:
-        """Do once, outside the timed calls, what a first call would pay for (weights, JIT)."""
+        """Load weights and compile, outside the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """The cost of the call that has just ended.
+        """Return the cost of the call that has just ended, given its cost in this process.
 
-        Parameters
-        ----------
-        here
-            Its cost in this process: all of it, unless the codec runs outside.
+        Both are equal unless the codec runs programs.
         """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """A new object for the calls that code one cloud at several rates; None by default.
+        """Return a new object for the calls that code one cloud at several rates; None by default.
 
-        A codec that has one implements `_encode_sharing`.
+        A codec that has such an object implements `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Code a cloud at a named rate: what the codec takes of it, points or returns.
+        """Encode the points or the returns of a cloud, whichever the codec takes.
 
-        Parameters
-        ----------
-        cloud
-            The cloud.
-        rate
-            One of `rates` or `metric_rates`.
-        shared
-            As for `encode`; coding of returns shares no work.
+        The arguments are those of `encode`; coding of returns shares no work.
 
         Raises
         ------
         InputError
-            As for `encode`, and where the codec takes returns and the cloud has none.
+            As for `encode`, and if the codec takes returns and the cloud has none.
         """
         if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
-            more = () if shared is None else (shared,)  # a class may have its `encode` without
+            more = () if shared is None else (shared,)  # a user's `encode` may not take it
             return self.encode(cloud.xyz, rate, *more)
         if cloud.returns is None:
             raise InputError(
@@ -137,15 +127,15 @@ class Codec(CodecFacts, ABC):
         return self.encode_returns(cloud.returns, rate)
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Code a spinning sensor's returns at a named rate; InputError as for `encode`."""
+        """Encode the returns of a spinning sensor; InputError as for `encode`."""
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """The cloud of a stream: its points and, where the codec codes them, returns."""
+        """Decode a cloud: its points and, if the codec codes them, its returns."""
         return PointCloud(self.decode(stream))
 
     def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Code points at a named rate.
+        """Encode points at a rate.
 
         Parameters
         ----------
@@ -154,12 +144,12 @@ class Codec(CodecFacts, ABC):
         rate
             One of `rates` or `metric_rates`.
         shared
-            What `shared_work` gave for this cloud; the stream is the same without it.
+            The object of `shared_work` for this cloud; the stream is the same without it.
 
         Returns
         -------
         bytes
-            All that the decoder needs.
+            The stream, which holds all that the decoder needs.
 
         Raises
         ------
@@ -180,12 +170,12 @@ class Codec(CodecFacts, ABC):
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
-        """Points (m, 3) in the coordinates of the input cloud, in any order.
+        """Decode points (m, 3) in the coordinates of the input cloud, in any order.
 
         Raises
         ------
         InputError
-            The stream is not this codec's, or damaged.
+            The stream is damaged, or another codec's.
         """
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
@@ -193,16 +183,16 @@ class Codec(CodecFacts, ABC):
         return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
-        """Triangles in the coordinates of the input cloud, where a codec codes surfaces.
+        """Decode the triangles of a surface, in the coordinates of the input cloud.
 
-        The labels say which geometric primitive each triangle lies on (kind and parameters as in
-        `puckbench.geometry.mesh`, in those coordinates too) and, as object, which piece of surface
-        it belongs to: a wall is one object however many primitives it was coded in.
+        Labels name the geometric primitive of each triangle (kind and parameters as in
+        `puckbench.geometry.mesh`, in the same coordinates) and its object: a wall is one object
+        even if it was coded as several primitives.
 
         Raises
         ------
         InputError
-            As for `decode`, for a codec that has no surfaces, and for a stream without one.
+            As for `decode`, and if the codec or the stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
@@ -210,17 +200,17 @@ class Codec(CodecFacts, ABC):
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        """The surfaces of a stream, where a codec codes surfaces; InputError as for `_decode`."""
+        """Decode the surfaces of a stream; InputError as for `_decode`."""
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """As `_encode`, with the object of `shared_work`; says in it what it saved."""
+        """As `_encode`, with the object of `shared_work`, whose `saved` it sets."""
         return self._encode(points, parameters)
 
     @abstractmethod
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        """Code points (n, 3), n >= 1 and finite, with a rate's parameters."""
+        """Encode finite points (n, 3), n >= 1, with the parameters of a rate."""
 
     @abstractmethod
     def _decode(self, stream: bytes) -> Floats:
-        """Points (m, 3) of a stream; InputError for a damaged or a foreign one."""
+        """Decode points (m, 3); InputError if the stream is damaged or another codec's."""

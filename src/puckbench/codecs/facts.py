@@ -1,4 +1,4 @@
-"""What plans, tables and figures need to know of a codec: name, style, rates, memory, pace."""
+"""What plans, tables and figures need to know about a codec: name, style, rates, memory, pace."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
-    """Rates of clouds in metres by their names (10mm): the parameter ``step_m``."""
+    """Return rates of clouds in metres: ``10mm`` has the parameter ``step_m`` 0.01."""
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
 class Memory(NamedTuple):
-    """Estimate of the memory of coding a cloud: MB, and bytes for each point of it."""
+    """Estimate of the memory that coding a cloud takes: MB, and bytes for each point."""
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
 
     def of(self, points: int) -> int:
-        """The estimate in MB for a number of points."""
+        """Return the estimate in MB for a number of points."""
         return int(self.base_mb) + int(points * self.bytes_per_point) // 1_000_000
 
 
 class Pace(NamedTuple):
-    """Estimate of the time of coding and decoding at one rate: s, and s for a million points.
+    """Estimate of the time of encoding and decoding at one rate: s, and s for a million points.
 
-    encoding: the share of encoding in it.
+    encoding: fraction of the time that encoding takes.
     """
 
     base_s: float = 0.1
@@ -46,65 +46,65 @@ class Pace(NamedTuple):
     encoding: float = 0.5
 
     def of(self, points: int) -> float:
-        """The estimate in s for a number of points."""
+        """Return the estimate in s for a number of points."""
         return self.base_s + self.per_million_s * points / 1_000_000
 
 
 class CodecFacts:
-    """What is known of a codec before it codes anything.
+    """Properties of a codec that hold before it codes anything.
 
     Parameters
     ----------
     name
-        Under which it runs and appears in tables.
+        Name of the codec in a run and in tables.
     rates, metric_rates
-        Parameters by the rate's name, the smallest bitrate first; the class's own by default.
+        Parameters by the rate's name, the smallest bitrate first; by default those of the class.
     options
-        Of the class's `Options`.
+        Values of the class's `Options`.
 
     Raises
     ------
     InputError
-        An option is unknown, or cannot have its value.
+        An option is unknown, or has a value that is not allowed.
     """
 
     title: str = ""
-    """In legends; its name by default."""
+    """Title in legends; by default the name."""
     use: str = ""
-    """What to take it for, in a few words."""
+    """What the codec is good for, in a few words."""
     colour: str = ""
-    """Of its curves, ``#rrggbb``; by default one that follows from its name."""
+    """Colour of its curves, ``#rrggbb``; by default derived from the name."""
     marker: str = ""
-    """Matplotlib's sign for its points; by default one that follows from its name."""
+    """Matplotlib marker of its points; by default derived from the name."""
     line: Line = "-"
     rank: int = 1000
-    """Its place in legends and lists; those of equal rank stand by name."""
+    """Position in legends and lists; codecs of equal rank are ordered by name."""
 
     rates: Mapping[str, Parameters] = MappingProxyType({})
-    """Of scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
+    """For scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
-    """Of clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
+    """For clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
     takes: ClassVar[Takes] = "points"
-    """What is coded of a cloud: its points, the returns of the sensor that measured it, or either:
-    returns of a cloud that has some, else points."""
+    """Input of the encoder: points, the returns of a spinning sensor, or either: returns if the
+    cloud has them, else points."""
     packets_alone: ClassVar[bool] = False
-    """Whether it codes returns of data packets alone, not those of virtual scans."""
+    """Whether only returns of recorded data packets are coded, not those of virtual scans."""
     Options: type[Model] = Model
-    """The model of its options; by default it has none."""
+    """Model of the options; by default there are none."""
     options: Any
     surfaces: bool = False
-    """Whether `decode_mesh` gives surfaces with labelled primitives."""
+    """Whether `decode_mesh` returns surfaces with labelled primitives."""
     memory: Memory = Memory()
     pace: Pace = Pace()
     training: str = ""
-    """``module:Class`` of the settings of its training, for a codec with weights of its own."""
+    """``module:Class`` of the settings of the training, for a codec with trained weights."""
     based_on: str = ""
-    """Name of the codec that it changes, for which it does not stand in any claim."""
+    """Name of the published codec that this one modifies, and never represents in a claim."""
     grid: float = 0.0
-    """Spacing of the grid that coordinates are rounded to at the finest rate, in units of the
-    input; 0 for a codec that adapts to the extent of the cloud."""
+    """Spacing of the grid of the finest rate, in units of the input; 0 for a codec whose grid
+    adapts to the extent of the cloud."""
     most_steps: ClassVar[float] = math.inf
-    """Steps of a rate that is a length, at most, that a cloud may extend along an axis."""
+    """Largest extent of a cloud along an axis, in steps of a rate that is a length."""
 
     def __init__(
         self,
@@ -125,75 +125,79 @@ class CodecFacts:
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates are steps of a scaled cloud's grid: not where an option `unit` is given."""
+        """Whether rates are steps of a scaled cloud's grid; not if the option `unit` is set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
-        """Which trained weights code at a rate, for the results table; most codecs have none."""
+        """Return the name of the trained weights of a rate, for the results table."""
         return ""
 
     def weights_files(self) -> list[Path]:
-        """The files of its weights, whose content a stream depends on; InputError if missing."""
+        """Return the files of the weights; InputError if they are missing."""
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
-        """The rates for clouds of a frame: lengths for those in metres; empty where it has none.
+        """Return the rates for clouds of a frame, which may be none.
 
-        With an option `unit` all rates are for clouds in metres.
+        If the option `unit` is set, all rates are for clouds in metres.
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Extent of a cloud along an axis, m, at most, where a rate is a length; else infinite.
+        """Return the largest extent of a cloud along an axis, m; infinite for scaled clouds.
 
-        Of wider clouds a run leaves this rate out.
+        A run leaves the rate out for wider clouds.
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
-        """Refuse a cloud whose frame is not that of the rates.
+        """Raise unless a cloud has the frame that the rates are for.
 
         Parameters
         ----------
         frame
-            Of the cloud; None if it is not known.
+            CoordinateFrame of the cloud; None if it is unknown.
         rate
-            The one that is wanted; all of the frame's if not given.
+            The requested rate; by default all rates of the frame.
 
         Raises
         ------
         InputError
-            Rates are steps of a scaled cloud's grid, and this is none; or they are lengths, and
-            this is not in metres.
+            The rates are for scaled clouds or for clouds in metres, and the cloud is not one.
         """
-        usual = self.rates_of(frame) or self.rates or self.metric_rates
-        wanted = usual if rate is None else (rate,)
-        if any(name in self.metric_rates for name in wanted):
-            if frame == "metric":
-                return
-            is_what = "is scaled" if frame else "does not say that it is in metres (--frame metric)"
-            instead = f": take one of {', '.join(self.rates)}" if self.rates else ""
-            raise InputError(
-                f"codec {self.name}: rates such as {next(iter(self.metric_rates))} are lengths, "
-                f"and the cloud {is_what}{instead}"
-            )
-        if not self.needs_scaled or frame == "scaled":
+        offered = self.rates_of(frame) or self.rates or self.metric_rates
+        requested = offered if rate is None else (rate,)
+        if any(name in self.metric_rates for name in requested):
+            self._check_metric(frame)
+        elif self.needs_scaled and frame != "scaled":
+            self._refuse_unscaled(frame)
+
+    def _check_metric(self, frame: CoordinateFrame | None) -> None:
+        if frame == "metric":
             return
-        is_what = "is in metres" if frame else "does not say whether it is scaled"
-        has_unit = hasattr(self.options, "unit")
-        metric = "" if frame else ", or say that it is (--frame scaled)"
-        metric += ", or give the codec a unit in metres (--entry)" if has_unit else ""
+        fault = "is scaled" if frame else "does not say that it is in metres (--frame metric)"
+        remedy = f": use one of {', '.join(self.rates)}" if self.rates else ""
+        raise InputError(
+            f"codec {self.name}: rates such as {next(iter(self.metric_rates))} are lengths, "
+            f"and the cloud {fault}{remedy}"
+        )
+
+    def _refuse_unscaled(self, frame: CoordinateFrame | None) -> None:
+        fault = "is in metres" if frame else "does not say whether it is scaled"
+        remedy = "" if frame else ", or say that it is (--frame scaled)"
         if frame and self.metric_rates:
-            metric = f", or take a rate of {', '.join(self.metric_rates)}"
+            remedy = f", or use a rate of {', '.join(self.metric_rates)}"
+        elif hasattr(self.options, "unit"):
+            remedy += ", or give the codec a unit in metres (--entry)"
         raise InputError(
             f"codec {self.name}: its rates are steps of a scaled cloud's grid, and the cloud "
-            f"{is_what}: prepare it (puckbench prepare, or encode --prepare){metric}"
+            f"{fault}: prepare it (puckbench prepare, or encode --prepare){remedy}"
         )
 
     def parameters_of(self, rate: str) -> Parameters:
-        """The parameters of a rate; InputError when there is none of the name."""
-        known = {**self.rates, **self.metric_rates}
-        if rate not in known:
-            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, known)}")
-        return known[rate]
+        """Return the parameters of a rate; InputError if there is none of the name."""
+        offered = {**self.rates, **self.metric_rates}
+        if rate not in offered:
+            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, offered)}")
+        return offered[rate]

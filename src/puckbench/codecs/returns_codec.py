@@ -1,4 +1,4 @@
-"""Codecs that code the returns of a spinning sensor, not the points that follow from them."""
+"""Codecs of the returns of a spinning sensor, from which the points follow."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """A rate's step of ranges in those of the sensor, at least one."""
+    """Return a rate's step of the range in quanta of the sensor, at least one."""
     return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
 
 
 class ReturnsCodec(Codec):
-    """A codec of returns; the points of a stream are those of the returns in it, or estimates.
+    """A codec of returns; decoded points are those of the decoded returns, or estimates.
 
-    A subclass names its `metric_rates` and implements `_encode_returns` and `_decode_returns`.
+    A subclass has `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Takes] = "returns"
     estimates: ClassVar[bool] = False
-    """Whether decoded points are estimates of the surface, not those of the decoded returns."""
+    """Whether decoded points are estimates of the surface instead of those of the returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Code returns at a named rate.
+        """Encode returns at a rate.
 
         Raises
         ------
         InputError
-            An unknown rate, no return, or returns that the codec cannot hold.
+            The rate is unknown, there is no return, or the codec cannot hold the returns.
         """
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
@@ -44,29 +44,29 @@ class ReturnsCodec(Codec):
             return self._encode_returns(returns, parameters)
 
     def decode_returns(self, stream: bytes) -> Returns:
-        """The returns of a stream; InputError for a damaged or a foreign one."""
+        """Decode returns; InputError if the stream is damaged or another codec's."""
         with naming(f"codec {self.name}"):
             return self._decode_returns(stream)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """The returns of a stream, and their points."""
+        """Decode returns and their points."""
         returns = self.decode_returns(stream)
         return PointCloud(returns.points(), returns=returns)
 
     def decode(self, stream: bytes) -> Floats:
-        """Points (m, 3) in metres in the sensor's frame."""
+        """Decode points (m, 3), m, in the sensor's frame."""
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError for returns that the codec cannot hold; by default it holds all."""
+        """Raise InputError if the codec cannot hold the returns; by default it holds all."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        """Code returns, at least one, with a rate's parameters."""
+        """Encode at least one return with the parameters of a rate."""
 
     @abstractmethod
     def _decode_returns(self, stream: bytes) -> Returns:
-        """The returns of a stream; InputError for a damaged or a foreign one."""
+        """Decode returns; InputError if the stream is damaged or another codec's."""
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         raise InputError(
