@@ -105,7 +105,10 @@ def test_a_cloud_of_22_bits_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "fault"),
     [
-        ({"profile": "best"}, "profile is 'best', but must be 'minimal', 'ctc' or 'defaults'"),
+        (
+            {"profile": "best"},
+            "profile is 'best', but must be 'minimal', 'ctc', 'spinning' or 'defaults'",
+        ),
         ({"rounding": "up"}, "rounding is 'up', but must be 'nearest' or 'truncate'"),
         ({"duplicates": "some"}, "duplicates is 'some', but must be 'merged', 'kept' or 'by_rate'"),
         ({"unit": 0}, "unit is 0, but must be greater than 0"),

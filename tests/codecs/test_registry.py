@@ -136,3 +136,37 @@ def test_codecs_are_listed_and_opened_without_heavy_packages() -> None:
 def test_the_memory_estimate_grows_with_the_points() -> None:
     for codec in codecs().values():
         assert codec.memory.of(2_000_000) > codec.memory.of(0) >= 400
+
+
+def test_a_variant_is_its_codec_with_other_options_rates_and_looks() -> None:
+    arena, gpcc = open_codec("gpcc_arena"), open_codec("gpcc")
+    assert isinstance(arena, type(gpcc))
+    assert arena.options.model_dump() == {
+        **gpcc.options.model_dump(), "profile": "defaults", "rounding": "truncate"
+    }  # fmt: skip
+    assert (arena.title, arena.metric_rates, arena.rates) == ("G-PCC (PCC Arena)", {}, gpcc.rates)
+    assert entry("gpcc_arena")["class"] == "puckbench.codecs.gpcc:Gpcc"
+
+
+def test_a_configuration_has_variants_of_its_own() -> None:
+    changes = {
+        "class": "gpcc_arena",
+        "title": "Coarse",
+        "colour": "#123456",
+        "options": {"rounding": "nearest"},
+        "rates": ["r1"],
+    }
+    codec = open_codec("coarse", changes)
+    assert (codec.name, codec.title, codec.colour, codec.marker) == (
+        "coarse",
+        "Coarse",
+        "#123456",
+        "X",
+    )
+    assert (codec.options.profile, codec.options.rounding) == ("defaults", "nearest")
+    assert open_codec("other", entry("coarse", changes)).options == codec.options
+
+
+def test_a_typing_error_in_a_variants_name_is_told() -> None:
+    with pytest.raises(InputError, match="did you mean 'gpcc_arena'"):
+        open_codec("gpcc_arna")

@@ -37,7 +37,7 @@ def test_every_key_of_the_configuration_has_its_table() -> None:
     [
         (config.SceneSetConfig, "| `loader` | required | Name of a loader"),
         (config.DataSetConfig, "| `points` | `500000` | Points sampled"),
-        (config.CodecConfig, "| `class` |  | Class of a codec of your own"),
+        (config.CodecConfig, "| `class` |  | Codec that it is a variant of"),
         (config.StudyConfig, "| `models` | `none, hdl64e, vlp16, vlp16_divergence, vlp16_inciden"),
         (config.RateDeltaConfig, '| `metrics` | `["d1_psnr", "d2_psnr"]` | Columns'),
     ],
