@@ -103,11 +103,11 @@ def _cell(column: Any, codec: str) -> str:
 
 def command_line() -> str:
     """Every command with its arguments, as its `--help` prints them."""
-    from puckbench.cli import COMMANDS
+    from puckbench.cli.registry import help_texts
 
     return "\n\n".join(
         f"## puckbench {name}\n\n{_sentence(text)}\n\n```text\n{_help(name)}\n```"
-        for name, text in COMMANDS.items()
+        for name, text in help_texts().items()
     )
 
 

@@ -11,8 +11,8 @@ import yaml
 
 from puckbench.core.errors import InputError
 from puckbench.figures.registry import FIGURES
-from puckbench.jobs.residuals import Residuals
 from puckbench.planning.workflow import Workflow
+from puckbench.thesis.jobs.residuals import Residuals
 
 ROOT = Path(__file__).parents[2]
 CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}

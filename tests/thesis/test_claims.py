@@ -26,7 +26,7 @@ from puckbench.thesis.claims.parts import (
 )
 from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.claims.table import claims, thesis_evidence
-from puckbench.thesis.representatives import verdict_options
+from puckbench.thesis.needs import claims_options
 
 ROOT = Path(__file__).parents[2]
 
@@ -231,7 +231,8 @@ def test_a_default_run_with_both_learned_codecs_tests_all_that_needs_them() -> N
     own = {"options": {"weights": "pcgcv2_objects"}, **rates}
     config["codecs"] = {"draco": {}, "gpcc": {}, "gpcc_arena": {}, "pcgcv1": own, "pcgcv2": own}
     plan = Plan(checked(config))
-    roles = verdict_options(plan)["claims"]
+    roles = claims_options(plan)
+    assert roles is not None
     columns = {name: falling(3) for name in ("cd_plane", "hausdorff_sq_plane")}
     columns |= {name: falling(0.8) for name in ("encode_s", "decode_s")}
     metrics = run(dict.fromkeys(plan.codecs, columns), tuple(plan.datasets), clouds=5).metrics

@@ -14,7 +14,7 @@ if SOURCE.is_dir():
 
 from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
-from puckbench.planning.closing import closing_lines
+from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.config import check_config_files
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder

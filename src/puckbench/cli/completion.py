@@ -16,9 +16,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """The script; it does not call Python while it completes."""
-    from puckbench.cli import COMMANDS, parser_of
+    from puckbench.cli import parser_of
+    from puckbench.cli.registry import help_texts
 
-    return script(parser_of(COMMANDS), options.shell)
+    return script(parser_of(help_texts()), options.shell)
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:

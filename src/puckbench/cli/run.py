@@ -13,7 +13,6 @@ from typing import Any
 
 from puckbench.cli.types import chosen, units, whole
 from puckbench.core.errors import InputError
-from puckbench.planning.closing import REPORT, closing_lines, summary_rows
 from puckbench.planning.config import read_config
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
 from puckbench.planning.outputs import OutputJobs
@@ -24,6 +23,7 @@ from puckbench.planning.own_files import (
     OwnRun,
     write_configuration,
 )
+from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
 from puckbench.planning.workflow import Workflow
 

@@ -22,10 +22,6 @@ from puckbench.core.registry import Registry
 from puckbench.core.signatures import annotated, caption_of
 from puckbench.geometry.cloud import CoordinateFrame
 
-BOTH_GPCC = "gpcc"
-"""Needed of a configuration: G-PCC with coordinates rounded and with coordinates truncated."""
-
-
 SPINS = "spins"
 """What a figure may need of a configuration: virtual spins, level and still, with their truth."""
 
@@ -50,7 +46,7 @@ class FigureEntry:
     thesis
         Number of the thesis's figure, which orders the report; empty for others.
     needs
-        What a configuration must have beside the inputs: as for a table, `BOTH_GPCC`, `SPINS`,
+        What a configuration must have beside the inputs: as for a table, `SPINS`,
         scans `at` a distance, or the name of an error model of its sensor study.
     frame
         Of the clouds whose results it draws; rows of others are left out.

@@ -11,11 +11,8 @@ from puckbench.codecs.registry import CODECS, codec_class
 from puckbench.core.errors import InputError, naming
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import (
-    BOTH_GPCC,
     FIGURES,
-    SPINS,
     FigureEntry,
-    at,
     figure_entries,
     figure_entry,
 )
@@ -27,27 +24,20 @@ from puckbench.jobs.joined import CloudsTable, LeftOut
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
-from puckbench.metrics.against_octree import OCTREE
 from puckbench.metrics.table_registry import (
-    OCTREE_AND_OTHERS,
     SENSOR,
-    SEVERAL_CODECS,
-    SEVERAL_NOISES,
-    SPINS_OR_RECORDINGS,
-    STUDY,
     TABLES,
     TableEntry,
     table_entries,
     table_entry,
 )
 from puckbench.planning.coding import CodingJobs
+from puckbench.planning.needs import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
 from puckbench.report.contents import Contents, add_own
 from puckbench.report.page import assets_version
-from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN
-from puckbench.thesis.representatives import codec_roles, verdict_options
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Drawn as soon as the first codec is through."""
@@ -123,14 +113,13 @@ class OutputJobs:
         """Where the report lists a table."""
         return table_entry(name).category
 
-    def table_options(self, table: str) -> dict[str, Any]:
-        """Options of a table's function."""
-        if table in self._verdicts:
-            return self._verdicts[table]
+    def table_options(self, table: str) -> Options:
+        """Options of a table's function: those of its needs, and those of the configuration."""
         if not table.startswith("bd_rate"):
-            return {}
+            needs = table_entry(table).needs
+            return {name: value for need in needs for name, value in self._met[need].items()}
         chosen = self.config.bd_rate
-        options: dict[str, Any] = {"anchor": self.anchor, "qualities": chosen.metrics}
+        options: Options = {"anchor": self.anchor, "qualities": chosen.metrics}
         if table == "bd_rate":
             options |= {"resamples": chosen.resamples, "seed": self.config.seed}
         return options
@@ -154,7 +143,7 @@ class OutputJobs:
             name: {needed: known[needed] for needed in entry.inputs}
             for name, entry in figure_entries().items()
             if known.keys() >= set(entry.inputs)
-            and self._there >= set(entry.needs)
+            and self._met.keys() >= set(entry.needs)
             and all(entry.frame in self._frames_of(needed) for needed in entry.inputs)
         }
 
@@ -283,16 +272,16 @@ class OutputJobs:
             for name, entry in table_entries().items()
             if not entry.gathered
             and inputs >= set(entry.inputs)
-            and self._there >= set(entry.needs)
+            and self._met.keys() >= set(entry.needs)
         }
 
     def _cloud_inputs(self) -> Inputs:
-        """Files of what chapter 6's figures are drawn from."""
+        """Files that figures of clouds and of results are drawn from."""
         examples = self.config.figures.examples.given()
         known = {f"example_{kind}": self._example(cloud) for kind, cloud in examples.items()}
         if self.plan.datasets:
-            verdicts = self._verdicts.keys() - {"claims"}
-            known |= {name: self._file(name) for name in ("metrics", "clouds", *verdicts)}
+            tables = ("metrics", "clouds", *self.result_tables)
+            known |= {name: self._file(name) for name in tables}
         if self.plan.scanned:
             known["scan_errors"] = self._file("scan_errors")
         if self.plan.recovered:
@@ -300,7 +289,7 @@ class OutputJobs:
         return known
 
     def _study_inputs(self) -> Inputs:
-        """Files of what chapter 5's figures and tables are made from."""
+        """Files that figures and tables of the sensor study are made from."""
         study = self.plan.study
         if study is None:
             return {}
@@ -313,25 +302,9 @@ class OutputJobs:
         return known
 
     @cached_property
-    def _verdicts(self) -> dict[str, dict[str, Any]]:
-        """The tables that hold results against the thesis, with their options."""
-        return verdict_options(self.plan)
-
-    @cached_property
-    def _there(self) -> set[str]:
-        """What the configuration has of that which figures and tables may need."""
-        plan = self.plan
-        there = {BOTH_GPCC} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else set()
-        there |= set(self._verdicts)
-        if plan.datasets and len(plan.codecs) > 1:
-            there.add(SEVERAL_CODECS)
-        in_metres = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
-        if OCTREE in in_metres and len(in_metres) > 1:
-            there.add(OCTREE_AND_OTHERS)
-        there |= _of_spins(plan)
-        if plan.study is None:
-            return there
-        return there | {STUDY, *map(at, plan.study.all_distances_m), *plan.study.models}
+    def _met(self) -> dict[str, Options]:
+        """Needs of tables and figures that the plan meets, with the options that they give."""
+        return met_needs(self.plan)
 
     def _example(self, name: str) -> str:
         dataset, cloud = name.split("/")
@@ -339,14 +312,3 @@ class OutputJobs:
         if dataset not in datasets or cloud not in datasets[dataset].clouds:
             raise InputError(f"figures.examples: no cloud '{name}' in this configuration")
         return f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"
-
-
-def _of_spins(plan: Plan) -> set[str]:
-    """What the configuration has of a sensor's own data."""
-    spins = [data for data in plan.datasets.values() if data.has_returns]
-    there = {SPINS_OR_RECORDINGS} if spins else set()
-    true = [data for data in spins if data.has_true_surface]
-    models = {(data.scenes, data.settings.errors) for data in true}
-    if len(models) > len({data.scenes for data in true}):
-        there.add(SEVERAL_NOISES)
-    return there | ({SPINS} if true else set())

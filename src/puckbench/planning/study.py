@@ -1,4 +1,7 @@
-"""Jobs of the sensor study: residuals and points of walls and floors (thesis chapter 5)."""
+"""Jobs of the sensor study: plane residuals and points of a wall and a floor.
+
+The jobs on virtual scans are plug-ins, called by their names.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,7 @@ from typing import Any
 
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
-from puckbench.jobs.joined import AllModels, ComparedResiduals, OfNames
-from puckbench.jobs.residuals import Residuals
-from puckbench.jobs.wall_points import WallPoints
+from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar import load_sensor, open_error_model
 from puckbench.lidar.errors import module_of_model
 from puckbench.lidar.residual_table import REAL
@@ -17,18 +18,17 @@ from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 
 WALL_POINTS = 40_000
-"""Points of a surface at a distance that the study's figures of scans are drawn from."""
+"""Points of each surface and distance that the study's figures of scans are drawn from."""
 
 
 class StudyJobs:
-    """Files and jobs of the sensor study; only rules of a configuration that has one ask."""
+    """Files and jobs of the sensor study, for a configuration that has one."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
     @property
     def study(self) -> StudyPlan:
-        """The plan of the study."""
         assert self.plan.study is not None  # noqa: S101
         return self.plan.study
 
@@ -36,20 +36,19 @@ class StudyJobs:
     def residuals(self, model: str) -> PlannedJob:
         """Measure plane residuals with an error model."""
         study = self.study
-        record = Residuals(
+        return self._scan(
+            "residuals",
+            model,
             distances=study.all_distances_m,
             runs=study.runs,
             keep=study.rows,
             refit=study.refit,
-            **self._model(model),
         )
-        return planned(record, *self._modules(model), also=self._also(model))
 
     @cache  # noqa: B019
     def wall_points(self, model: str) -> PlannedJob:
         """Keep points of scans with an error model."""
-        record = WallPoints(distances=self.study.shown_m, keep=WALL_POINTS, **self._model(model))
-        return planned(record, *self._modules(model), also=self._also(model))
+        return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     @cache  # noqa: B019
     def capture_residuals(self, capture: str) -> PlannedJob:
@@ -66,25 +65,30 @@ class StudyJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """The tables of all models and recordings in one; all recordings are one model."""
+        """Tables that join those of all models and recordings; the recordings are one model."""
         models, captures = tuple(self.study.models), self.capture_files()
-        files = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
+        residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)
         names = (*models, *[REAL] * len(captures))
-        jobs: dict[str, OfNames] = {
-            "residuals": AllModels(kind="residuals", models=names, names=files),
-            "scans": AllModels(kind="scans", models=models, names=points),
+        tables = {
+            "residuals": _joined("joined_table", residuals, kind="residuals", models=names),
+            "scans": _joined("joined_table", points, kind="scans", models=models),
         }
         if captures:
-            jobs["compared_residuals"] = ComparedResiduals(names=captures)
-        return {name: Gathering(planned(job), job.names) for name, job in jobs.items()}
+            tables["compared_residuals"] = _joined("compared_residuals", captures)
+        return tables
 
-    def _model(self, model: str) -> dict[str, Any]:
+    def _scan(self, job: str, model: str, **settings: Any) -> PlannedJob:
         errors, options = self.study.models[model]
-        return {"model": errors, "model_options": options, "seed": self.study.seed}
+        error_model = open_error_model(errors, options)
+        record = _job(job, model=errors, model_options=options, seed=self.study.seed, **settings)
+        also = f"{error_model} {load_sensor('vlp16')}"
+        return planned(record, module_of_model(error_model), also=also)
 
-    def _modules(self, model: str) -> tuple[str, ...]:
-        return (module_of_model(open_error_model(*self.study.models[model])),)
 
-    def _also(self, model: str) -> str:
-        return f"{open_error_model(*self.study.models[model])} {load_sensor('vlp16')}"
+def _job(name: str, **settings: Any) -> Job:
+    return JOBS.get(name).given(**settings)
+
+
+def _joined(job: str, files: tuple[str, ...], **settings: Any) -> Gathering:
+    return Gathering(planned(_job(job, names=files, **settings)), files)

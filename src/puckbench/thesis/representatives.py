@@ -19,7 +19,6 @@ from puckbench.thesis.claims.roles import (
     GPCC_AS_RUN,
     PCGCV1,
     PCGCV2,
-    RATES,
     SAMPLED,
 )
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
@@ -99,26 +98,6 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
         if role:
             names.setdefault(role, name)
     return names
-
-
-def verdict_options(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Return the options of the tables that compare a run with the thesis, by the table's name.
-
-    A table is left out where the plan has nothing to compare: ``claims`` needs a data set like one
-    of the thesis's or a sensor study, ``gpcc_scales`` also G-PCC, and ``thesis_medians`` a codec
-    with a rate of the thesis's name.
-    """
-    datasets, codecs, scales = dataset_roles(plan), codec_roles(plan), grid_scales(plan)
-    roles = {"datasets": datasets, "codecs": codecs}
-    if plan.datasets and not datasets and plan.study is None:
-        return {}
-    options: dict[str, dict[str, Any]] = {"claims": {**roles, "stand_ins": stand_in_roles(plan)}}
-    if datasets and scales:
-        gpcc = {role: name for role, name in codecs.items() if role in (GPCC, GPCC_AS_RUN)}
-        options["gpcc_scales"] = {"codecs": gpcc, "scales": scales}
-    if datasets and any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values()):
-        options["thesis_medians"] = roles
-    return options
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:

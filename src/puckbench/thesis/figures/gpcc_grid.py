@@ -20,7 +20,7 @@ from puckbench.figures.panels import (
     set_title,
 )
 from puckbench.figures.plotted_metrics import BPP, Quantity
-from puckbench.figures.registry import BOTH_GPCC, FIGURES
+from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
 
@@ -77,7 +77,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     "gpcc_rounding",
     title="What truncated coordinates cost G-PCC in distortion",
     category="Findings",
-    needs=(BOTH_GPCC,),
+    needs=("rounded_and_truncated_gpcc",),
 )
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-point) of G-PCC with truncated coordinates, as the thesis ran
@@ -95,7 +95,7 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     "gpcc_contexts",
     title="What neighbour contexts save G-PCC in bits",
     category="Findings",
-    needs=(BOTH_GPCC,),
+    needs=("rounded_and_truncated_gpcc",),
 )
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits of G-PCC with TMC13's default tools, as the thesis ran it, over those with the tools

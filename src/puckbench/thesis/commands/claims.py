@@ -1,4 +1,4 @@
-"""`puckbench claims`: the thesis's claims and what a run says of them, for a terminal."""
+"""`puckbench claims`: the thesis's claims and the verdicts of a run on them, for a terminal."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.registry import COMMANDS
 from puckbench.core.errors import InputError
 
 
@@ -16,12 +17,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--claim", type=int, action="append", help="only the claim of this number")
 
 
+@COMMANDS.register(
+    "claims", arguments=arguments, help="show the verdicts of a run on the thesis's claims"
+)
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Read the table of claims; its rows as JSON, or as text under their numbers."""
+    """Read the table of claims; return its rows, for a terminal as text by their numbers."""
     from puckbench.io.tables import read_table
 
-    given = options.results
-    path = given if given.suffix else given / "tables" / "claims.csv"
+    path = options.results
+    path = path if path.suffix else path / "tables" / "claims.csv"
     table = read_table(path).astype(object)
     table = table.where(table.notna(), "")
     if missing := [name for name in ("number", "claim", "verdict", "here") if name not in table]:
@@ -39,21 +43,21 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _lines(row: dict[str, str]) -> Iterator[str]:
-    """A claim's row in lines of a terminal's width."""
+    """Lines of a claim's row, as wide as a terminal."""
     yield from _wrapped("", f"{row['claim']} ({row.get('section', '')})")
     yield from _wrapped("    ", row["verdict"].upper() if row["here"] else row["verdict"])
     for part in filter(None, row["here"].split("; ")):
         yield from _wrapped("    - ", part)
-    shown = {"not_tested": "not tested", "thesis": "thesis", "thesis_verdict": "by its medians"}
-    for name, title in shown.items():
+    labels = {"not_tested": "not tested", "thesis": "thesis", "thesis_verdict": "by its medians"}
+    for name, label in labels.items():
         if row.get(name) and (name != "not_tested" or row["here"]):
-            yield from _wrapped("    ", f"{title}: {row[name]}")
+            yield from _wrapped("    ", f"{label}: {row[name]}")
     if row.get("figure"):
         yield from _wrapped("    ", f"figure: {row['figure']}")
 
 
-def _wrapped(lead: str, text: str) -> list[str]:
+def _wrapped(indent: str, text: str) -> list[str]:
     import textwrap
 
-    rest = " " * (len(lead) or 4)
-    return textwrap.wrap(text, 96, initial_indent=lead, subsequent_indent=rest)
+    next_indent = " " * (len(indent) or 4)
+    return textwrap.wrap(text, 96, initial_indent=indent, subsequent_indent=next_indent)

@@ -1,4 +1,4 @@
-"""The points of virtual wall and floor scans, in the wall's frame (thesis Figures 5.2-5.9)."""
+"""Points of virtual scans of a wall and a floor, in the wall's frame (thesis Figures 5.2-5.9)."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.jobs.registry import JOBS
-from puckbench.jobs.residuals import StudyJob
+from puckbench.thesis.jobs.residuals import WallScanJob
 
 
 @JOBS.register("wall_points")
-class WallPoints(StudyJob):
+class WallPoints(WallScanJob):
     """Scan a wall and a floor and keep the points."""
 
     distances: tuple[float, ...] = (1.0, 5.0)

@@ -1,4 +1,4 @@
-"""`puckbench wall`: the points of virtual wall and floor scans (thesis Figures 5.2-5.9)."""
+"""`puckbench wall`: points of virtual scans of a wall and a floor (thesis Figures 5.2-5.9)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.registry import COMMANDS
 from puckbench.cli.types import chosen, json_object, whole
-from puckbench.jobs.wall_points import WallPoints
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,15 +21,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=[1.0, 5.0],
         metavar="M",
-        help="from the wall, metres: 1 to 5, or 30 (default: 1 5)",
+        help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 5)",
     )
     parser.add_argument("--seed", type=whole(0), default=0)
     parser.add_argument(
-        "--keep", type=whole(1), help="points of each surface and distance, chosen at random"
+        "--keep",
+        type=whole(1),
+        help="points of each surface and distance to keep, chosen at random",
     )
 
 
+@COMMANDS.register(
+    "wall", arguments=arguments, help="scan a wall and a floor: the points, in the wall's frame"
+)
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
-    same = chosen(options, "model", "model_options", "seed", "keep", "distances")
-    return WallPoints.given(**same).run(options.out)
+    from puckbench.thesis.jobs.wall_points import WallPoints
+
+    settings = chosen(options, "model", "model_options", "seed", "keep", "distances")
+    return WallPoints.given(**settings).run(options.out)

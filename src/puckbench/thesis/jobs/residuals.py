@@ -11,11 +11,15 @@ from pydantic import Field
 from puckbench.jobs.registry import JOBS, Job
 
 
-class StudyJob(Job):
-    """Scans of a wall and a floor with an error model.
+class WallScanJob(Job):
+    """A job that scans a wall and a floor with an error model.
 
-    distances: of the sensor from the wall, in m. keep: rows of each scan, chosen at random; all if
-    not given.
+    Parameters
+    ----------
+    distances
+        From the sensor to the wall, in metres; one scene for each.
+    keep
+        Rows of each scan that are kept, chosen at random; by default all.
     """
 
     model: str = "vlp16"
@@ -25,15 +29,19 @@ class StudyJob(Job):
     keep: int | None = Field(None, ge=1)
 
     def plugins(self) -> Iterable[str | None]:
-        """The error model."""
         return (self.model,)
 
 
 @JOBS.register("residuals")
-class Residuals(StudyJob):
-    """Scan, fit planes, and measure the distances of the points to them.
+class Residuals(WallScanJob):
+    """Scan, fit planes, and measure the distances of the points from them.
 
-    runs: scans from each distance. refit: least-squares planes instead of RANSAC's own.
+    Parameters
+    ----------
+    runs
+        Scans from each distance.
+    refit
+        Fit planes to the inliers of RANSAC by least squares.
     """
 
     runs: int = Field(3, ge=1)

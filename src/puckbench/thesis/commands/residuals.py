@@ -1,4 +1,4 @@
-"""`puckbench residuals`: plane residuals of virtual scans (thesis Procedure 1), or of a capture."""
+"""`puckbench residuals`: plane residuals of virtual scans (thesis Procedure 1) or of a capture."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from puckbench.cli.registry import COMMANDS
 from puckbench.cli.types import chosen, json_object, whole
-from puckbench.jobs.capture_residuals import CaptureResiduals
-from puckbench.jobs.residuals import Residuals
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,13 +21,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=[1.0, 2.0, 3.0, 4.0, 5.0],
         metavar="M",
-        help="from the wall, metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
+        help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
     )
-    parser.add_argument("--runs", type=whole(1), default=3, help="per distance (default: 3)")
-    parser.add_argument("--seed", type=whole(0), default=0)
-    parser.add_argument("--keep", type=whole(1), help="rows of each scan, chosen at random")
     parser.add_argument(
-        "--refit", action="store_true", help="least-squares planes instead of RANSAC's own"
+        "--runs", type=whole(1), default=3, help="scans from each distance (default: 3)"
+    )
+    parser.add_argument("--seed", type=whole(0), default=0)
+    parser.add_argument("--keep", type=whole(1), help="rows of each scan to keep, chosen at random")
+    parser.add_argument(
+        "--refit",
+        action="store_true",
+        help="fit planes to the inliers of RANSAC by least squares",
     )
     parser.add_argument(
         "--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning"
@@ -41,18 +44,26 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+@COMMANDS.register(
+    "residuals",
+    arguments=arguments,
+    help="scan a wall and a floor: distances of the points from fitted planes",
+)
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the table; the numbers to print."""
-    if options.capture is not None:
-        job = CaptureResiduals.given(options=options.capture_options)
-        summary = job.run(options.capture, options.out)
-        return summary if options.json else _lines(summary)
-    same = chosen(options, "model", "model_options", "runs", "seed", "keep", "refit", "distances")
-    return Residuals.given(**same).run(options.out)
+    """Write the residual table; return statistics of the residuals."""
+    from puckbench.jobs.capture_residuals import CaptureResiduals
+    from puckbench.thesis.jobs.residuals import Residuals
+
+    if options.capture is None:
+        names = ("model", "model_options", "runs", "seed", "keep", "refit", "distances")
+        return Residuals.given(**chosen(options, *names)).run(options.out)
+    job = CaptureResiduals.given(options=options.capture_options)
+    summary = job.run(options.capture, options.out)
+    return summary if options.json else _lines(summary)
 
 
 def _lines(summary: dict[str, Any]) -> dict[str, Any]:
-    """The summary as one line for each number, plane, and plane not taken."""
+    """Return one line for each number, each plane, and each rejected plane."""
     lines = {name: value for name, value in summary.items() if not isinstance(value, (dict, list))}
     start, end = summary["still_s"]
     lines["still"] = f"{start:.3f} to {end:.3f} s"
@@ -74,7 +85,9 @@ def _plane_line(plane: dict[str, Any]) -> str:
         "ray": noise.get("sigma_m"),
         "unevenness": plane["unevenness_m"],
     }
-    told = [f"{name} {1e3 * value:.1f} mm" for name, value in numbers.items() if value is not None]
+    values = [
+        f"{name} {1e3 * value:.1f} mm" for name, value in numbers.items() if value is not None
+    ]
     size = f"{plane['width_m']:.2f} x {plane['height_m']:.2f} m"
     what = f"{plane['surface']} at {plane['distance_m']:.2f} m, {size}"
-    return ", ".join([what, f"{plane['rows']} rows", f"{plane['lasers']} lasers", *told])
+    return ", ".join([what, f"{plane['rows']} rows", f"{plane['lasers']} lasers", *values])

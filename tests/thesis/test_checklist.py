@@ -13,7 +13,8 @@ import yaml
 from snakemake.cli import parse_args
 
 from puckbench.cli import main
-from puckbench.planning.checklist import Item, Reproduction
+from puckbench.planning.stages import job_kinds
+from puckbench.thesis.checklist import Item, Reproduction
 
 ROOT = Path(__file__).parents[2]
 SNAKEFILE = ROOT / "workflow" / "Snakefile"
@@ -111,7 +112,7 @@ def test_what_snakemake_says_comes_first(asked: Reproduction) -> None:
 
 
 def test_all_jobs_of_the_configuration_are_counted(asked: Reproduction) -> None:
-    kinds = asked.job_kinds()
+    kinds = job_kinds(asked.bench)
     counts: dict[str, int] = {}
     for kind in kinds:
         counts[kind.job] = counts.get(kind.job, 0) + kind.jobs
@@ -144,7 +145,7 @@ def test_an_estimate_says_what_it_rests_on(
     words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
     assert main(["reproduce", *words, "--estimate", "run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    rests = "(from 1 job; some from curves of other numbers of rates)"
+    rests = "(from 1 job; some from curves with other numbers of rates)"
     assert found["encode_curve draco"] == f"4.00 core-hours: 2 jobs of 7200.0 s {rests}"
     assert found["evaluate_curve draco"] == "2 jobs, not measured"
     assert found["total"] == "4.0 core-hours"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from puckbench.figures.style import FigureStyle
-from puckbench.planning.closing import closing_lines, summary_rows
+from puckbench.planning.run_summary import closing_lines, summary_rows
 
 
 def write_tables(results: Path, compared: int = 2) -> None:

@@ -1,0 +1,76 @@
+"""The commands: our own, and those that other packages register.
+
+A command has a function `arguments`, which declares its arguments, and a function `run`, which
+returns its answer. Ours are modules of this package, imported when they are called. A plug-in
+registers its function `run`::
+
+    @COMMANDS.register("claims", arguments=arguments, help="show the verdicts on the claims")
+    def run(options: argparse.Namespace) -> Answer: ...
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from puckbench.core.registry import Registry
+
+Answer = dict[str, Any] | str | None
+
+_HELP = {
+    "run": "compare codecs on your clouds, meshes and recordings: a table and a report",
+    "scene": "write a scene of a scene set as a mesh or cloud, with its description",
+    "scan": "scan a mesh with a virtual sensor: a table of all returns",
+    "capture": "read a capture of a VLP-16 or Puck Hi-Res: a table of its returns",
+    "export": "write a scan or a capture in the format of another tool",
+    "compress": "store a recording of a spinning LiDAR in a smaller file, without loss",
+    "decompress": "restore a recording from such a file",
+    "calibrate": "estimate a range error model from residuals, real or virtual",
+    "sample": "sample points at random on the surface of a mesh",
+    "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
+    "encode": "code a cloud with a codec at a rate",
+    "decode": "decode a stream",
+    "train": "train a learned codec on clouds: a set of weights with its model card",
+    "evaluate": "measure a decoded cloud or a coded stream against its reference",
+    "recovery": "compare a stream's geometric primitives with the labels of the scene",
+    "table": "make a table from other tables of a run",
+    "figure": "draw a figure from the tables of a run",
+    "compare": "compare codecs of a run with reference results on the same clouds",
+    "report": "write one HTML file with a run's figures, tables, curves and clouds",
+    "codecs": "list the codecs: what each is for, and whether it can run here",
+    "conformance": "test a G-PCC decoder on stored streams of the reference software",
+    "datasets": "list the loaders of scene sets and their options",
+    "data": "download the free data sets",
+    "completion": "print a shell script that completes commands, options and names",
+}
+"""Commands of this package and their help texts."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command by name."""
+
+    name: str
+    run: Callable[[argparse.Namespace], Answer]
+    arguments: Callable[[argparse.ArgumentParser], None]
+    help: str
+
+
+COMMANDS: Registry[Command] = Registry("command", "thesis/commands", make=Command)
+"""Commands of other packages; their modules are imported for every help text."""
+
+
+def help_texts() -> dict[str, str]:
+    """Return the help text of every command."""
+    return {**_HELP, **{name: COMMANDS.get(name).help for name in COMMANDS.names()}}
+
+
+def command(name: str) -> Command:
+    """Return the command of a name, which must be one of `help_texts`."""
+    if name not in _HELP:
+        return COMMANDS.get(name)
+    module = import_module(f"puckbench.cli.{name}")
+    return Command(name, module.run, module.arguments, _HELP[name])

@@ -1,0 +1,114 @@
+"""The files of each stage of a plan, which of them exist, and its jobs in groups of equal work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from puckbench.planning.job_times import JobKind
+from puckbench.planning.plan import DataSetPlan
+from puckbench.planning.workflow import Workflow
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Files of one kind; `planned` has their names below the folder, without suffix."""
+
+    folder: Path
+    suffix: str
+    planned: frozenset[str]
+
+    @cached_property
+    def existing(self) -> Mapping[str, float]:
+        """Planned files that exist, with the times in seconds at which they were written."""
+        start, end = len(str(self.folder)) + 1, -len(self.suffix)
+        times = {
+            path[start:end]: time
+            for path, time in _files(self.folder)
+            if path.endswith(self.suffix)
+        }
+        return {name: time for name, time in times.items() if name in self.planned}
+
+    @property
+    def is_complete(self) -> bool:
+        return len(self.existing) == len(self.planned)
+
+
+def _files(folder: Path) -> Iterator[tuple[str, float]]:
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except FileNotFoundError:
+        return
+    for entry in entries:
+        if entry.is_dir():
+            yield from _files(Path(entry.path))
+        else:
+            yield entry.path, entry.stat().st_mtime
+
+
+def stages_of(bench: Workflow) -> dict[str, Stage]:
+    """Return every stage of a benchmark by name."""
+    plan, root = bench.plan, bench.plan.results
+    curves = frozenset(map("/".join, plan.curves))
+    clouds = frozenset(map("/".join, plan.clouds))
+    used = {data.scenes: data.clouds for data in plan.datasets.values()}
+    scenes = frozenset(f"{name}/{scene}" for name, names in used.items() for scene in names)
+    return {
+        "scenes": Stage(root / "scenes", ".ply", scenes),
+        "samples": Stage(root / "samples", ".ply", _clouds_by(bench, "sample")),
+        "scans": Stage(root / "scans", ".parquet", _clouds_by(bench, "scan")),
+        "clouds": Stage(root / "clouds", ".ply", clouds),
+        "about": Stage(root / "clouds", ".json", clouds),
+        "coded": Stage(root / "coded", ".zip", curves),
+        "metrics": Stage(root / "metrics", ".parquet", curves),
+        "figures": Stage(root / "figures", ".pdf", frozenset(bench.outputs.figures)),
+        "tables": Stage(root / "tables", ".csv", frozenset(bench.outputs.tables)),
+    }
+
+
+def _clouds_by(bench: Workflow, make: str) -> frozenset[str]:
+    """Names of the clouds that are sampled or scanned."""
+    datasets = [data for data in bench.plan.datasets.values() if data.settings.make == make]
+    return frozenset(f"{data.name}/{cloud}" for data in datasets for cloud in data.clouds)
+
+
+def job_kinds(bench: Workflow) -> list[JobKind]:
+    """Return the jobs of the whole benchmark, grouped by their work."""
+    outputs, study = bench.outputs, bench.plan.study
+    kinds = [JobKind("scene", len(stages_of(bench)["scenes"].planned))]
+    for data in bench.plan.datasets.values():
+        kinds += _cloud_kinds(data)
+        kinds += _curve_kinds(bench, data)
+    gathered = dict(outputs.gathered)
+    if study is not None:
+        kinds += [JobKind(job, len(study.models)) for job in ("residuals", "wall_points")]
+        gathered |= bench.study.gathered
+    kinds += [JobKind(table.job.name, 1) for table in gathered.values()]
+    kinds += [JobKind("table", len(outputs.tables)), JobKind("figure", len(outputs.figures))]
+    return [kind for kind in kinds if kind.jobs]
+
+
+def _cloud_kinds(data: DataSetPlan) -> Iterator[JobKind]:
+    """Jobs that make the clouds of a data set and measure them against their true surface."""
+    count, points, make = len(data.clouds), data.points, data.settings.make
+    for job in (*([make] if make != "cloud" else []), "prepare"):
+        yield JobKind(job, count, points)
+    if data.is_scanned_from_truth:
+        yield JobKind("evaluate", count, points, truth=True)
+
+
+def _curve_kinds(bench: Workflow, data: DataSetPlan) -> Iterator[JobKind]:
+    """Jobs that code the clouds of a data set and measure the results."""
+    plan, count, points = bench.plan, len(data.clouds), data.points
+    for codec in (codec for codec in plan.codecs if plan.codes(codec, data.name)):
+        for curve in bench.coding.curves:
+            if (curve.codec, curve.frame) == (codec, data.frame):
+                work = (count, points, codec, len(curve.rates), plan.config.timing.repeats)
+                yield JobKind("encode_curve", *work)
+                yield JobKind("evaluate_curve", *work, data.has_truth)
+        if data.name in plan.labelled and codec in plan.of_surfaces:
+            rates = len(plan.rates(codec, data.frame))
+            yield JobKind("recovery_curve", count, points, codec, rates)

@@ -1,0 +1,58 @@
+"""Residuals and points of several error models and recordings in one table (Parquet)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from puckbench.jobs.joined import OfNames
+from puckbench.jobs.registry import JOBS
+
+_MOST_ROWS = 20_000
+"""Rows of a recording that are compared: twenty replicates of each model are drawn on each."""
+_KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
+
+
+@JOBS.register("joined_table")
+class JoinedTable(OfNames):
+    """Join tables.
+
+    Parameters
+    ----------
+    models
+        Value of the column ``model`` for each table.
+    """
+
+    kind: Literal["residuals", "scans"]
+    models: tuple[str, ...]
+
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
+        """Write the table."""
+        from puckbench.io.tables import write_table
+        from puckbench.thesis.residuals.joining import joined_files
+
+        table = joined_files(list(zip(self.models, self.files(results), strict=True)), self.kind)
+        write_table(table, parquet)
+        return {"rows": len(table)}
+
+
+@JOBS.register("compared_residuals")
+class ComparedResiduals(OfNames):
+    """Draw residuals of error models on the rays of recorded walls."""
+
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
+        """Write the recorded residuals and those of the models."""
+        from puckbench.io.tables import write_table
+        from puckbench.lidar.residual_table import read_residuals
+        from puckbench.thesis.residuals.joining import subsampled
+        from puckbench.thesis.residuals.model_comparison import (
+            compared_residuals,
+            default_models,
+            real_walls,
+        )
+
+        files = self.files(results)
+        tables = [subsampled(read_residuals(path), _MOST_ROWS, str(path)) for path in files]
+        compared = compared_residuals(real_walls(tables), default_models())
+        write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
+        return {"rows": len(compared)}
