@@ -13,13 +13,13 @@ import pytest
 import puckbench
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
+from puckbench.codecs import learned
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
-from puckbench.learned import codec as learned
 
 CAPTURE = Path(__file__).parents[1] / "data" / "capture" / "single.pcap"
 OWN = """
@@ -105,7 +105,7 @@ def test_a_bare_stream_is_told_its_codec(cloud: Path, capsys: pytest.CaptureFixt
     stream = open_codec("gpcc", {"options": {"raw": True}}).encode(read_cloud(cloud).xyz, "r4")
     bare = cloud.with_suffix(".raw")
     bare.write_bytes(stream)
-    assert "bare stream of G-PCC, say so (--codec gpcc)" in _refused(
+    assert "bare one of G-PCC: name the codec (--codec gpcc)" in _refused(
         capsys, "decode", bare, cloud.with_name("back.ply")
     )
     with pytest.raises(InputError, match="name its codec"):
