@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypedDict, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -48,6 +48,13 @@ class MultiRateWeights(Weights, Protocol):
 
 W = TypeVar("W", bound=Weights)
 R = TypeVar("R", bound=MultiRateWeights)
+
+
+class GridOptions(TypedDict, total=False):
+    """Arguments of `encode` that choose the grid, see `puckbench.learned.choose_grid_level`."""
+
+    mean_occupied_children: float
+    grid_level_offset: float
 
 
 class LearnedOptions(Model):
@@ -201,9 +208,9 @@ class LearnedByLambda(Learned[R]):
         """Points (n, 3) as the authors' readers of PLY files take them: cut off at the point."""
         return np.trunc(points)
 
-    def _level(self, points: Floats, parameters: Parameters) -> int:
-        """The level of the grid for points (n, 3), in quarter octaves: that of their own."""
-        return 0
+    def _grid(self, parameters: Parameters) -> GridOptions:
+        """Return the density of the grid that a rate asks for: by default, the input's grid."""
+        return GridOptions()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return super()._encode(self._as_read(points), parameters)
@@ -244,8 +251,8 @@ class ImprovedOptions(PublishedOptions):
 class Improved(LearnedByLambda[R]):
     """A published codec that puckbench changes, with weights of its own.
 
-    The cloud itself chooses the grid (see `grid_level`), the latent is coded by context mixing, and
-    the decoder reconstructs as many points as were coded.
+    The density of the cloud chooses the grid (see `choose_grid_level`), the latent is coded by
+    context mixing, and the decoder reconstructs as many points as were coded.
     """
 
     options: ImprovedOptions
@@ -274,8 +281,11 @@ class Improved(LearnedByLambda[R]):
     def _as_read(self, points: Floats) -> Floats:
         return points
 
-    def _level(self, points: Floats, parameters: Parameters) -> int:
-        return grid_level(points, parameters)
+    def _grid(self, parameters: Parameters) -> GridOptions:
+        return GridOptions(
+            mean_occupied_children=float(parameters.get("mean_occupied_children", 1)),
+            grid_level_offset=float(parameters.get("grid_level_offset", 0)),
+        )
 
 
 def _trial_cloud() -> Floats:
@@ -290,19 +300,3 @@ def _digest(path: Path) -> str:
     """The hexadecimal digits by which streams name our sets, or those of the file's SHA-256."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]
-
-
-def grid_level(points: Floats, parameters: Parameters) -> int:
-    """The level of the grid that a rate codes points (n, 3) on, in quarter octaves above their own.
-
-    The grid is coarsened until a voxel has the rate's `mean_occupied_children`, and then
-    by its `grid_level_offset` in octaves, which may be negative. Without `mean_occupied_children`
-    the level is 0. It is never below 0 or above `MAX_QUARTER_OCTAVES`.
-    """
-    from puckbench.learned.grid_level import MAX_QUARTER_OCTAVES, QUARTERS, octaves_of_points
-
-    children = float(parameters.get("mean_occupied_children", 1))
-    if children <= 1:
-        return 0
-    octaves = octaves_of_points(points, children) + float(parameters.get("grid_level_offset", 0))
-    return round(min(max(0.0, QUARTERS * octaves), MAX_QUARTER_OCTAVES))

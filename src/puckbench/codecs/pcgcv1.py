@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Line, Pace, Parameters
@@ -25,13 +24,10 @@ from puckbench.codecs.learned import (
     PublishedOptions,
 )
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import PCGCV1
-from puckbench.learned.pcgcv1.stream import Pcgcv1Stream, read_stream, write_stream
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder
     from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
 
 
@@ -73,42 +69,30 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        if np.abs(points).max() * float(parameters.get("scale", 1)) >= 2**30:
-            raise InputError("coordinates exceed 30-bit integers")
-        level = self._level(points * float(parameters.get("scale", 1)), parameters)
-        return self._written(self._encoder(parameters, level).encode(points))
+        from puckbench.learned.pcgcv1.codec import encode
 
-    def _written(self, coded: Pcgcv1Stream) -> bytes:
-        if not coded.cubes and not coded.sparse:
-            least = self.options.min_points
-            raise InputError(
-                f"no cube has {least} points, and sparse ones are dropped (sparse_cubes)"
-            )
-        return write_stream(coded)
+        weights, rate = self._numbered(parameters)
+        return encode(
+            points,
+            weights,
+            rate,
+            scale=float(parameters.get("scale", 1)),
+            rho=float(parameters.get("rho", 1)),
+            min_points=self.options.min_points,
+            sparse_cubes=self.options.sparse_cubes,
+            context_mixing=self.context_mixing,
+            point_reconstruction=self.point_reconstruction,
+            threads=self.options.threads,
+            **self._grid(parameters),
+        )
 
     def _points(self, stream: bytes) -> Floats:
         from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder
+        from puckbench.learned.pcgcv1.stream import read_stream
 
         coded = read_stream(stream)
         return Pcgcv1Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(
             coded
-        )
-
-    def _encoder(self, parameters: Parameters, level: int) -> Pcgcv1Encoder:
-        from puckbench.learned.grid_level import voxel_size
-        from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder
-
-        weights, rate = self._numbered(parameters)
-        return Pcgcv1Encoder(
-            weights,
-            rate,
-            scale=float(parameters.get("scale", 1)) / voxel_size(level),
-            rho=float(parameters.get("rho", 1)),
-            min_points=self.options.min_points,
-            sparse_cubes=self.options.sparse_cubes,
-            threads=self.options.threads,
-            context_mixing=self.context_mixing,
-            point_reconstruction=self.point_reconstruction,
         )
 
     def _read(self, path: Path) -> Pcgcv1Weights:

@@ -12,23 +12,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import PCGCV2
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
     from puckbench.learned.pcgcv2.stream import CodingTools
     from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
-
-_MAX_RAW_POINTS = 64
-"""Clouds of at most this many points are stored uncompressed: a network cannot help there."""
 
 
 @CODECS.register("pcgcv2")
@@ -67,28 +61,18 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         return CodingTools(0)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.grid_level import voxelised
-        from puckbench.learned.pcgcv2.stream import write_coded, write_raw
-
-        if len(points) <= _MAX_RAW_POINTS:
-            return write_raw(np.unique(points, axis=0))
-        if np.abs(points).max() >= 2**31 - 2**20:
-            raise InputError("coordinates exceed 32-bit integers")
-        level = self._level(points, parameters)
-        return write_coded(self._coder(parameters).encode(voxelised(points, level), level))
-
-    def _coder(self, parameters: Parameters) -> Pcgcv2Coder:
-        from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+        from puckbench.learned.pcgcv2.codec import encode
 
         weights, rate = self._numbered(parameters)
-        rho = float(parameters.get("rho", 1))
-        return Pcgcv2Coder(
+        return encode(
+            points,
             weights,
             rate,
-            rho,
-            threads=self.options.threads,
+            rho=float(parameters.get("rho", 1)),
             tools=self._tools(),
             point_reconstruction=self.point_reconstruction,
+            threads=self.options.threads,
+            **self._grid(parameters),
         )
 
     def _points(self, stream: bytes) -> Floats:

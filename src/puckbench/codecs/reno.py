@@ -16,7 +16,7 @@ from pydantic import Field
 from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
 from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import NARROWER, InputError
+from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import RENO
 
@@ -88,54 +88,20 @@ class Reno(Learned["RenoWeights"]):
         return next((path for path in files if one or path.stem == name), None)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.reno.coder import RenoCoder
-        from puckbench.learned.reno.stream import RenoStream, write_stream
-        from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
+        from puckbench.learned.reno.codec import encode
 
-        posq = _posq(float(parameters["step_m"]))
-        millimetres = points / _MM
-        offsets = _offsets(millimetres)
-        voxels = np.rint((millimetres + offsets * float(_OFFSET)) / posq).astype(np.int64)
-        if voxels.max() >= 2**AXIS_BITS:
-            raise InputError(
-                f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}"
-            )
-        weights = self._weights(parameters)
-        tree = RenoCoder(weights, self.options.threads).encode(unique_keys(morton_keys(voxels)))
-        x, y, z = offsets.tolist()
-        return write_stream(RenoStream(weights.digest, posq, (x, y, z), tree))
+        posq = round(float(parameters["step_m"]) / _MM, 6)
+        return encode(points / _MM, self._weights(parameters), posq, self.options.threads)
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.reno.coder import RenoCoder
+        from puckbench.learned.reno.codec import decoded_points
         from puckbench.learned.reno.stream import read_stream
-        from puckbench.learned.sparse.voxels import morton_voxels
 
-        coded = read_stream(stream)
-        keys = RenoCoder(self._made_with(coded.digest), self.options.threads).decode(coded.tree)
-        corner = np.array(coded.offsets) * float(_OFFSET)
-        points: Floats = (morton_voxels(keys) * coded.posq - corner) * _MM
-        return points
+        content = read_stream(stream)
+        weights = self._made_with(content.digest)
+        return decoded_points(content, weights, self.options.threads) * _MM
 
     def _read(self, path: Path) -> RenoWeights:
         from puckbench.learned.reno.weights import load_weights
 
         return load_weights(path)
-
-
-def _posq(step: float) -> float:
-    """posQ of a step in m; InputError where half precision, in which streams have it, has not."""
-    wanted = round(step / _MM, 6)
-    posq = float(np.float16(wanted))
-    if posq != wanted or posq <= 0:
-        raise InputError(f"posQ {wanted:g} is not a number in half precision")
-    return posq
-
-
-def _offsets(millimetres: Floats) -> Floats:
-    """What is added to each axis, in 131,072 mm: 1 as the authors do, where that is enough.
-
-    Clouds that reach below the corner of the authors' grid, or far beyond it, get another corner.
-    """
-    least, most = millimetres.min(axis=0), millimetres.max(axis=0)
-    is_near = (least >= -_OFFSET) & (most < _OFFSET)
-    return np.where(is_near, 1, -np.floor(least / _OFFSET)).astype(np.int64)

@@ -9,20 +9,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Memory, Parameters, lengths
 from puckbench.codecs.gpcc import EIGHTHS, UnitOptions
 from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.grid import input_coordinates, input_grid, quantise
+from puckbench.gpcc.grid import input_grid
 from puckbench.learned.catalogue import OCTREE_NET
 
 if TYPE_CHECKING:
-    from puckbench.learned.octree_net.stream import OctreeNetStream
     from puckbench.learned.octree_net.weights import OctreeNetWeights
 
 
@@ -64,38 +61,18 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
         self._try([{"scale": 1}])
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.octree_net.stream import write_stream
-
-        return write_stream(self._coded(points, parameters))
-
-    def _coded(self, points: Floats, parameters: Parameters) -> OctreeNetStream:
-        from puckbench.learned.octree_net.coder import OctreeNetCoder, split
-        from puckbench.learned.octree_net.stream import OctreeNetStream
-        from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, unique_keys
+        from puckbench.learned.octree_net.codec import encode
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
-        positions, origin = quantise(points, grid, scale, "nearest")
-        if positions.max() >= 2**AXIS_BITS:
-            raise InputError(
-                f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}{NARROWER}"
-            )
-        weights = self._weights(parameters)
-        coder = OctreeNetCoder(weights.model, self.options.threads)
-        parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
-        x, y, z = origin.tolist()
-        return OctreeNetStream(weights.digest, scale, (x, y, z), grid, parts)
+        return encode(points, self._weights(parameters), scale, grid, self.options.threads)
 
     def _points(self, stream: bytes) -> Floats:
-        from puckbench.learned.octree_net.coder import OctreeNetCoder
+        from puckbench.learned.octree_net.codec import decoded_points
         from puckbench.learned.octree_net.stream import read_stream
-        from puckbench.learned.sparse.voxels import morton_voxels
 
-        coded = read_stream(stream)
-        coder = OctreeNetCoder(self._made_with(coded.digest).model, self.options.threads)
-        keys = np.concatenate([coder.decode(part) for part in coded.parts])
-        units = (morton_voxels(keys) + np.array(coded.origin)) / coded.scale
-        return input_coordinates(units, coded.grid)
+        content = read_stream(stream)
+        return decoded_points(content, self._made_with(content.digest), self.options.threads)
 
     def _read(self, path: Path) -> OctreeNetWeights:
         from puckbench.learned.octree_net.weights import load_weights

@@ -89,6 +89,11 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
+def weights_path(where: str | Path) -> Path:
+    """Return the file of a shipped set by its name; any other argument is taken as a path."""
+    return shipped().get(str(where), Path(where))
+
+
 def weights_files(where: str) -> list[Path]:
     """The files that the option `weights` means, of any network.
 

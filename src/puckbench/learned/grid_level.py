@@ -68,6 +68,33 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
     return octaves_to_density(unique_keys(morton_keys(voxels)), mean_occupied_children)
 
 
+def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
+    """Choose the grid on which a cloud is coded.
+
+    The grid is coarsened until voxels have enough occupied children on average, and then by the
+    offset.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1, in steps of the finest grid.
+    mean_occupied_children
+        Mean number of occupied children of an occupied voxel. With 1 or less the input's grid is
+        kept, whatever the offset.
+    offset
+        In octaves; a negative one makes the grid finer again.
+
+    Returns
+    -------
+    int
+        Level in quarter octaves above the finest grid, 0 to `MAX_QUARTER_OCTAVES`.
+    """
+    if mean_occupied_children <= 1:
+        return 0
+    octaves = octaves_of_points(points, mean_occupied_children) + offset
+    return round(min(max(0.0, QUARTERS * octaves), MAX_QUARTER_OCTAVES))
+
+
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
     """The voxels of points (n, 3) on the grids of whole octaves with these densities."""
     octaves = {math.ceil(octaves_of_points(points, least)) for least in mean_occupied_children}

@@ -13,7 +13,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -64,6 +64,14 @@ class WeightsFile:
 def digest_of(data: bytes) -> bytes:
     """The 8 bytes by which streams name weights with these bytes."""
     return hashlib.sha256(data).digest()[:DIGEST_BYTES]
+
+
+def check_digest(weights: bytes, stream: bytes) -> None:
+    """Raise InputError if a stream's digest is not that of the weights."""
+    if stream != weights:
+        raise InputError(
+            f"the stream was made with other weights ({stream.hex()}, here {weights.hex()})"
+        )
 
 
 def in_half_precision(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -148,6 +156,27 @@ class MultiRateWeights(Generic[N]):
     tables: Tables
     digest: bytes
     card: Mapping[str, Any]
+
+
+class _RateWeights(Protocol):
+    @property
+    def digest(self) -> bytes: ...
+
+    @property
+    def lmbdas(self) -> tuple[float, ...]: ...
+
+
+def check_rate(weights: _RateWeights, rate: int) -> None:
+    """Raise InputError if the weights have no rate of this index."""
+    if not 0 <= rate < len(weights.lmbdas):
+        raise InputError(f"rate {rate}: the weights have {len(weights.lmbdas)} rates, from 0 on")
+
+
+def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
+    """Raise InputError if a stream's digest or rate are not those of the weights."""
+    check_digest(weights.digest, digest)
+    if rate >= len(weights.lmbdas):
+        raise InputError("the stream is damaged (its rate)")
 
 
 def save_multi_rate(

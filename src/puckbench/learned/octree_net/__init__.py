@@ -1,1 +1,35 @@
-"""A learned octree coder that a CPU can train: a small sparse network predicts occupancy."""
+"""Sparse octree net: lossless coding of voxels, with a network small enough to train on a CPU.
+
+`load_weights` reads a set of weights, `encode` and `decode` convert points to bytes and back.
+`OctreeNetCoder` codes voxels by their Morton keys, `OctreeNetTraining` trains.
+"""
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.learned.octree_net.codec import decode as decode
+    from puckbench.learned.octree_net.codec import encode as encode
+    from puckbench.learned.octree_net.coder import OctreeNetCoder as OctreeNetCoder
+    from puckbench.learned.octree_net.model import OctreeNet as OctreeNet
+    from puckbench.learned.octree_net.model import OctreeNetShape as OctreeNetShape
+    from puckbench.learned.octree_net.stream import OctreeNetStream as OctreeNetStream
+    from puckbench.learned.octree_net.stream import read_stream as read_stream
+    from puckbench.learned.octree_net.stream import write_stream as write_stream
+    from puckbench.learned.octree_net.training_settings import (
+        OctreeNetTraining as OctreeNetTraining,
+    )
+    from puckbench.learned.octree_net.weights import OctreeNetWeights as OctreeNetWeights
+    from puckbench.learned.octree_net.weights import load_weights as load_weights
+    from puckbench.learned.octree_net.weights import save_weights as save_weights
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    codec=("decode", "encode"),
+    coder=("OctreeNetCoder",),
+    model=("OctreeNet", "OctreeNetShape"),
+    stream=("OctreeNetStream", "read_stream", "write_stream"),
+    training_settings=("OctreeNetTraining",),
+    weights=("OctreeNetWeights", "load_weights", "save_weights"),
+)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import parsed
-from puckbench.learned.catalogue import OCTREE_NET
+from puckbench.learned.catalogue import OCTREE_NET, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
 from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
@@ -43,8 +43,23 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
     write_weights(path, about, state)
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read a set; InputError when it is damaged, of another network, or too large to be exact."""
+def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
+    """Read trained weights.
+
+    Parameters
+    ----------
+    where
+        Name of a shipped set, or path of a set.
+    device
+        Device of the network.
+
+    Raises
+    ------
+    InputError
+        If the set is damaged, of another network, or has weights so large that sums would not be
+        exact, or the device does not exist.
+    """
+    path = weights_path(where)
     found = read_weights(path)
     try:
         model = OctreeNet(parsed(OctreeNetShape, found.header.shape, f"{path}: shape"))

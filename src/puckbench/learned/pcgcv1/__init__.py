@@ -1,1 +1,39 @@
-"""PCGCv1: learned point-cloud geometry coding with a hyper-prior (Wang, Zhu, Liu, Ma 2021)."""
+"""PCGCv1: learned point-cloud geometry coding of dense cubes with a hyper-prior.
+
+`load_weights` reads a set of weights, `encode` and `decode` convert points to bytes and back.
+`Pcgcv1Encoder` and `Pcgcv1Decoder` give access to the parts of a stream, `Pcgcv1Training` trains.
+
+References
+----------
+Wang, Zhu, Liu, Ma: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT
+2021.
+"""
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.learned.pcgcv1.codec import decode as decode
+    from puckbench.learned.pcgcv1.codec import encode as encode
+    from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder as Pcgcv1Decoder
+    from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder as Pcgcv1Encoder
+    from puckbench.learned.pcgcv1.model import PCGCv1 as PCGCv1
+    from puckbench.learned.pcgcv1.model import Pcgcv1Shape as Pcgcv1Shape
+    from puckbench.learned.pcgcv1.stream import Pcgcv1Stream as Pcgcv1Stream
+    from puckbench.learned.pcgcv1.stream import read_stream as read_stream
+    from puckbench.learned.pcgcv1.stream import write_stream as write_stream
+    from puckbench.learned.pcgcv1.training_settings import Pcgcv1Training as Pcgcv1Training
+    from puckbench.learned.pcgcv1.weights import Pcgcv1Weights as Pcgcv1Weights
+    from puckbench.learned.pcgcv1.weights import load_weights as load_weights
+    from puckbench.learned.pcgcv1.weights import save_weights as save_weights
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    codec=("decode", "encode"),
+    coder=("Pcgcv1Decoder", "Pcgcv1Encoder"),
+    model=("PCGCv1", "Pcgcv1Shape"),
+    stream=("Pcgcv1Stream", "read_stream", "write_stream"),
+    training_settings=("Pcgcv1Training",),
+    weights=("Pcgcv1Weights", "load_weights", "save_weights"),
+)

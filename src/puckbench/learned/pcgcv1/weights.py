@@ -22,7 +22,7 @@ from torch import Tensor
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.core.models import parsed
-from puckbench.learned.catalogue import PCGCV1
+from puckbench.learned.catalogue import PCGCV1, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
 from puckbench.learned.pcgcv1.inference import CpuTransforms, Transforms
@@ -74,11 +74,22 @@ class Pcgcv1Weights:
     card: Mapping[str, Any]
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read a set of ours or one of the authors' archives; InputError when it is neither.
+def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
+    """Read trained weights.
 
-    Transform h_s stays on the CPU, whose double precision is exact.
+    Parameters
+    ----------
+    where
+        Name of a shipped set, or path of a set or of one of the authors' archives.
+    device
+        Device of the network. The transform h_s stays on the CPU, where its sums are exact.
+
+    Raises
+    ------
+    InputError
+        If the file is neither, or the device does not exist.
     """
+    path = weights_path(where)
     found = load_multi_rate(
         path,
         PCGCV1,

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import parsed
-from puckbench.learned.catalogue import PCGCV2
+from puckbench.learned.catalogue import PCGCV2, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from puckbench.learned.weights_file import (
@@ -28,8 +28,22 @@ _PARTS = {"encoder": "g_a", "decoder": "g_s"}
 _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factors"}
 
 
-def load_weights(path: Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read a set of ours or one of the authors' checkpoints; InputError when it is neither."""
+def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
+    """Read trained weights.
+
+    Parameters
+    ----------
+    where
+        Name of a shipped set, or path of a set or of one of the authors' checkpoints.
+    device
+        Device of the network.
+
+    Raises
+    ------
+    InputError
+        If the file is neither, or the device does not exist.
+    """
+    path = weights_path(where)
     found = load_multi_rate(
         path,
         PCGCV2,

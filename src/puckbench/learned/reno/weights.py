@@ -63,7 +63,13 @@ class RenoWeights:
 
 
 def load_weights(path: Path) -> RenoWeights:
-    """Read a checkpoint of the authors' program; InputError when it is none."""
+    """Read a checkpoint of the authors' program.
+
+    Raises
+    ------
+    InputError
+        If the file is not such a checkpoint.
+    """
     from puckbench.core.files import read_bytes
     from puckbench.learned.weights_file import digest_of, read_checkpoint
 

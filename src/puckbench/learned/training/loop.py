@@ -140,22 +140,26 @@ def on_device(model: M) -> M:
     return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
 
 
+def _ignore(_step: int, _loss: object) -> None:
+    pass
+
+
 def train(
     trainer: BaseTrainer[M, L],
     clouds: Callable[[int], Sequence[Keys]],
     checkpoint: Path,
-    every: int,
-    report: Callable[[int, L], None],
+    every: int = 500,
+    report: Callable[[int, L], None] = _ignore,
 ) -> None:
-    """Train to the last step, from where a checkpoint stands if there is one.
+    """Train to the last step, and resume from the checkpoint if the file exists.
 
     Parameters
     ----------
     trainer
         The model in training.
     clouds
-        The batch of a step. It must depend on the number of the step alone, so that a resumed run
-        sees what an unbroken one would have seen.
+        Returns the batch of a step. The batch must depend on the number of the step alone, so that
+        a resumed training is equal to an uninterrupted one.
     checkpoint
         File to save to.
     every

@@ -1,0 +1,75 @@
+"""Encode points to the bytes of a stream of the sparse octree net, and decode them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.core.errors import NARROWER, InputError
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.gpcc.grid import DEFAULT_GRID, InputGrid, input_coordinates, quantise
+from puckbench.learned.octree_net.coder import OctreeNetCoder, split
+from puckbench.learned.octree_net.stream import OctreeNetStream, read_stream, write_stream
+from puckbench.learned.octree_net.weights import OctreeNetWeights
+from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, morton_voxels, unique_keys
+from puckbench.learned.weights_file import check_digest
+
+
+def encode(
+    points: Floats,
+    weights: OctreeNetWeights,
+    scale: float = 1.0,
+    grid: InputGrid = DEFAULT_GRID,
+    threads: int | None = None,
+) -> bytes:
+    """Encode points losslessly on a grid with the step ``grid.unit / scale``.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1. They are quantised as `puckbench.gpcc.quantise` does, and duplicates are
+        merged.
+    weights
+        Trained network.
+    scale
+        Steps of the coded grid per step of the input grid.
+    grid
+        Grid of the input.
+    threads
+        Number of threads, PyTorch's number by default. The stream does not depend on it.
+
+    Raises
+    ------
+    InputError
+        If points are not finite, or span more than 20 bits.
+    """
+    check_points(points, "octree_net.encode")
+    positions, origin = quantise(points, grid, scale, "nearest")
+    if positions.max() >= 2**AXIS_BITS:
+        raise InputError(f"the cloud spans more than {AXIS_BITS} bits at scale {scale:g}{NARROWER}")
+    coder = OctreeNetCoder(weights.model, threads)
+    parts = tuple(coder.encode(keys) for keys in split(unique_keys(morton_keys(positions))))
+    x, y, z = origin.tolist()
+    return write_stream(OctreeNetStream(weights.digest, scale, (x, y, z), grid, parts))
+
+
+def decode(stream: bytes, weights: OctreeNetWeights, threads: int | None = None) -> Floats:
+    """Return the points (m, 3) of a stream.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights.
+    """
+    content = read_stream(stream)
+    check_digest(weights.digest, content.digest)
+    return decoded_points(content, weights, threads)
+
+
+def decoded_points(
+    content: OctreeNetStream, weights: OctreeNetWeights, threads: int | None = None
+) -> Floats:
+    """Return the points (m, 3) of a parsed stream that was made with these weights."""
+    coder = OctreeNetCoder(weights.model, threads)
+    keys = np.concatenate([coder.decode(part) for part in content.parts])
+    units = (morton_voxels(keys) + np.array(content.origin)) / content.scale
+    return input_coordinates(units, content.grid)

@@ -1,0 +1,94 @@
+"""Encode points to the bytes of a PCGCv2 stream, and decode them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.learned.grid_level import choose_grid_level, voxelised
+from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+from puckbench.learned.pcgcv2.stream import (
+    ALL_TOOLS,
+    CodingTools,
+    Pcgcv2Stream,
+    read_stream,
+    write_coded,
+    write_raw,
+)
+from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
+from puckbench.learned.weights_file import check_made_with, check_rate
+
+_MAX_RAW_POINTS = 64
+"""Clouds of at most this many points are stored uncompressed: a network cannot help there."""
+
+
+def encode(
+    points: Floats,
+    weights: Pcgcv2Weights,
+    rate: int = 0,
+    *,
+    mean_occupied_children: float = 1.0,
+    grid_level_offset: float = 0.0,
+    rho: float = 1.0,
+    tools: CodingTools = ALL_TOOLS,
+    point_reconstruction: bool = True,
+    threads: int | None = None,
+) -> bytes:
+    """Encode points.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1, in steps of the finest grid; they are rounded to voxels.
+    weights
+        Trained network.
+    rate
+        Index of the rate among ``weights.lmbdas``, which begin with the lowest bitrate.
+    mean_occupied_children, grid_level_offset
+        Grid of the voxels, see `choose_grid_level`. The defaults keep the input's grid.
+    rho
+        Decoded voxels per occupied voxel.
+    tools
+        Coding tools in use.
+    point_reconstruction
+        Decode as many points as were encoded, instead of the centre of each voxel.
+    threads
+        Number of threads, PyTorch's number by default. The stream does not depend on it.
+
+    Raises
+    ------
+    InputError
+        If points are not finite or span more than 2**20 voxels, or the weights lack the rate.
+    """
+    check_points(points, "pcgcv2.encode")
+    check_rate(weights, rate)
+    if len(points) <= _MAX_RAW_POINTS:
+        return write_raw(np.unique(points, axis=0))
+    if np.abs(points).max() >= 2**31 - 2**20:
+        raise InputError("coordinates exceed 32-bit integers")
+    level = choose_grid_level(points, mean_occupied_children, grid_level_offset)
+    coder = Pcgcv2Coder(
+        weights,
+        rate,
+        rho,
+        threads=threads,
+        tools=tools,
+        point_reconstruction=point_reconstruction,
+    )
+    return write_coded(coder.encode(voxelised(points, level), level))
+
+
+def decode(stream: bytes, weights: Pcgcv2Weights, threads: int | None = None) -> Floats:
+    """Return the points (m, 3) of a stream.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights.
+    """
+    content = read_stream(stream)
+    if not isinstance(content, Pcgcv2Stream):
+        return content
+    check_made_with(weights, content.digest, content.rate)
+    return Pcgcv2Coder(weights, content.rate, threads=threads).decode(content)

@@ -1,0 +1,85 @@
+"""Encode points in millimetres to the bytes of a RENO stream, and decode them.
+
+The grid is that of the authors' program: millimetres from a corner 131,072 mm below the origin,
+divided by posQ and rounded, halves to even.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import NARROWER, InputError
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.learned.reno.coder import RenoCoder
+from puckbench.learned.reno.stream import RenoStream, read_stream, write_stream
+from puckbench.learned.reno.weights import RenoWeights
+from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, morton_voxels, unique_keys
+from puckbench.learned.weights_file import check_digest
+
+OFFSET = 131072
+"""Distance from the corner of the authors' grid to the origin along each axis, in mm."""
+
+
+def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | None = None) -> bytes:
+    """Encode points losslessly on a grid with the step posQ.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1, in mm. Points of the same voxel are merged.
+    weights
+        Trained network.
+    posq
+        Step of the grid in mm, a number that half precision has.
+    threads
+        Number of threads, PyTorch's number by default. The stream does not depend on it.
+
+    Raises
+    ------
+    InputError
+        If points are not finite or span more than 20 bits, or posQ is not in half precision.
+    """
+    check_points(points, "reno.encode")
+    if float(np.float16(posq)) != posq or posq <= 0:
+        raise InputError(f"posQ {posq:g} is not a number in half precision")
+    offsets = _grid_offsets(points)
+    voxels = np.rint((points + offsets * float(OFFSET)) / posq).astype(np.int64)
+    if voxels.max() >= 2**AXIS_BITS:
+        raise InputError(f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}")
+    tree = RenoCoder(weights, threads).encode(unique_keys(morton_keys(voxels)))
+    x, y, z = offsets.tolist()
+    return write_stream(RenoStream(weights.digest, posq, (x, y, z), tree))
+
+
+def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
+    """Return the points (m, 3) of a stream, in mm.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, was made with other weights, or decodes to other voxels than were
+        encoded.
+    """
+    content = read_stream(stream)
+    check_digest(weights.digest, content.digest)
+    return decoded_points(content, weights, threads)
+
+
+def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | None = None) -> Floats:
+    """Return the points (m, 3), in mm, of a parsed stream that was made with these weights."""
+    keys = RenoCoder(weights, threads).decode(content.tree)
+    corner = np.array(content.offsets) * float(OFFSET)
+    points: Floats = morton_voxels(keys) * content.posq - corner
+    return points
+
+
+def _grid_offsets(points: Floats) -> NDArray[np.int64]:
+    """Return what is added to each axis, in 131,072 mm: 1 as the authors do, where that is enough.
+
+    A cloud that reaches below the corner of the authors' grid, or far beyond it, gets another
+    corner.
+    """
+    least, most = points.min(axis=0), points.max(axis=0)
+    is_near = (least >= -OFFSET) & (most < OFFSET)
+    return np.where(is_near, 1, -np.floor(least / OFFSET)).astype(np.int64)
