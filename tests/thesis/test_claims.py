@@ -26,7 +26,7 @@ from puckbench.thesis.claims.parts import (
 )
 from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.claims.table import claims, thesis_evidence
-from puckbench.thesis.needs import claims_options
+from puckbench.thesis.needs.comparison import claims_options
 
 ROOT = Path(__file__).parents[2]
 

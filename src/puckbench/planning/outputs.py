@@ -32,7 +32,7 @@ from puckbench.metrics.table_registry import (
     table_entry,
 )
 from puckbench.planning.coding import CodingJobs
-from puckbench.planning.needs import Options, met_needs
+from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents

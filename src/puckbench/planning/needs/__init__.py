@@ -1,0 +1,1 @@
+"""What tables and figures need of a plan."""

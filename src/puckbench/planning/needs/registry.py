@@ -1,0 +1,35 @@
+"""Conditions on a plan that tables and figures name as their needs.
+
+A need is a function of a plan. It returns options for the tables that have this need, usually none,
+or None if the plan does not meet it::
+
+    @NEEDS.register("codecs")
+    def several_codecs(plan: Plan) -> Options | None:
+        return {} if len(plan.codecs) > 1 else None
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from puckbench.core.registry import Registry
+from puckbench.figures.registry import at
+from puckbench.planning.plan import Plan
+
+Options = dict[str, Any]
+Need = Callable[[Plan], Options | None]
+
+NEEDS: Registry[Need] = Registry("need", "planning/needs", "thesis/needs")
+
+
+def met_needs(plan: Plan) -> dict[str, Options]:
+    """Return the needs that a plan meets, each with its options.
+
+    Beside the registered ones these are the distances and error models of the sensor study.
+    """
+    options = {name: NEEDS.get(name)(plan) for name in NEEDS.names()}
+    met = {name: value for name, value in options.items() if value is not None}
+    if plan.study is not None:
+        met |= {name: {} for name in (*map(at, plan.study.all_distances_m), *plan.study.models)}
+    return met

@@ -1,0 +1,1 @@
+"""What the thesis's tables and figures need of a plan."""
