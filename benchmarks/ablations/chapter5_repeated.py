@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 
 from puckbench.thesis import published
-from puckbench.thesis.numbers import distance_to_normal
 from puckbench.thesis.residuals.virtual import Procedure, residual_table
+from puckbench.thesis.tables.numbers import distance_to_normal
 
 CONFIG = Path(__file__).parents[2] / "config" / "chapter5.yaml"
 

@@ -19,7 +19,7 @@ import pandas as pd
 import yaml
 
 from puckbench.jobs.library import PointCloud, compare, open_codec, read_cloud
-from puckbench.metrics.rate_deltas import bd_rate_clouds
+from puckbench.metrics.tables.rate_deltas import bd_rate_clouds
 
 _SHOWN = ["dataset", "cloud", "codec", "rate", "bpp", "d1_psnr", "encode_s", "decode_s"]
 _DELTAS = ["dataset", "cloud", "codec", "bd_rate_percent", "bd_rate_status", "shared_range"]

@@ -86,7 +86,7 @@ TESTS = {
     "metrics/coordinate_frames": "metrics/test_coordinate_frames",
     "metrics/geometry": "metrics/test_geometry metrics/test_truth",
     "metrics/table_registry": "metrics/test_table_registry thesis/test_tables",
-    "metrics/rate_deltas": "metrics/test_bjontegaard",
+    "metrics/tables/rate_deltas": "metrics/test_bjontegaard",
     "thesis/claims": "thesis/test_claim_rules thesis/test_claims",
 }
 """The tests of modules, or of all in a folder, whose tests are not named as they are."""

@@ -30,7 +30,7 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.scan_returns import returns_of_scan
-from puckbench.metrics.storage import ERROR_MM, bits_at_error
+from puckbench.metrics.tables.storage import ERROR_MM, bits_at_error
 from puckbench.scenes.rooms import make_room
 
 T = TypeVar("T")

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 
 import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.core.registry import Registry, load, trust
+from puckbench.metrics.table_registry import TABLES
 
 
 def test_an_added_plugin_is_listed_and_found_by_its_name(tmp_path: Path) -> None:
-    registry: Registry[int] = Registry("number")
+    registry: Registry[int] = Registry("number", "numbers")
     (tmp_path / "numbers.py").write_text("seven = 7\n")
     place = f"{tmp_path / 'numbers.py'}:seven"
     trust([place])
@@ -33,7 +36,7 @@ def test_a_place_that_no_user_named_is_not_loaded(
     (tmp_path / "unnamed_numbers.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    registry: Registry[int] = Registry("number")
+    registry: Registry[int] = Registry("number", "numbers")
     trust(["unnamed_numbers", None, ""])
     for place in ("unnamed_numbers.py:eight", "unnamed_numbers:eight"):
         for use in (
@@ -45,6 +48,27 @@ def test_a_place_that_no_user_named_is_not_loaded(
             with pytest.raises(InputError, match=rf"^number.*'{place}' is code, which is not load"):
                 use(place)
     assert not Path("ran").exists()
+
+
+def _function_of(module: str) -> Callable[[], int]:
+    return FunctionType((lambda: 7).__code__, {"__name__": module})
+
+
+def test_a_name_of_puckbench_belongs_to_one_module() -> None:
+    registry: Registry[Callable[[], int]] = Registry("number", "numbers")
+    register = registry.register("seven")
+    for module in ("mine", "yours", "puckbench.numbers.seven", "puckbench.numbers.seven"):
+        register(_function_of(module))
+    for module in ("puckbench.numbers.another", "mine"):
+        fault = rf"^number seven: {module} registers the name of puckbench.numbers.seven: rename it"
+        with pytest.raises(InputError, match=fault):
+            register(_function_of(module))
+
+
+def test_the_modules_of_every_folder_of_a_kind_are_found() -> None:
+    modules = {TABLES.module_of(name).rpartition(".")[0] for name in TABLES.names()}
+    assert modules >= {"puckbench.metrics.tables", "puckbench.jobs.tables"}
+    assert all(each.endswith(".tables") for each in modules)
 
 
 def _load(place: str) -> object:

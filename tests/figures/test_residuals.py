@@ -1,7 +1,5 @@
 """Chapter 5's figures of residuals: densities, samples and published numbers as they are drawn."""
 
-import subprocess
-import sys
 from itertools import combinations
 from pathlib import Path
 
@@ -133,17 +131,6 @@ def test_an_unknown_model_looks_the_same_everywhere_and_stands_last() -> None:
     assert model_style("my_model", style) == model_style("my_model", FigureStyle())
     assert model_style("vlp16", style).colour == "#123456"
     assert ordered_models(["my_model", "vlp16", "real"]) == ["real", "vlp16", "my_model"]
-
-
-def test_listing_tables_imports_nothing_heavy() -> None:
-    code = (
-        "import sys; from puckbench.metrics.table_registry import table_entries; table_entries(); "
-        "print([m for m in ('matplotlib', 'pandas', 'scipy', 'numba') if m in sys.modules])"
-    )
-    printed = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout
-    assert printed.strip() == "[]"
 
 
 @pytest.mark.parametrize("name", FROM_RESIDUALS)

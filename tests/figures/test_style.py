@@ -51,19 +51,6 @@ def test_an_unknown_codec_looks_the_same_in_every_process() -> None:
     assert printed.strip() == str(codec_style("my_codec"))
 
 
-def test_listing_figures_imports_nothing_heavy() -> None:
-    code = (
-        "import sys, puckbench.figures.style; "
-        "from puckbench.figures.registry import figure_entries; figure_entries(); "
-        "print([m for m in ('matplotlib', 'pandas', 'scipy', 'open3d', 'numba') "
-        "if m in sys.modules])"
-    )
-    printed = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout
-    assert printed.strip() == "[]"
-
-
 def test_every_registered_function_exists() -> None:
     assert all(callable(entry.draw) for entry in figure_entries().values())
 

@@ -19,7 +19,7 @@ from puckbench.metrics.bjontegaard import (
     curve,
     delta,
 )
-from puckbench.metrics.rate_deltas import (
+from puckbench.metrics.tables.rate_deltas import (
     bd_rate,
     bd_rate_clouds,
     bootstrap_interval,

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.noise_bits import noise_bits
+from puckbench.metrics.tables.noise_bits import noise_bits
 
 MODELS = {"none": 0.0, "vlp16": 4.0}
 CURVES = {

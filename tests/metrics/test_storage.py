@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.metrics.coordinate_frames import in_frame
-from puckbench.metrics.storage import bits_at_error, storage
+from puckbench.metrics.tables.storage import bits_at_error, storage
 
 
 def _rows() -> pd.DataFrame:

@@ -38,7 +38,7 @@ ARTEFACTS = {
     "draco": ("core/measurement.py", "codecs/draco.py"),
     "gpcc": ("core/measurement.py", "codecs/gpcc.py"),
     "scan": ("lidar/scan.py", "lidar/errors/vlp16.py"),
-    "table": ("io/tables.py", "thesis/printed_tables.py"),
+    "table": ("io/tables.py", "thesis/tables/printed_tables.py"),
     "figure": ("figures/drawing.py", "figures/curves.py"),
 }
 """Some artefacts with the modules of their job and of their plug-in."""

@@ -20,7 +20,7 @@ from puckbench.core.errors import InputError
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
-from puckbench.metrics.rate_deltas import bd_rate
+from puckbench.metrics.tables.rate_deltas import bd_rate
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from puckbench.jobs.registry import JOBS
-from puckbench.jobs.result_tables import CLOUD_KEYS, METRIC_KEYS, cloud_row, metric_rows, table_of
+from puckbench.jobs.tables.results import CLOUD_KEYS, METRIC_KEYS, cloud_row, metric_rows, table_of
 from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
 

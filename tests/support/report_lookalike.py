@@ -11,8 +11,8 @@ from PIL import Image
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.io.tables import write_table
-from puckbench.jobs.result_tables import summary
-from puckbench.metrics.rate_deltas import bd_rate
+from puckbench.jobs.tables.results import summary
+from puckbench.metrics.tables.rate_deltas import bd_rate
 from puckbench.report.contents import Contents, Example
 from tests.support.figures_lookalike import (
     clouds_table,

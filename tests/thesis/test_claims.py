@@ -25,8 +25,8 @@ from puckbench.thesis.claims.parts import (
     wanted,
 )
 from puckbench.thesis.claims.statements import CLAIMS
-from puckbench.thesis.claims.table import claims, thesis_evidence
 from puckbench.thesis.needs.comparison import claims_options
+from puckbench.thesis.tables.claims import claims, thesis_evidence
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,7 +5,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.lidar import open_error_model
 from puckbench.lidar.calibration import Settings
-from puckbench.thesis.residuals.model_comparison import (
+from puckbench.thesis.tables.model_comparison import (
     compared_residuals,
     left_out,
     model_distances,

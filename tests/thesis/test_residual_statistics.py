@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
-from puckbench.thesis.residuals.statistics import residual_statistics
+from puckbench.thesis.tables.residual_statistics import residual_statistics
 
 
 def table_of(rows: list[tuple[str, str, float, int, int, float]]) -> pd.DataFrame:

@@ -11,10 +11,10 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.metrics.table_registry import table_entries, table_entry
 from puckbench.thesis import published
-from puckbench.thesis.numbers import FAR, MOVED, NEAR, distance_to_normal, thesis_numbers
-from puckbench.thesis.printed_tables import table_4_1, table_4_2, table_5_1
-from puckbench.thesis.residuals.incidence_effect import incidence_effect, incidence_table
 from puckbench.thesis.residuals.joining import COLUMNS, MOST_ROWS, joined_files
+from puckbench.thesis.tables.incidence_effect import incidence_effect, incidence_table
+from puckbench.thesis.tables.numbers import FAR, MOVED, NEAR, distance_to_normal, thesis_numbers
+from puckbench.thesis.tables.printed_tables import table_4_1, table_4_2, table_5_1
 
 HALF_NORMAL = np.sqrt(2 / np.pi)
 THESIS_4_2 = {  # as printed: laser 13 is missing

@@ -59,7 +59,7 @@ class Command:
     help: str
 
 
-COMMANDS: Registry[Command] = Registry("command", "thesis/commands", make=Command)
+COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
 """Commands of other packages; their modules are imported for every help text."""
 
 

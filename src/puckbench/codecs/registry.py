@@ -49,7 +49,7 @@ def codecs() -> dict[str, type[Codec]]:
 
 def is_codec(name: str) -> bool:
     """Whether a codec has this name, without a configuration's entry."""
-    return name in CODECS or name in variants()
+    return name in variants() or name in CODECS
 
 
 def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:

@@ -1,17 +1,21 @@
 """Plug-ins by name: the one way to add a codec, a data set, an error model, a table or a figure.
 
-A plug-in is one file with one class or function and, above it, its registration::
+A plug-in is one file with one class or function, registered where it is defined::
 
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-Ours are found by reading the sources of their room, without importing them; those of other
-installed packages by entry points of the group ``puckbench.<kind>s``; a user's own by the place of
-its file, ``path/to/file.py:Name``. Only the plug-in that is asked for is imported.
+A registry finds plug-ins in three places:
 
-A place is code that runs, so it comes from the command line, from a configuration that the user
-gives or from a program, which hand it to `trust`. Streams, tables, results and other data may name
-registered plug-ins alone: `load`, by which every place is loaded, refuses all that are not trusted.
+* puckbench's own lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all
+  modules there are imported, so these import heavy packages inside functions only. To find one, the
+  module with the longest beginning of its name is imported first (``encode`` for ``encode_curve``).
+* Other installed packages name theirs by entry points of the group ``puckbench.<kind>s``.
+* A user names a file: ``path/to/file.py:Name``.
+
+``module:Name`` and ``path/to/file.py:Name`` are *places*: code that is run. `load` refuses a place
+unless `trust` was called with it. The command line, configurations and programs call `trust`; names
+that come from streams, tables and other data are never trusted.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import re
+import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
@@ -33,11 +37,10 @@ from puckbench.core.imports import reached_files, top_folder
 from puckbench.core.models import among
 
 T = TypeVar("T")
-Registered = TypeVar("Registered")
+Target = TypeVar("Target")
 
 _SOURCES = Path(__file__).parents[1]
 _trusted: set[str] = set()
-"""Places that `load` may import from in this process."""
 
 
 def trust(names: Iterable[str | None]) -> None:
@@ -46,14 +49,14 @@ def trust(names: Iterable[str | None]) -> None:
     Parameters
     ----------
     names
-        What the command line, a configuration that the user gives, or a program names as plug-ins:
-        never what a file of data holds.
+        Plug-ins that the command line, the user's configuration or a program names; never names
+        from a file of data.
     """
     _trusted.update(name for name in names if is_place(name))
 
 
 def is_place(name: object) -> TypeGuard[str]:
-    """Whether it is ``module:Name`` or ``path/to/file.py:Name``, not the name of a plug-in."""
+    """Return whether `name` is ``module:Name`` or ``path/to/file.py:Name``."""
     return isinstance(name, str) and ":" in name
 
 
@@ -63,62 +66,73 @@ class Registry(Generic[T]):
     Parameters
     ----------
     kind
-        What a plug-in is called in messages ("error model"); the registry's variable is this word
-        in capitals and the plural (``ERROR_MODELS``).
-    rooms
-        Folders of puckbench's sources, relative to its root, in which ours are registered.
+        Noun for one plug-in, in messages and in the group of entry points ("error model").
+    folder
+        Name of the packages whose modules register puckbench's own plug-ins ("figures").
     make
-        What a registration makes of the class or function and of the further arguments of
-        `register`; without it the class or function itself is the plug-in.
+        Makes the plug-in from the name, the registered class or function, and the keyword arguments
+        of `register`; without it the class or function itself is the plug-in.
     """
 
-    def __init__(self, kind: str, *rooms: str, make: Callable[..., T] | None = None) -> None:
+    def __init__(self, kind: str, folder: str, make: Callable[..., T] | None = None) -> None:
         self.kind = kind
-        self._variable = f"{kind.upper().replace(' ', '_')}S"
-        self._rooms = rooms
+        self._folder = folder
         self._make = make
-        self._loaded: dict[str, T] = {}
+        self._plugins: dict[tuple[str, str], T] = {}
+        """By the module and the registered name."""
+        self._targets: dict[tuple[str, str], Any] = {}
+        self._modules: dict[str, str] = {}
+        """Module of each of puckbench's own plug-ins that are imported, by name."""
         self._added: dict[str, str] = {}
-        self._of_target: dict[int, T] = {}
 
-    def register(self, name: str, **about: Any) -> Callable[[Registered], Registered]:
-        """Register the class or function below under a name."""
+    def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
+        """Register the class or function below; InputError if puckbench has one of the name."""
 
-        def registered(target: Registered) -> Registered:
-            plugin: Any = target if self._make is None else self._make(name, target, **about)
-            self._loaded[name] = self._of_target[id(target)] = plugin
+        def registered(target: Target) -> Target:
+            module = target.__module__
+            if module.startswith("puckbench."):
+                self._modules.setdefault(name, module)
+            if self._modules.get(name, module) != module:
+                fault = f"{module} registers the name of {self._modules[name]}: rename it"
+                raise InputError(f"{self.kind} {name}: {fault}")
+            self._targets[module, name] = target
+            self._plugins[module, name] = self._made(name, target, **details)
             return target
 
         return registered
 
     @property
     def group(self) -> str:
-        """Entry points of installed packages: name to ``module:Name``."""
-        return f"puckbench.{self._variable.lower()}"
+        """Group of the entry points by which installed packages offer plug-ins."""
+        return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
-    def _ours(self) -> dict[str, str]:
-        """Name -> dotted module, in the order of the sources."""
-        marker = re.compile(rf'^@{self._variable}\.register\(\s*"([^"]+)"', re.MULTILINE)
-        found: dict[str, str] = {}
-        for path in self._sources():
-            for name in marker.findall(path.read_text(encoding="utf-8")):
-                found[name] = ".".join(
-                    ("puckbench", *path.relative_to(_SOURCES).with_suffix("").parts)
-                )
-        return found
+    def _ours(self) -> list[str]:
+        """Names of puckbench's own plug-ins, in the order of their modules."""
+        for module in _modules(self._folder):
+            importlib.import_module(module)
+        return sorted(self._modules, key=lambda name: self._modules[name])
 
-    def _sources(self) -> Iterator[Path]:
-        for room in self._rooms:
-            yield from sorted((_SOURCES / room).rglob("*.py"))
+    def _is_ours(self, name: str) -> bool:
+        if name not in self._modules and not is_place(name):
+            self._import_nearest(name)
+            return name in self._modules or name in self._ours
+        return name in self._modules
+
+    def _import_nearest(self, name: str) -> None:
+        """Import the module whose name is that of the plug-in or the longest beginning of it."""
+        modules = {module.rpartition(".")[2]: module for module in _modules(self._folder)}
+        beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
+        if beginnings:
+            importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """List a plug-in of ``module:Name`` or ``path/to/file.py:Name`` beside ours, as ``Name``.
+        """List the plug-in at a place under the ``Name`` in it.
 
         Raises
         ------
         InputError
-            One of ours has that name, or the place is not of that form, or not trusted.
+            The name is taken, the place is not of the form ``module:Name``, or it is not trusted.
         """
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
@@ -134,109 +148,134 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
-        """Names of ours, of installed packages' plug-ins, and of those added."""
-        return list({**self._ours, **self._installed, **self._added})
+        """Names of all plug-ins: puckbench's, those of installed packages, and those added."""
+        return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
-        """The module (or file) that a plug-in is defined in, for the fingerprint of its code."""
-        return self._ours[name] if name in self._ours else self._place(name).rpartition(":")[0]
+        """The module (or file) that defines a plug-in, for the fingerprint of its code."""
+        return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """What `get` finds a plug-in by in another process: an added one's place, else its name."""
+        """The name by which another process can `get` the plug-in: the place of an added one."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """The plug-in of a name, or of a place that is trusted.
+        """The plug-in of a name, or at a place that is trusted.
 
         Raises
         ------
         InputError
-            There is none, the place is not trusted, or it cannot be loaded.
+            No plug-in has the name, the place is not trusted, or it cannot be loaded.
         """
-        if name in self._ours:
-            importlib.import_module(self._ours[name])
-            return self._loaded[name]
-        return self._from_place(name, self._place(name))
+        if self._is_ours(name):
+            return self._plugins[self._modules[name], name]
+        target = load(self._place(name), f"{self.kind} {name}")
+        for key, registered in self._targets.items():
+            if registered is target:
+                return self._plugins[key]
+        return self._made(name, target)
 
     def name_of(self, plugin: T) -> str:
-        """The name that a loaded plug-in was registered under."""
-        return next(name for name, one in self._loaded.items() if one is plugin)
+        """The name that a plug-in was registered under."""
+        return next(name for (_, name), each in self._plugins.items() if each is plugin)
 
     def __contains__(self, name: str) -> bool:
-        # In this order: a look at the installed packages takes time, and mostly it is one of ours.
-        return name in self._ours or name in self._added or name in self._installed
+        # A search of the installed packages is slow, so it comes last.
+        return self._is_ours(name) or name in self._added or name in self._installed
 
     def _place(self, name: str) -> str:
         place = self._added.get(name) or self._installed.get(name, name)
-        if ":" not in place:
+        if not is_place(place):
             raise InputError(f"unknown {self.kind} '{name}'{among(name, self.names())}")
         _check_trusted(place, self.kind)
         return place
 
-    def _from_place(self, name: str, place: str) -> T:
-        target: Any = load(place, f"{self.kind} {name}")
-        if id(target) in self._of_target:
-            return self._of_target[id(target)]
-        return target if self._make is None else self._make(name, target)
+    def _made(self, name: str, target: Any, **details: Any) -> Any:
+        return target if self._make is None else self._make(name, target, **details)
 
 
-def load(place: str, what: str) -> Any:
-    """The object at ``module:Name`` or ``path/to/file.py:Name``; `what` it is for begins errors.
+def _modules(folder: str) -> Iterator[str]:
+    """Packages of puckbench of a name, at the top or one level below, and their modules."""
+    for path in sorted([_SOURCES / folder, *_SOURCES.glob(f"*/{folder}/")]):
+        if path.is_dir():
+            package = ".".join(("puckbench", *path.relative_to(_SOURCES).parts))
+            yield package
+            yield from (f"{package}.{module.name}" for module in pkgutil.iter_modules([str(path)]))
+
+
+def load(place: str, purpose: str) -> Any:
+    """The object at a place, ``module:Name`` or ``path/to/file.py:Name``.
+
+    Parameters
+    ----------
+    place
+        A trusted place.
+    purpose
+        What the object is for; errors begin with it.
 
     Raises
     ------
     InputError
-        It is not of that form, is not trusted, or cannot be loaded.
+        The text is no place, is not trusted, or cannot be loaded.
     """
-    module_name, _, name = place.rpartition(":")
-    if not module_name:
-        raise InputError(f"{what}: '{place}' is not of the form module:Name or file.py:Name")
-    _check_trusted(place, what)
+    module, _, name = place.rpartition(":")
+    if not module:
+        raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
+    _check_trusted(place, purpose)
     try:
-        return getattr(_module(module_name), name)
+        return getattr(_imported(module), name)
     except (ImportError, OSError, AttributeError, SyntaxError) as error:
-        raise InputError(f"{what}: cannot load '{place}' ({error})") from error
+        raise InputError(f"{purpose}: cannot load '{place}' ({error})") from error
 
 
-def _check_trusted(place: str, what: str) -> None:
+def _check_trusted(place: str, purpose: str) -> None:
     if place not in _trusted:
         raise InputError(
-            f"{what}: {place!r} is code, which is not loaded: neither the command line nor the "
+            f"{purpose}: {place!r} is code, which is not loaded: neither the command line nor the "
             "configuration names it"
         )
 
 
-def _module(name: str) -> ModuleType:
+def _imported(name: str) -> ModuleType:
+    """The module of a dotted name or of a Python file."""
     if not name.endswith(".py"):
         return importlib.import_module(name)
     path = Path(name).resolve()
     top = top_folder(path)
     if str(top) not in sys.path:
-        sys.path.append(str(top))  # also for what it imports later, when it codes
+        sys.path.append(str(top))  # for good: the module may import others when it codes
     _check_visible(path, top)
     if top != path.parent:
         return importlib.import_module(".".join(path.relative_to(top).with_suffix("").parts))
-    # A name of its own, since data classes and pickle look for the module of a class by its name.
-    own = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
-    if own in sys.modules:
-        return sys.modules[own]
-    spec = importlib.util.spec_from_file_location(own, path)
+    return _imported_file(path)
+
+
+def _imported_file(path: Path) -> ModuleType:
+    """The module of a file in no package, imported as Python's documentation of importlib shows.
+
+    Its name is unique for the path, since two files may have the same name, and is listed in
+    `sys.modules`, where pickle and data classes look for the module of a class.
+    """
+    name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{name} is not a Python file")
+        raise ImportError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[own] = module
+    sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
     except BaseException:
-        del sys.modules[own]
+        del sys.modules[name]
         raise
     return module
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """ImportError where a file would import another module of the name of one beside it."""
-    beside = {file for file in reached_files(path) - {path} if top_folder(file) == top}
-    for file in sorted(beside):
+    """Raise ImportError if a module beside the file is hidden by another module of its name."""
+    neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
+    for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")
         spec = importlib.util.find_spec(name)
         if spec and spec.origin and not Path(spec.origin).is_relative_to(top):

@@ -18,9 +18,14 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.against_octree import COMPLETE_OCTREE, GRIDS_MM, OCTREE, bits_without_loss
-from puckbench.metrics.storage import bits_at_error
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
+from puckbench.metrics.tables.against_octree import (
+    COMPLETE_OCTREE,
+    GRIDS_MM,
+    OCTREE,
+    bits_without_loss,
+)
+from puckbench.metrics.tables.storage import bits_at_error
 
 if TYPE_CHECKING:
     import pandas as pd

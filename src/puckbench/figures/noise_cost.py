@@ -12,8 +12,8 @@ from puckbench.figures.panels import add_rows_legend, set_title
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
-from puckbench.metrics.noise_bits import noise_bits
 from puckbench.metrics.table_registry import SEVERAL_NOISES
+from puckbench.metrics.tables.noise_bits import noise_bits
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,7 +20,7 @@ class FirstLook(OfNames):
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
         from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
+        from puckbench.jobs.tables import results as result_tables
 
         rows = result_tables.metric_rows(self.files(results))
         table = result_tables.table_of(rows, result_tables.METRIC_KEYS)

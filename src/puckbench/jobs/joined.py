@@ -27,7 +27,7 @@ class RowsTable(OfNames):
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
         """Write the table."""
         from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
+        from puckbench.jobs.tables import results as result_tables
 
         make, keys = result_tables.ROWS[self.kind]
         table = result_tables.table_of(make(self.files(results)), keys)
@@ -42,7 +42,7 @@ class CloudsTable(OfNames):
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
         """Write the table."""
         from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
+        from puckbench.jobs.tables import results as result_tables
 
         rows = [result_tables.cloud_row(file.parent.name, file) for file in self.files(results)]
         table = result_tables.table_of(rows, result_tables.CLOUD_KEYS)
@@ -59,7 +59,7 @@ class LeftOut(Job):
     def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
         """Write the table; results: not used."""
         from puckbench.io.tables import write_table
-        from puckbench.jobs import result_tables
+        from puckbench.jobs.tables import results as result_tables
 
         table = result_tables.left_out(self.rows)
         write_table(table, csv, parquet)

@@ -9,11 +9,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside_box
 from puckbench.geometry.digest import cloud_digest
-from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift
-from puckbench.metrics.density import density, in_metres
-from puckbench.metrics.diameter import diameter
-from puckbench.metrics.elongation import elongation, oriented_elongation
 from puckbench.metrics.psnr import PEAK_M
 
 
@@ -48,6 +44,11 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     coordinates; of a cloud in metres the peak of PSNRs too (`puckbench.metrics.psnr.PEAK_M`).
     Normals are estimated in the scaled frame, as the thesis does.
     """
+    from puckbench.geometry.normals import estimate_normals
+    from puckbench.metrics.density import density, in_metres
+    from puckbench.metrics.diameter import diameter
+    from puckbench.metrics.elongation import elongation, oriented_elongation
+
     scaling, xyz, side = _scaled(cloud, size)
     local = cloud.xyz - origin_shift(cloud.xyz)  # whose moments are not lost in large coordinates
     about = {

@@ -46,4 +46,4 @@ class Job(Model):
         """Read the inputs, write the outputs whole or not at all, and return what to print."""
 
 
-JOBS: Registry[type[Job]] = Registry("job", "jobs", "thesis/jobs")
+JOBS: Registry[type[Job]] = Registry("job", "jobs")

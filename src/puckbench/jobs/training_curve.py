@@ -7,10 +7,12 @@ import io
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from puckbench.core.files import write_bytes
-from puckbench.learned.training.loop import BaseTrainer
+
+if TYPE_CHECKING:
+    from puckbench.learned.training.loop import BaseTrainer
 
 _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0

@@ -10,7 +10,6 @@ import numpy as np
 
 from puckbench.codecs.base import Codec
 from puckbench.geometry.cloud import PointCloud
-from puckbench.metrics.geometry import distortion
 from puckbench.metrics.psnr import mpeg_psnr
 
 Measures = dict[str, float]
@@ -47,6 +46,8 @@ def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float | 
 
 
 def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
+    from puckbench.metrics.geometry import distortion
+
     stream = codec.encode(cloud.xyz, rate)
     found = distortion(PointCloud(cloud.xyz), codec.decode(stream))
     return {

@@ -5,21 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.cloud import Floats, check_points
 from puckbench.geometry.spatial_order import distinct_points
-from puckbench.metrics.metric_registry import METRICS
 
 NEIGHBOURS = 16
 QUERIES = 100_000
 """Number of points of a larger cloud that are drawn at random as queries, among all its points."""
 OUTLIER_DEVIATIONS = 2.0
-
-
-@METRICS.register("density")
-def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Spacing, density and outliers of the decoded cloud, as `density` has them, in metres."""
-    found = in_metres(density(decoded.xyz), reference.about.get("scale", 1.0))
-    return {f"decoded_{name}": value for name, value in found.items()}
 
 
 def density(points: Floats) -> dict[str, float]:

@@ -20,7 +20,7 @@ from puckbench.geometry.cloud import PointCloud
 
 Metric = Callable[[PointCloud, PointCloud], Mapping[str, float]]
 
-METRICS: Registry[Metric] = Registry("metric", "metrics")
+METRICS: Registry[Metric] = Registry("metric", "further_metrics")
 
 
 def further_metrics(

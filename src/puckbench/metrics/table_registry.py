@@ -86,7 +86,7 @@ class TableEntry:
         return caption_of(self.make)
 
 
-TABLES: Registry[TableEntry] = Registry("table", "metrics", "jobs", "thesis", make=TableEntry)
+TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:

@@ -53,7 +53,7 @@ def _source_files(modules: tuple[str, ...]) -> Iterator[Path]:
 
 def _is_left_out(file: Path) -> bool:
     package, *inner = file.relative_to(top_folder(file)).parts
-    return package == "puckbench" and (inner[0] == "cli" or inner[-1] == "registry.py")
+    return package == "puckbench" and (inner[0] == "cli" or inner[-1].endswith("registry.py"))
 
 
 @cache

@@ -11,7 +11,7 @@ from math import isnan, nan
 from typing import Any
 
 from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
-from puckbench.metrics.rate_deltas import LEAST_CLOUDS
+from puckbench.metrics.tables.rate_deltas import LEAST_CLOUDS
 
 FEW_CLOUDS = 10
 """Clouds below which a BD-rate stands with their number."""

@@ -12,7 +12,7 @@ from puckbench.core.models import among
 from puckbench.metrics.bjontegaard import LEAST_POINTS
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
-from puckbench.metrics.rate_deltas import bd_rate
+from puckbench.metrics.tables.rate_deltas import bd_rate
 from puckbench.report.reference_results import DIGEST, ReferenceResults
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Comparison:
     reference
         Reference results on these clouds.
     deltas
-        As `puckbench.metrics.rate_deltas.bd_rate`: own ``codec`` against reference codec
+        As `puckbench.metrics.tables.rate_deltas.bd_rate`: own ``codec`` against reference codec
         ``anchor``.
     left_out
         Own clouds that were not compared, each with the reason.

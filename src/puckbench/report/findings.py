@@ -12,7 +12,7 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import lossless_rows
-from puckbench.metrics.rate_deltas import is_below_zero, log_ratios
+from puckbench.metrics.tables.rate_deltas import is_below_zero, log_ratios
 from puckbench.report.bd_rate_text import delta_note, delta_value, has_delta, holds_zero
 from puckbench.report.column_labels import measured
 from puckbench.report.plot_data import codec_payload

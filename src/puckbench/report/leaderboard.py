@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from puckbench.core.files import write_bytes
 from puckbench.io.tables import write_table
-from puckbench.metrics.rate_deltas import bd_rate, bd_rate_clouds
 from puckbench.metrics.table_registry import table_entry
+from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds
 from puckbench.report.build import build_page
 from puckbench.report.contents import Contents
 from puckbench.report.findings import Findings, findings

@@ -11,7 +11,7 @@ from puckbench.core.registry import Registry
 from puckbench.lidar.errors.model import ErrorModel
 from puckbench.lidar.errors.receiver import Received, Receiver
 
-ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "lidar/errors")
+ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "errors")
 
 
 def error_model_names() -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from puckbench.metrics.against_octree import OCTREE
+from puckbench.metrics.tables.against_octree import OCTREE
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.parts import Part, needs
-from puckbench.thesis.numbers import MOVED
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, PRINTED_STD_M, REAL_STD_M
-from puckbench.thesis.residuals.statistics import ALL
+from puckbench.thesis.tables.numbers import MOVED
+from puckbench.thesis.tables.residual_statistics import ALL
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -45,7 +45,7 @@ class ComparedResiduals(OfNames):
         from puckbench.io.tables import write_table
         from puckbench.lidar.residual_table import read_residuals
         from puckbench.thesis.residuals.joining import subsampled
-        from puckbench.thesis.residuals.model_comparison import (
+        from puckbench.thesis.tables.model_comparison import (
             compared_residuals,
             default_models,
             real_walls,

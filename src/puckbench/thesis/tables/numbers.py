@@ -11,7 +11,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis import published
-from puckbench.thesis.residuals.statistics import ALL, residual_statistics
+from puckbench.thesis.tables.residual_statistics import ALL, residual_statistics
 
 if TYPE_CHECKING:
     import pandas as pd

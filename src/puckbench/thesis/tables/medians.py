@@ -36,7 +36,7 @@ def thesis_medians(
     metrics
         All results of a run.
     datasets, codecs
-        As of `puckbench.thesis.claims.table.claims`.
+        As of `puckbench.thesis.tables.claims.claims`.
 
     Returns
     -------

@@ -8,8 +8,8 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.metrics.coordinate_frames import in_frame
-from puckbench.metrics.storage import bits_at_error, rounding_mm
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
+from puckbench.metrics.tables.storage import bits_at_error, rounding_mm
 
 if TYPE_CHECKING:
     import pandas as pd

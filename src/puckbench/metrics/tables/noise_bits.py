@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.against_octree import bits_on_grid
 from puckbench.metrics.coordinate_frames import in_frame
-from puckbench.metrics.storage import ERROR_MM, bits_at_error
 from puckbench.metrics.table_registry import SEVERAL_NOISES, TABLES
+from puckbench.metrics.tables.against_octree import bits_on_grid
+from puckbench.metrics.tables.storage import ERROR_MM, bits_at_error
 
 if TYPE_CHECKING:
     import pandas as pd

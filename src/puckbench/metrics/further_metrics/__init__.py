@@ -1,0 +1,1 @@
+"""Metrics beside the usual ones, which a configuration asks for."""

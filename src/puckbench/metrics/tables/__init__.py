@@ -1,0 +1,1 @@
+"""Tables made of the table of all results."""

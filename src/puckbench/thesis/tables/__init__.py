@@ -1,0 +1,1 @@
+"""Tables of the thesis and of its comparison with a run."""
